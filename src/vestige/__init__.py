@@ -1,0 +1,1 @@
+"""vestige: Galileo ACAS / SAS signal authentication."""

@@ -1,0 +1,1 @@
+"""ACAS processing [WFO, Sec. III and IV]: hand-over, thresholds, detectors, range offset, mitigation, verdicts."""

@@ -1,0 +1,15 @@
+"""Physical and Galileo system constants; every value with its origin."""
+
+from __future__ import annotations
+
+SPEED_OF_LIGHT_MPS = 299_792_458.0  # exact, SI
+FUNDAMENTAL_FREQUENCY_HZ = 10.23e6  # f0 [OS-ICD, 2.1]
+E1_CARRIER_HZ = 154 * FUNDAMENTAL_FREQUENCY_HZ  # [OS-ICD, 2.1]
+E6_CARRIER_HZ = 125 * FUNDAMENTAL_FREQUENCY_HZ  # [E6-CODES]
+
+GAMMA_E1_E6 = (154 / 125) ** 2  # (f1/f6)^2 = 1.517824 exactly; dispersive delays on E6 are this much larger than on E1
+
+SECONDS_PER_WEEK = 604_800
+SUBFRAME_S = 30  # one I/NAV subframe, and so one OSNMA key interval [OSNMA-ICD]
+E1_CODE_PERIOD_S = 4e-3  # 4092 chips at 1.023 Mcps [OS-ICD, 2.3.3]
+MAX_SVID = 36  # Galileo space vehicle identifiers run from 1 to 36 [OS-ICD, 5.1.2]

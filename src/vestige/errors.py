@@ -1,0 +1,48 @@
+"""Errors about what comes from outside: each says the file, the place in it, what was found and what was expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class VestigeError(Exception):
+    """Something from outside (a file, a key, an option) is not usable; the message is one line for the user.
+
+    Our own mistakes are `ValueError` or `assert`, never this.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
+
+
+class InputFileError(VestigeError):
+    """A file that cannot be read as what it claims to be.
+
+    Parameters
+    ----------
+    path
+        The file.
+    place
+        Where in it: a byte offset, a line, a field.
+    found, expected
+        What stands there and what should.
+    """
+
+    def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
+        super().__init__(f"{path}: {place}: found {_short(found)}, expected {_short(expected)}")
+        self.path, self.place, self.found, self.expected = Path(path), place, found, expected
+
+
+class AuthenticationError(VestigeError):
+    """A signature, hash, chain or tag does not verify; nothing that depends on it may be used."""
+
+
+class UnsupportedError(VestigeError):
+    """The input is valid, but vestige does not support this part of the standard; the message says which."""
+
+
+def _short(value: object, limit: int = 80) -> str:
+    """Return `value` as printable text of at most `limit` characters (files may hold anything)."""
+    text = value if isinstance(value, str) else repr(value)
+    text = "".join(character if character.isprintable() else "?" for character in text)
+    return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -1,0 +1,1 @@
+"""Files as a source of snapshots: samples, E1 observations, navigation pages, assistance."""

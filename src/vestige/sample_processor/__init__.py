@@ -1,0 +1,1 @@
+"""Low-level signal processing: correlation, noise floor, acquisition [WFO, Sec. V]."""

@@ -1,0 +1,1 @@
+"""The simulated signals as continuous functions of time [WFO, Sec. V]."""

@@ -1,0 +1,1 @@
+"""Facts of the Galileo signals: definitions, codes, pulse, spectrum, autocorrelation."""

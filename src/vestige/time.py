@@ -1,0 +1,154 @@
+"""Galileo System Time (GST) that keeps its precision.
+
+A float64 time of week steps by 0.1 ns, that is 3.5 cm of range, so an absolute time is never one float here: it is a
+week, a whole second of the week and a fraction. Differences of two times are floats.
+
+GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers speak UTC, so the leap
+seconds since then stand in a table.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
+
+GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
+
+# (first UTC day on which it holds, GST - UTC in seconds) [IERS Bulletin C]
+LEAP_SECONDS = (
+    (datetime(2017, 1, 1, tzinfo=UTC), 18),
+    (datetime(2015, 7, 1, tzinfo=UTC), 17),
+    (datetime(2012, 7, 1, tzinfo=UTC), 16),
+    (datetime(2009, 1, 1, tzinfo=UTC), 15),
+    (datetime(2006, 1, 1, tzinfo=UTC), 14),
+    (datetime(1999, 1, 1, tzinfo=UTC), 13),
+)
+
+_ISO = re.compile(
+    r"(?P<y>\d{4})-(?P<mo>\d{2})-(?P<d>\d{2})[T ](?P<h>\d{2}):(?P<mi>\d{2}):(?P<s>\d{2})(?P<f>\.\d+)? ?(?P<scale>GST|UTC|Z)?"
+)
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class GalileoTime:
+    """A point in Galileo System Time.
+
+    Parameters
+    ----------
+    week
+        Full Galileo week, not reduced modulo 4096.
+    second
+        Whole second of the week, 0 … 604799.
+    fraction
+        Fraction of the second, [0, 1), in s.
+    """
+
+    week: int
+    second: int
+    fraction: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.week >= 0 and 0 <= self.second < SECONDS_PER_WEEK and 0.0 <= self.fraction < 1.0):
+            raise ValueError(f"not a Galileo time: week {self.week}, second {self.second}, fraction {self.fraction}")
+
+    @classmethod
+    def normalized(cls, week: int, second: int, fraction: float = 0.0) -> GalileoTime:
+        """Return the time with second and fraction carried into range; both may be negative or too large."""
+        whole = math.floor(fraction)
+        fraction -= whole
+        if fraction >= 1.0:  # a tiny negative fraction rounds up to 1.0
+            whole, fraction = whole + 1, 0.0
+        carry, second = divmod(second + whole, SECONDS_PER_WEEK)
+        return cls(week + carry, second, fraction)
+
+    def __add__(self, seconds: float) -> GalileoTime:
+        """Return the time `seconds` later."""
+        whole = math.floor(seconds)
+        return GalileoTime.normalized(self.week, self.second + whole, self.fraction + (seconds - whole))
+
+    def __sub__(self, other: GalileoTime) -> float:
+        """Return self - other in seconds."""
+        whole = (self.week - other.week) * SECONDS_PER_WEEK + self.second - other.second
+        return whole + (self.fraction - other.fraction)
+
+    @property
+    def subframe(self) -> GalileoTime:
+        """Start of the 30 s I/NAV subframe that holds this time."""
+        return GalileoTime(self.week, self.second - self.second % SUBFRAME_S)
+
+    @property
+    def gst_seconds(self) -> int:
+        """Whole seconds since the GST epoch, week · 604800 + second."""
+        return self.week * SECONDS_PER_WEEK + self.second
+
+    @classmethod
+    def from_gst_seconds(cls, seconds: int) -> GalileoTime:
+        """Return the time of `seconds` whole seconds since the GST epoch."""
+        return cls(*divmod(seconds, SECONDS_PER_WEEK))
+
+    @classmethod
+    def from_calendar(cls, moment: datetime) -> GalileoTime:
+        """Return the time of a calendar date and time that is read in GST (its time zone is not looked at)."""
+        elapsed = moment.replace(tzinfo=UTC) - GST_EPOCH
+        seconds = elapsed.days * 86_400 + elapsed.seconds
+        if seconds < 0:
+            raise ValueError(f"{moment:%Y-%m-%d} is before the start of Galileo time, 1999-08-22")
+        return cls(*divmod(seconds, SECONDS_PER_WEEK), elapsed.microseconds * 1e-6)
+
+    @classmethod
+    def from_utc(cls, moment: datetime) -> GalileoTime:
+        """Return the time of a UTC calendar date and time."""
+        moment = moment.replace(tzinfo=UTC)
+        offset = next((leap for day, leap in LEAP_SECONDS if moment >= day), LEAP_SECONDS[-1][1])
+        return cls.from_calendar(moment + timedelta(seconds=offset))
+
+    @classmethod
+    def parse(cls, text: str, *, default_scale: str = "GST") -> GalileoTime:
+        """Return the time that `text` names: `2025-12-12T13:22:16.5 GST`, `… UTC`, `…Z`, or `WEEK:SECOND`.
+
+        Parameters
+        ----------
+        text
+            The time. Without a scale it is read in `default_scale`.
+        default_scale
+            `GST` or `UTC`.
+
+        Raises
+        ------
+        ValueError
+            If the text is not a time in one of these forms.
+        """
+        text = text.strip()
+        if match := re.fullmatch(r"(\d{1,5}):(\d{1,6})(\.\d+)?", text):
+            if int(match[2]) >= SECONDS_PER_WEEK:
+                raise ValueError(f"second of week {match[2]} is not below {SECONDS_PER_WEEK}")
+            return cls(int(match[1]), int(match[2]), float(match[3] or 0.0))
+        match = _ISO.fullmatch(text)
+        if match is None:
+            raise ValueError(f"not a time: {text!r} (expected YYYY-MM-DDTHH:MM:SS[.f] GST or UTC, or WEEK:SECOND)")
+        moment = datetime(*(int(match[key]) for key in ("y", "mo", "d", "h", "mi", "s")), tzinfo=UTC)  # type: ignore[misc]
+        make = cls.from_calendar if (match["scale"] or default_scale) == "GST" else cls.from_utc
+        return make(moment) + float(match["f"] or 0.0)
+
+    @property
+    def calendar(self) -> datetime:
+        """Calendar date and time in GST, to the microsecond below."""
+        whole = timedelta(weeks=self.week, seconds=self.second, microseconds=int(self.fraction * 1e6))
+        return GST_EPOCH + whole
+
+    @property
+    def utc(self) -> datetime:
+        """Calendar date and time in UTC, to the microsecond below."""
+        moment = self.calendar
+        for day, leap in LEAP_SECONDS:
+            if moment - timedelta(seconds=leap) >= day:
+                return moment - timedelta(seconds=leap)
+        return moment - timedelta(seconds=LEAP_SECONDS[-1][1])
+
+    def __str__(self) -> str:
+        # Truncated, never rounded: 59.9996 s must not print as 60.
+        return f"{self.calendar:%Y-%m-%dT%H:%M:%S}.{int(self.fraction * 1000):03d} GST"

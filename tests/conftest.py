@@ -1,0 +1,46 @@
+"""What every test may use. Array shapes and dtypes of all annotated functions are checked while the tests run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+# Kernels are compiled by numba, which must see the plain functions; their callers are checked.
+CHECKED = (
+    "records", "time", "streams", "signals", "crypto", "recording", "acas_processor", "signal_generator",
+    "sample_processor.correlator", "sample_processor.noise_floor", "sample_processor.acquisition", "sample_processor.e1_snapshot",
+)  # fmt: skip
+_hook = install_import_hook([f"vestige.{name}" for name in CHECKED], "strict_types.check")
+
+settings.register_profile("vestige", deadline=None, derandomize=True)
+settings.load_profile("vestige")
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def _shared(folder: str) -> Path:
+    path = SHARED / folder
+    if not path.is_dir():
+        pytest.skip(f"needs the real data in shared/data/{folder}, which is not part of the source distribution")
+    return path
+
+
+@pytest.fixture(scope="session")
+def osnma_data() -> Path:
+    """Folder with the official OSNMA test vector and the recorded OSNMA messages."""
+    return _shared("osnma")
+
+
+@pytest.fixture(scope="session")
+def recording_data() -> Path:
+    """Folder with the real simultaneous E1 and E6 samples."""
+    return _shared("recording")
+
+
+@pytest.fixture(scope="session")
+def code_tables() -> Path:
+    """Folder with the published code tables as text."""
+    return _shared("codes")
