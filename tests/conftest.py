@@ -10,9 +10,18 @@ from jaxtyping import install_import_hook
 
 # Kernels are compiled by numba, which must see the plain functions; their callers are checked.
 CHECKED = (
-    "records", "time", "streams", "signals", "crypto", "recording", "acas_processor", "signal_generator",
-    "sample_processor.correlator", "sample_processor.noise_floor", "sample_processor.acquisition", "sample_processor.e1_snapshot",
-)  # fmt: skip
+    "records",
+    "time",
+    "streams",
+    "signals",
+    "crypto",
+    "recording",
+    "acas_processor",
+    "signal_generator",
+    "sample_processor.correlator",
+    "sample_processor.acquisition",
+    "sample_processor.e1_snapshot",
+)
 _hook = install_import_hook([f"vestige.{name}" for name in CHECKED], "strict_types.check")
 
 settings.register_profile("vestige", deadline=None, derandomize=True)

@@ -1,6 +1,6 @@
 """The records that cross borders between the parts of vestige.
 
-Frozen, keyword-only, with units in the names. One sign convention everywhere: **a positive offset is later**. `Snapshot`
+Frozen, keyword-only, units in the names. One sign convention everywhere: **a positive offset is later**. `Snapshot`
 and `Assistance` are the only things that the processor sees; it cannot tell a simulation from a recording.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float, Int8
@@ -147,6 +147,7 @@ class CorrelatorBank:
     integration_s: float
 
 
+@runtime_checkable
 class Correlatable(Protocol):
     """E6 as the processor knows it: something that can be correlated, be it samples or a model of them."""
 

@@ -29,7 +29,8 @@ LEAP_SECONDS = (
 )
 
 _ISO = re.compile(
-    r"(?P<y>\d{4})-(?P<mo>\d{2})-(?P<d>\d{2})[T ](?P<h>\d{2}):(?P<mi>\d{2}):(?P<s>\d{2})(?P<f>\.\d+)? ?(?P<scale>GST|UTC|Z)?"
+    r"(?P<y>\d{4})-(?P<mo>\d{2})-(?P<d>\d{2})[T ](?P<h>\d{2}):(?P<mi>\d{2}):(?P<s>\d{2})(?P<f>\.\d+)?"
+    r" ?(?P<scale>GST|UTC|Z)?"
 )
 
 
@@ -130,7 +131,8 @@ class GalileoTime:
         match = _ISO.fullmatch(text)
         if match is None:
             raise ValueError(f"not a time: {text!r} (expected YYYY-MM-DDTHH:MM:SS[.f] GST or UTC, or WEEK:SECOND)")
-        moment = datetime(*(int(match[key]) for key in ("y", "mo", "d", "h", "mi", "s")), tzinfo=UTC)  # type: ignore[misc]
+        year, month, day, hour, minute, second = (int(match[key]) for key in ("y", "mo", "d", "h", "mi", "s"))
+        moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
         make = cls.from_calendar if (match["scale"] or default_scale) == "GST" else cls.from_utc
         return make(moment) + float(match["f"] or 0.0)
 

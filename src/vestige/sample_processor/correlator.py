@@ -1,0 +1,102 @@
+"""The correlator bank: one snapshot's samples against one satellite's decrypted chips, at many code offsets.
+
+Theory of operation
+-------------------
+Sample n, taken t_n after the hand-over's start, has code phase and carrier phase
+
+    u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
+    φ_n = 2π (f_c − f_0 + f_d) t_n + π ḟ_d t_n²                 f_0: frequency at 0 Hz in the samples
+
+and tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
+segment; M is the number of samples of the segment. So a ray of amplitude a at delay d_k gives c_k = a.
+
+**Noise floor.** The threshold must come from the post-correlation noise, seen through a code that is not in the signal
+[WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w, random signs, gives Σ_j w_j y_j,
+and the mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one pass over
+the chips gives what an infinite number of wrong codes would: no reference cell is drawn, none is lucky. It holds for
+coloured noise and interference too. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as it does to any wrong
+code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR loss is 0.0005 dB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import CorrelatorBank, Handover, SampleBatch
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block
+from vestige.signals.definitions import CARRIER_HZ
+
+
+@dataclass(frozen=True, slots=True)
+class CorrelatableSamples:
+    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6."""
+
+    batch: SampleBatch
+
+    def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
+        """Return the bank of correlators at `offsets_m`, or None if a tap's segment does not lie in the samples."""
+        return correlate(self.batch, handover, offsets_m)
+
+
+def correlate(
+    batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]
+) -> CorrelatorBank | None:
+    """Return the correlators of `batch` with the chips of `handover`.
+
+    Parameters
+    ----------
+    batch
+        Samples; any sampling rate of at least half the chip rate.
+    handover
+        Chips, expected start, Doppler and Doppler rate on the band's carrier.
+    offsets_m
+        Tap offsets from the expected start in m; positive is later.
+
+    Returns
+    -------
+    CorrelatorBank | None
+        None if the segment, at the earliest or the latest tap, is not completely in the samples.
+
+    Raises
+    ------
+    ValueError
+        If a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
+    """
+    chips = handover.chips
+    carrier_hz = CARRIER_HZ[batch.band]
+    offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
+    middle = float(np.mean(offsets_chips)) if offsets_chips.size else 0.0
+    if np.max(np.abs(offsets_chips - middle), initial=0.0) > REACH_CHIPS:
+        raise ValueError(f"taps reach farther than {REACH_CHIPS} chips from the middle of the bank")
+
+    code_rate = chips.chip_rate_hz * (1.0 + handover.doppler_hz / carrier_hz)
+    integration_s = chips.chips.size / code_rate
+    start = (handover.start_time - batch.start) * batch.sample_rate_hz
+    reach = offsets_chips / code_rate * batch.sample_rate_hz
+    length = integration_s * batch.sample_rate_hz
+    first, last = start + np.min(reach, initial=0.0), start + length + np.max(reach, initial=0.0)
+    if first < 0 or last > batch.samples.size:
+        return None
+
+    low, high = int(np.floor(first)), int(np.ceil(last))
+    t0 = (low - start) / batch.sample_rate_hz
+    if_hz = carrier_hz - batch.center_frequency_hz + handover.doppler_hz
+    taps, chip_power = correlate_block(
+        np.ascontiguousarray(batch.samples[low:high]).view(np.float32).reshape(-1, 2),
+        chips.chips,
+        chip_windows(chips.chips),
+        offsets_chips,
+        t0,
+        1.0 / batch.sample_rate_hz,
+        code_rate,
+        chips.chip_rate_hz * handover.doppler_rate_hz_per_s / carrier_hz,
+        if_hz,
+        handover.doppler_rate_hz_per_s,
+    )
+    return CorrelatorBank(
+        offsets_m=offsets_m, taps=taps / length, noise_power=float(chip_power) / length**2, integration_s=integration_s
+    )

@@ -1,0 +1,193 @@
+"""E1 measurements from a short stretch of samples, where no tracking loop has run.
+
+Theory of operation
+-------------------
+[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none, so this module measures in one batch what
+a loop would have settled to, from an `Acquisition`:
+
+1. Every 4 ms code period is correlated at taps `_TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with BOC(1,1).
+2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
+   spectrum wins. That fixes transmission time modulo 100 ms and Doppler to a fraction of 1/T.
+3. Doppler and carrier phase: straight line through the phases of the wiped prompts, weighted by their power.
+4. Code phase: E1-B and E1-C are added coherently over the whole batch, E1-B after wiping its symbols with the sign of its
+   own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
+5. C/N0 of E1-C from the coherent prompt against the post-correlation noise.
+
+The measurement holds for the middle of the batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex128, Float
+
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.records import Band, ChipSequence, Handover, SampleBatch
+from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.correlator import correlate
+from vestige.signals.codes import primary_code, secondary_code
+from vestige.signals.definitions import E1B, E1C, SignalDefinition
+from vestige.time import GalileoTime
+
+MIN_PERIODS = 12  # of 4 ms: fewer do not tell the 25 secondary phases apart at 33 dBHz
+_TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)  # 0.05 chip apart; BOC(1,1)'s main peak is ±1/3 chip wide
+_EARLY_LATE_TAPS = 3  # ±0.15 chip: on the flanks of the main peak
+_CODE_STEPS = 3  # the code phase is measured, the taps re-centred, and so on: acquisition is good to 0.17 chip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Snapshot:
+    """What a batch says of one satellite on E1.
+
+    Attributes
+    ----------
+    time
+        Receiver-clock time for which everything below holds.
+    transmit_phase_s
+        Satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s.
+    carrier_phase_cycles
+        Carrier phase modulo 1, growing with the range.
+    cn0_dbhz
+        C/N0 of E1-C alone.
+    secondary_margin_db
+        How far the chosen secondary-code phase stands above the next best.
+    """
+
+    svid: int
+    time: GalileoTime
+    transmit_phase_s: float
+    doppler_hz: float
+    carrier_phase_cycles: float
+    cn0_dbhz: float
+    secondary_margin_db: float
+
+
+def measure_e1(batch: SampleBatch, acquisition: Acquisition) -> E1Snapshot | None:
+    """Return the E1 measurement of one acquired satellite, or None if the batch holds too few code periods.
+
+    Parameters
+    ----------
+    batch
+        E1 samples, at least `MIN_PERIODS` + 2 code periods.
+    acquisition
+        Where the satellite was found in this batch.
+    """
+    start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
+    for _ in range(_CODE_STEPS):
+        pilot, noise = _period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
+        if pilot.shape[0] < MIN_PERIODS:
+            return None
+        phase, residual_hz, margin_db = _secondary_phase(pilot[:, _TAPS_CHIPS.size // 2])
+        doppler_hz += residual_hz
+        data, _ = _period_taps(batch, E1B, acquisition.svid, start_s, doppler_hz)
+        pilot, noise = _period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
+        pilot *= secondary_code(E1C, acquisition.svid)[(phase + np.arange(pilot.shape[0])) % 25][:, None]
+        rate_hz, turn = _phase_line(pilot[:, _TAPS_CHIPS.size // 2])
+        doppler_hz += rate_hz
+        start_s += _code_error_chips(pilot, data, rate_hz, turn) / E1C.chip_rate_hz
+
+    periods = pilot.shape[0]
+    middle_s = periods / 2 * E1_CODE_PERIOD_S / (1 + doppler_hz / E1_CARRIER_HZ)
+    signal = abs(np.mean(_unturn(pilot[:, _TAPS_CHIPS.size // 2], rate_hz, turn))) ** 2 - noise / periods
+    return E1Snapshot(
+        svid=acquisition.svid,
+        time=batch.start + (start_s + middle_s),
+        transmit_phase_s=((phase + periods / 2) * E1_CODE_PERIOD_S) % 0.1,
+        doppler_hz=doppler_hz,
+        carrier_phase_cycles=float(-turn / (2 * np.pi)) % 1.0,
+        cn0_dbhz=float(10 * np.log10(max(signal, 1e-12) / noise / E1_CODE_PERIOD_S)),
+        secondary_margin_db=margin_db,
+    )
+
+
+def _period_taps(
+    batch: SampleBatch, signal: SignalDefinition, svid: int, start_s: float, doppler_hz: float
+) -> tuple[Complex128[np.ndarray, "periods taps"], float]:
+    """Return the taps of every full period in the batch, their phases referred to one carrier, and the noise power."""
+    # BOC(1,1) as a code of twice the rate: every chip is followed by its opposite
+    half_chips = np.kron(primary_code(signal, svid), np.array([1, -1], np.int8)).astype(np.int8)
+    sequence = ChipSequence(
+        svid=svid, transmit_time=batch.start, chip_rate_hz=2 * signal.chip_rate_hz, chips=half_chips
+    )
+    offsets_m = _TAPS_CHIPS / signal.chip_rate_hz * SPEED_OF_LIGHT_MPS
+    period_s = E1_CODE_PERIOD_S / (1 + doppler_hz / E1_CARRIER_HZ)
+    carrier_hz = E1_CARRIER_HZ - batch.center_frequency_hz + doppler_hz
+    rows, noise = [], []
+    for m in range(int(batch.samples.size / batch.sample_rate_hz / period_s) + 1):
+        at_s = start_s + m * period_s
+        handover = Handover(
+            svid=svid,
+            chips=sequence,
+            start_time=batch.start + at_s,
+            doppler_hz=doppler_hz,
+            doppler_rate_hz_per_s=0.0,
+            expected_cn0_dbhz=float("nan"),
+        )
+        bank = correlate(batch, handover, offsets_m)
+        if bank is None:
+            if rows:
+                break
+            start_s += period_s  # the first tap of the first period may lie before the first sample
+            continue
+        rows.append(bank.taps * np.exp(-2j * np.pi * (carrier_hz * m * period_s)))
+        noise.append(bank.noise_power)
+    return np.array(rows, np.complex128).reshape(len(rows), _TAPS_CHIPS.size), float(np.mean(noise)) if noise else 0.0
+
+
+def _secondary_phase(prompts: Complex128[np.ndarray, " periods"]) -> tuple[int, float, float]:
+    """Return the secondary-code index of the first period, the residual Doppler in Hz, and the margin in dB."""
+    code = secondary_code(E1C, 1).astype(np.float64)
+    phases = (np.arange(25)[:, None] + np.arange(prompts.size)[None, :]) % 25
+    n_fft = 1024
+    power = np.abs(np.fft.fft(code[phases] * prompts, n_fft, axis=1)) ** 2
+    best = np.max(power, axis=1)
+    order = np.argsort(best)
+    peak = int(np.argmax(power[order[-1]]))
+    frequency_hz = ((peak + n_fft // 2) % n_fft - n_fft // 2) / (n_fft * E1_CODE_PERIOD_S)
+    return int(order[-1]), frequency_hz, float(10 * np.log10(best[order[-1]] / best[order[-2]]))
+
+
+def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, float]:
+    """Return the rest frequency in Hz and the phase in rad at the middle of the batch."""
+    m = (np.arange(prompts.size) - (prompts.size - 1) / 2) * E1_CODE_PERIOD_S
+    reference = np.angle(np.sum(prompts))
+    angles = np.angle(prompts * np.exp(-1j * reference))  # small: Doppler is known to 1/(10 T)
+    weights = np.abs(prompts) ** 2
+    weights /= np.sum(weights)
+    center = np.sum(weights * m)
+    slope = np.sum(weights * (m - center) * angles) / np.sum(weights * (m - center) ** 2)
+    return float(slope / (2 * np.pi)), float(reference + np.sum(weights * angles) - slope * center)
+
+
+def _unturn(
+    values: Complex128[np.ndarray, " periods"], rate_hz: float, turn: float
+) -> Complex128[np.ndarray, " periods"]:
+    """Return the values with the phase line taken out."""
+    m = (np.arange(values.size) - (values.size - 1) / 2) * E1_CODE_PERIOD_S
+    return values * np.exp(-1j * (turn + 2 * np.pi * rate_hz * m))
+
+
+def _code_error_chips(
+    pilot: Complex128[np.ndarray, "periods taps"],
+    data: Complex128[np.ndarray, "periods taps"],
+    rate_hz: float,
+    turn: float,
+) -> float:
+    """Return how much later the code is than the middle tap, in chips: the root of early minus late."""
+    middle = _TAPS_CHIPS.size // 2
+    periods = min(pilot.shape[0], data.shape[0])
+    line = _unturn(np.ones(pilot.shape[0], np.complex128), rate_hz, turn)[:periods, None]
+    pilot, data = pilot[:periods] * line, data[:periods] * line
+    symbols = np.sign(data[:, middle].real)[:, None]
+    total = np.abs(np.sum(pilot, axis=0) + 0.0) + np.abs(np.sum(data * symbols, axis=0))
+    inner = np.arange(_EARLY_LATE_TAPS, _TAPS_CHIPS.size - _EARLY_LATE_TAPS)
+    late_minus_early = total[inner + _EARLY_LATE_TAPS] - total[inner - _EARLY_LATE_TAPS]
+    peak = int(np.argmax(np.where(np.abs(_TAPS_CHIPS[inner]) < 0.4, total[inner], 0.0)))
+    for i in sorted(range(inner.size - 1), key=lambda i: abs(i - peak)):
+        a, b = late_minus_early[i], late_minus_early[i + 1]
+        if a > 0 >= b:
+            step = _TAPS_CHIPS[1] - _TAPS_CHIPS[0]
+            return float(_TAPS_CHIPS[inner[i]] + step * a / (a - b))
+    return float(_TAPS_CHIPS[inner[peak]])

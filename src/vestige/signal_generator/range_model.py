@@ -1,0 +1,40 @@
+"""The line-of-sight range model [WFO, Eq. 3]: s(t) = s0 + v t + a t²/2 + A sin ωt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RangeModel:
+    """Range against time with its derivatives; here the pseudorange that a receiver's clock would see.
+
+    Attributes
+    ----------
+    s0_m, v_mps, a_mps2
+        Range, range rate and acceleration at t = 0.
+    amplitude_m, omega_radps
+        Sinusoidal part A sin ωt.
+    """
+
+    s0_m: float = 0.0
+    v_mps: float = 0.0
+    a_mps2: float = 0.0
+    amplitude_m: float = 0.0
+    omega_radps: float = 0.0
+
+    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return s(t) in m."""
+        swing = self.amplitude_m * np.sin(self.omega_radps * t_s)
+        return self.s0_m + self.v_mps * t_s + 0.5 * self.a_mps2 * t_s**2 + swing
+
+    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return ds/dt in m/s."""
+        return self.v_mps + self.a_mps2 * t_s + self.amplitude_m * self.omega_radps * np.cos(self.omega_radps * t_s)
+
+    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return d²s/dt² in m/s²."""
+        return self.a_mps2 - self.amplitude_m * self.omega_radps**2 * np.sin(self.omega_radps * t_s)

@@ -1,0 +1,96 @@
+"""Galileo components as continuous complex functions of time, to be sampled at any rate [WFO, Sec. V].
+
+The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary chip
+times pulse level. All codes and symbols start with the Galileo second, so t_s is counted from a whole second. The receiver
+sees, at its time t, what left at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}; mixed down from f_0 that is
+
+    x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
+
+So one function P(t) puts Doppler on code, symbols and carrier alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex128, Float, Int8, Int64
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.signals.codes import tiered_code
+from vestige.signals.definitions import SignalDefinition
+from vestige.streams import stream_key
+
+Sequence = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """One signal component of one satellite.
+
+    Attributes
+    ----------
+    chip
+        Chip ±1 for a chip number counted from the reference second.
+    symbol
+        Symbol ±1 for a symbol number counted from the reference second; None for a pilot.
+    """
+
+    signal: SignalDefinition
+    chip: Sequence
+    symbol: Sequence | None = None
+
+    def modulation(self, satellite_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return d · c at satellite times in s after the reference second."""
+        phase = satellite_s * self.signal.chip_rate_hz
+        chip = np.floor(phase)
+        levels = np.asarray(self.signal.pulse.levels)
+        values = levels[((phase - chip) * levels.size).astype(np.int64)] * self.chip(chip.astype(np.int64))
+        if self.symbol is not None:
+            values = values * self.symbol(np.floor(satellite_s * self.signal.symbol_rate_hz).astype(np.int64))
+        return values
+
+    def received(
+        self, t_s: Float[np.ndarray, " n"], pseudorange_m: Float[np.ndarray, " n"], center_frequency_hz: float
+    ) -> Complex128[np.ndarray, " n"]:
+        """Return x(t) of unit amplitude.
+
+        Parameters
+        ----------
+        t_s
+            Receiver time in s after the reference second.
+        pseudorange_m
+            P(t) of this band at the same times, in m.
+        center_frequency_hz
+            Radio frequency f_0 that the front end puts at 0 Hz.
+        """
+        delay_s = pseudorange_m / SPEED_OF_LIGHT_MPS
+        cycles = (self.signal.carrier_hz - center_frequency_hz) * t_s - self.signal.carrier_hz * delay_s
+        return self.modulation(t_s - delay_s) * np.exp(2j * np.pi * (cycles - np.floor(cycles)))
+
+
+def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Component:
+    """Return a component with its published codes, and with random symbols on a data channel.
+
+    Parameters
+    ----------
+    seed
+        Seed of the symbols; the symbols of every satellite and signal differ.
+    """
+    code = tiered_code(signal, svid)
+    symbols = random_signs(stream_key(seed, "symbols", signal.name, svid)) if signal.symbol_rate_hz else None
+    return Component(signal=signal, chip=lambda index: code[index % code.size], symbol=symbols)
+
+
+def random_signs(key: bytes) -> Sequence:
+    """Return a sequence of ±1 that is a pure function of key and index (splitmix64 finaliser)."""
+    start = np.uint64(int.from_bytes(key[:8], "little"))
+
+    def sign(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
+        z = start + index.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        return (1 - 2 * ((z ^ (z >> np.uint64(31))) >> np.uint64(63)).astype(np.int8)).astype(np.int8)
+
+    return sign

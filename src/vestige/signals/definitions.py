@@ -1,0 +1,108 @@
+"""The four Galileo signals that vestige uses, as a table.
+
+| signal | carrier | chips/s | primary code | secondary code | symbols/s |
+|---|---|---|---|---|---|
+| E1-B | 154 f0 | 1.023 M | 4092 chips, 4 ms | none | 250 (I/NAV, carries OSNMA) |
+| E1-C | 154 f0 | 1.023 M | 4092 chips, 4 ms | CS25_1, 100 ms | pilot |
+| E6-B | 125 f0 | 5.115 M | 5115 chips, 1 ms | none | 1000 (C/NAV, HAS) |
+| E6-C | 125 f0 | 5.115 M | 5115 chips, 1 ms | CS100_svid, 100 ms | pilot; encrypted under ACAS |
+
+All codes start with the Galileo second. Sources: [OS-ICD, 2.3], [E6-CODES].
+
+Left out, with the reason: E1-A and E6-A (PRS: not public), E5 (not part of ACAS).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, FUNDAMENTAL_FREQUENCY_HZ
+from vestige.records import Band
+from vestige.signals.pulse import BPSK, CBOC_MINUS, CBOC_PLUS, Pulse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalDefinition:
+    """Everything that defines one signal component.
+
+    Attributes
+    ----------
+    name
+        As the ICD writes it, `E6-C`.
+    code_length
+        Chips of the primary code.
+    secondary_length
+        Chips of the secondary code, each as long as a primary code period; 1 if there is none.
+    symbol_rate_hz
+        Navigation symbols a second; 0 for a pilot.
+    power_share
+        Share of the open components' power in the band (data : pilot = 50 : 50).
+    """
+
+    name: str
+    band: Band
+    carrier_hz: float
+    chip_rate_hz: float
+    code_length: int
+    secondary_length: int
+    symbol_rate_hz: float
+    power_share: float
+    pulse: Pulse
+
+    @property
+    def period_s(self) -> float:
+        """Length of the primary code in s."""
+        return self.code_length / self.chip_rate_hz
+
+
+_E1_CHIP_RATE = FUNDAMENTAL_FREQUENCY_HZ / 10  # [OS-ICD, 2.3.3]
+_E6_CHIP_RATE = FUNDAMENTAL_FREQUENCY_HZ / 2  # [E6-CODES]
+
+# E1-B adds the BOC(6,1) part, E1-C subtracts it [OS-ICD, 2.3.3].
+E1B = SignalDefinition(
+    name="E1-B",
+    band=Band.E1,
+    carrier_hz=E1_CARRIER_HZ,
+    chip_rate_hz=_E1_CHIP_RATE,
+    code_length=4092,
+    secondary_length=1,
+    symbol_rate_hz=250.0,
+    power_share=0.5,
+    pulse=CBOC_PLUS,
+)
+E1C = SignalDefinition(
+    name="E1-C",
+    band=Band.E1,
+    carrier_hz=E1_CARRIER_HZ,
+    chip_rate_hz=_E1_CHIP_RATE,
+    code_length=4092,
+    secondary_length=25,
+    symbol_rate_hz=0.0,
+    power_share=0.5,
+    pulse=CBOC_MINUS,
+)
+E6B = SignalDefinition(
+    name="E6-B",
+    band=Band.E6,
+    carrier_hz=E6_CARRIER_HZ,
+    chip_rate_hz=_E6_CHIP_RATE,
+    code_length=5115,
+    secondary_length=1,
+    symbol_rate_hz=1000.0,
+    power_share=0.5,
+    pulse=BPSK,
+)
+E6C = SignalDefinition(
+    name="E6-C",
+    band=Band.E6,
+    carrier_hz=E6_CARRIER_HZ,
+    chip_rate_hz=_E6_CHIP_RATE,
+    code_length=5115,
+    secondary_length=100,
+    symbol_rate_hz=0.0,
+    power_share=0.5,
+    pulse=BPSK,
+)
+
+ALL_SIGNALS = (E1B, E1C, E6B, E6C)
+CARRIER_HZ = {Band.E1: E1_CARRIER_HZ, Band.E6: E6_CARRIER_HZ}

@@ -1,0 +1,26 @@
+"""Random numbers by name: the same seed and the same labels give the same stream, whoever asks and in whatever order.
+
+There is no global generator and no seed per worker. A label says what the numbers are for and for which epoch or
+satellite: `stream(seed, "multipath", epoch)`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+
+def stream_key(seed: int, *labels: str | int) -> bytes:
+    """Return the 32-byte key of a stream: SHA-256 over seed and labels."""
+    text = "\x1f".join(f"{type(label).__name__}:{label}" for label in (seed, *labels))
+    return hashlib.sha256(text.encode()).digest()
+
+
+def stream(seed: int, *labels: str | int) -> np.random.Generator:
+    """Return the generator that belongs to `seed` and `labels`.
+
+    Philox is counter based, so streams with different keys do not overlap.
+    """
+    key = np.frombuffer(stream_key(seed, *labels)[:16], dtype="<u8")
+    return np.random.Generator(np.random.Philox(key=key))
