@@ -259,7 +259,7 @@ class Assistance:
         Predicted slant ionospheric delay on E1 by SVID, in m; a missing satellite means no prediction (0).
     """
 
-    segments: tuple[EncryptedSegment, ...] = ()
+    segments: tuple[EncryptedSegment, ...] = ()  # in order of transmission
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0

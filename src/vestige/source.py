@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from vestige.records import Snapshot
+from vestige.records import Assistance, Snapshot
 
 
 @runtime_checkable
 class Source(Protocol):
-    """Anything that yields snapshots in time order."""
+    """Anything that yields snapshots in time order, with the assistance that goes with them."""
+
+    @property
+    def assistance(self) -> Assistance:
+        """RECS, group delays and validated keys for these snapshots."""
+        ...
 
     def __iter__(self) -> Iterator[Snapshot]:
         """Yield the snapshots."""

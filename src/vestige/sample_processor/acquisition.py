@@ -2,18 +2,20 @@
 
 Theory of operation
 -------------------
-The samples are cut into stretches of two code periods (8 ms), one stretch every period (4 ms). Correlating a stretch with
-one period of code gives all code phases of 4 ms without wrap-around, so a secondary-code flip between two periods does
-not hurt. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 125 Hz = 1/(2T) apart, and a shift by one bin is the
-next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in one step.
+The samples are cut into stretches of two code periods (8 ms), one stretch
+every period (4 ms). Correlating a stretch with one period of code gives all code phases of 4 ms without wrap-around,
+so a secondary-code flip between two periods does not hurt. One FFT serves every Doppler bin: its bins are 1/(8 ms) =
+125 Hz = 1/(2T) apart, and a shift by one bin is the next Doppler. Only the bins around the carrier are kept, which
+mixes, filters and decimates in one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
 dimension the sum is chi-squared with 2K degrees of freedom; the threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
-Cross-correlation with a much stronger satellite is not noise: it stands still for the whole 100 ms. Between two memory
-codes at a Doppler difference it reaches −20 dB; the rough C/N0 of the strong one is low by up to 3 dB (its own self-noise,
-half a bin off), and noise adds to the weak one. So a cell is only accepted within `CROSS_CORRELATION_DB` of the strongest.
+Cross-correlation with a much stronger satellite is not noise: it stands still for the whole 100 ms. Between two
+memory codes at a Doppler difference it reaches −20 dB; the rough C/N0 of the strong one is low by up to 3 dB (its own
+self-noise, half a bin off), and noise adds to the weak one. So a cell is only accepted within `CROSS_CORRELATION_DB`
+of the strongest.
 
 The replica is BOC(1,1), the part of CBOC that a 2 to 4 MHz front end passes.
 """
@@ -34,8 +36,9 @@ from vestige.records import SampleBatch
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1C
 
-CROSS_CORRELATION_DB = 15.0  # below the strongest satellite; see above
-_SEARCH_BANDWIDTH_HZ = 3.0e6  # holds both main lobes of BOC(1,1), 93 % of its power within ±2 MHz
+CROSS_CORRELATION_DB = 16.0  # below the strongest satellite; see above
+MAX_STRETCHES = 24  # 100 ms: one secondary-code period; longer batches are searched in their first 100 ms
+_SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; code phases 0.26 chip apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +54,7 @@ class Acquisition:
     statistic, threshold
         Non-coherent sum and its threshold, in units of the noise variance per dimension.
     cn0_dbhz
-        Rough C/N0 of E1-C.
+        Rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise).
     """
 
     svid: int
@@ -121,7 +124,8 @@ def _stretch_spectra(
     """Return the spectra of all stretches around the carrier, the decimated rate, the start times and the band."""
     fs = batch.sample_rate_hz
     n = round(2 * E1_CODE_PERIOD_S * fs)
-    first = [round(m * E1_CODE_PERIOD_S * fs) for m in range(24) if round(m * E1_CODE_PERIOD_S * fs) + n <= batch.samples.size]
+    starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(MAX_STRETCHES))
+    first = [start for start in starts if start + n <= batch.samples.size]
     spacing = fs / n
     kept = min(fft.next_fast_len(int(_SEARCH_BANDWIDTH_HZ / spacing)), n)
     guard = int(doppler_span_hz / spacing) + 1

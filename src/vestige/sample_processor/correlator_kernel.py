@@ -9,7 +9,7 @@ fraction bits. The part after the chip, cut to 26 bits and added to the tap's of
 met within 2^-26 chip (1 µm), so that a brute-force double loop gives the same chips.
 
 **Carrier.** One rotator table for the whole bank, from float64; the phase at the middle of each block is applied to the
-block's sums in float64, and a Doppler rate enters there and as a first-order turn inside the block (1e-7 for 100 Hz/s).
+block's sums in float64, and a Doppler rate enters there and as a first-order turn inside the block (1e-8 at 100 Hz/s).
 
 Sums run in float32 inside a block and in float64 over blocks. The few samples at both ends, where some taps meet a chip
 of the segment and others do not, are handled one by one.
@@ -28,7 +28,7 @@ _TAP_FRACTION = 26  # fraction bits of a tap's offset; LEAD + REACH and the frac
 
 
 @njit(cache=True, nogil=True)
-def chip_windows(chips):  # type: ignore[no-untyped-def]
+def chip_windows(chips):
     """Return uint32[n_chips + 64]: window i + 32 holds chips i − LEAD … i − LEAD + 31, most significant first."""
     n = chips.size
     windows = np.empty(n + 64, np.uint32)
@@ -43,7 +43,7 @@ def chip_windows(chips):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _tap_sums(w, fraction, y_re, y_im, delay, n):  # type: ignore[no-untyped-def]
+def _tap_sums(w, fraction, y_re, y_im, delay, n):
     """Return the block sum of one tap: Σ ±y with the sign bit of each sample's shifted window."""
     s_re, s_im = np.float32(0.0), np.float32(0.0)
     for i in range(n):
@@ -56,20 +56,20 @@ def _tap_sums(w, fraction, y_re, y_im, delay, n):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _wipe(x, rotator, slope, y_re, y_im, first, n):  # type: ignore[no-untyped-def]
-    """Turn n samples by the conjugate rotator and by the small angle `slope` · (i − n/2)."""
-    half = np.float32(0.5 * n)
+def _wipe(x, rotator, slope, curve, y_re, y_im, first, n):
+    """Turn n samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
     for i in range(n):
         a, b = x[first + i, 0], x[first + i, 1]
         re = a * rotator[i, 0] + b * rotator[i, 1]
         im = b * rotator[i, 0] - a * rotator[i, 1]
-        turn = slope * (np.float32(i) - half)
+        k = np.float32(i - BLOCK // 2)
+        turn = k * (slope + curve * k)
         y_re[i] = re + im * turn
         y_im[i] = im - re * turn
 
 
 @njit(cache=True, nogil=True)
-def _phases(windows, u0, du, w, fraction, chip, n):  # type: ignore[no-untyped-def]
+def _phases(windows, u0, du, w, fraction, chip, n):
     """Fill window, fraction and chip number of n samples from code phase u0 and step du (chips)."""
     base = np.floor(u0)
     j0 = np.int64(base) + 32
@@ -84,7 +84,7 @@ def _phases(windows, u0, du, w, fraction, chip, n):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):  # type: ignore[no-untyped-def]
+def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
 
     Parameters
@@ -126,7 +126,8 @@ def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rat
         tm = t + (BLOCK // 2) * dt
         step = (code_rate + code_rate_rate * tm) * dt
         u0 = code_rate * t + 0.5 * code_rate_rate * t * t - middle
-        _wipe(x, rotator, np.float32(2 * np.pi * doppler_rate * tm * dt), y_re, y_im, b0, n)
+        slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
+        _wipe(x, rotator, np.float32(slope), np.float32(curve), y_re, y_im, b0, n)
         phase = 2 * np.pi * ((if_hz * tm) % 1.0 + (0.5 * doppler_rate * tm * tm) % 1.0)
         turn = np.cos(phase) - 1j * np.sin(phase)
         _phases(windows, u0, step, w, fraction, chip, n)
@@ -149,7 +150,7 @@ def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rat
 
 
 @njit(cache=True, nogil=True)
-def _edge_sums(chips, u0, step, offsets, y_re, y_im, n, turn, out):  # type: ignore[no-untyped-def]
+def _edge_sums(chips, u0, step, offsets, y_re, y_im, n, turn, out):
     """Add a block at an end of the segment, where each tap has its own first or last sample."""
     for k in range(offsets.size):
         total = 0.0 + 0.0j

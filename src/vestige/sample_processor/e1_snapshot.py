@@ -2,15 +2,16 @@
 
 Theory of operation
 -------------------
-[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none, so this module measures in one batch what
-a loop would have settled to, from an `Acquisition`:
+[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has
+none, so this module measures in one batch what a loop would have settled to, from an `Acquisition`:
 
-1. Every 4 ms code period is correlated at taps `_TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with BOC(1,1).
+1. Every 4 ms code period is correlated at taps `_TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
+   BOC(1,1).
 2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
    spectrum wins. That fixes transmission time modulo 100 ms and Doppler to a fraction of 1/T.
-3. Doppler and carrier phase: straight line through the phases of the wiped prompts, weighted by their power.
-4. Code phase: E1-B and E1-C are added coherently over the whole batch, E1-B after wiping its symbols with the sign of its
-   own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
+3. Doppler: straight line through the phases of the wiped prompts, weighted by their power.
+4. Code phase: E1-B and E1-C are added coherently over the whole batch, E1-B after wiping its symbols with the sign of
+   its own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
 5. C/N0 of E1-C from the coherent prompt against the post-correlation noise.
 
 The measurement holds for the middle of the batch.
@@ -21,10 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Complex128
 
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
-from vestige.records import Band, ChipSequence, Handover, SampleBatch
+from vestige.records import ChipSequence, Handover, SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.codes import primary_code, secondary_code
@@ -47,8 +48,6 @@ class E1Snapshot:
         Receiver-clock time for which everything below holds.
     transmit_phase_s
         Satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s.
-    carrier_phase_cycles
-        Carrier phase modulo 1, growing with the range.
     cn0_dbhz
         C/N0 of E1-C alone.
     secondary_margin_db
@@ -59,7 +58,6 @@ class E1Snapshot:
     time: GalileoTime
     transmit_phase_s: float
     doppler_hz: float
-    carrier_phase_cycles: float
     cn0_dbhz: float
     secondary_margin_db: float
 
@@ -96,7 +94,6 @@ def measure_e1(batch: SampleBatch, acquisition: Acquisition) -> E1Snapshot | Non
         time=batch.start + (start_s + middle_s),
         transmit_phase_s=((phase + periods / 2) * E1_CODE_PERIOD_S) % 0.1,
         doppler_hz=doppler_hz,
-        carrier_phase_cycles=float(-turn / (2 * np.pi)) % 1.0,
         cn0_dbhz=float(10 * np.log10(max(signal, 1e-12) / noise / E1_CODE_PERIOD_S)),
         secondary_margin_db=margin_db,
     )
@@ -114,7 +111,8 @@ def _period_taps(
     offsets_m = _TAPS_CHIPS / signal.chip_rate_hz * SPEED_OF_LIGHT_MPS
     period_s = E1_CODE_PERIOD_S / (1 + doppler_hz / E1_CARRIER_HZ)
     carrier_hz = E1_CARRIER_HZ - batch.center_frequency_hz + doppler_hz
-    rows, noise = [], []
+    rows: list[Complex128[np.ndarray, " taps"]] = []
+    noise: list[float] = []
     for m in range(int(batch.samples.size / batch.sample_rate_hz / period_s) + 1):
         at_s = start_s + m * period_s
         handover = Handover(

@@ -1,8 +1,9 @@
 """Galileo components as continuous complex functions of time, to be sampled at any rate [WFO, Sec. V].
 
-The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary chip
-times pulse level. All codes and symbols start with the Galileo second, so t_s is counted from a whole second. The receiver
-sees, at its time t, what left at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}; mixed down from f_0 that is
+The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary
+chip times pulse level. All codes and symbols start with the Galileo second, so t_s is counted from a whole second.
+The receiver sees, at its time t, what left at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}; mixed down from f_0
+that is
 
     x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
 

@@ -1,0 +1,70 @@
+"""`make demo`: authenticate a small recording, then see what a wrong key and a shifted E6 do.
+
+Everything is made here from one seed: the recording (`scenarios/first_light.toml`), an OSNMA key chain, the RECS.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from vestige.cli.main import vestige
+from vestige.crypto.recs import decrypt, encrypt
+from vestige.recording.assistance import read_assistance
+from vestige.recording.assistance_writer import write_assistance
+from vestige.records import Assistance
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = Path("build/demo")
+
+
+def run(*arguments: object) -> None:
+    """Print a command as one would type it, and run it."""
+    line = ["vestige", *(str(argument) for argument in arguments)]
+    print("\n$", " ".join(line), flush=True)
+    vestige.main(args=line[1:], prog_name="vestige", standalone_mode=False)
+    sys.stdout.flush()
+
+
+def main() -> None:
+    """Run the demonstration."""
+    os.chdir(ROOT)
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    keys = ("--keys", FOLDER / "osnma" / "keys.csv", "--public-key", FOLDER / "osnma" / "public_key.pem")
+
+    print("1. A recorder took 130 ms of E1 and E6 from five satellites.")
+    run("simulate", "scenarios/first_light.toml", "-o", FOLDER)
+    print("\n2. The server published the E6-C chips of 16 ms, encrypted under a key that was still secret: the RECS.")
+    run("recs", "make", "--from-recording", FOLDER, *keys, "-o", FOLDER / "assistance")
+    print("\n3. The key has arrived over E1-B. Decrypt, correlate, compare with E1.")
+    run("process", FOLDER, "--calibrate")
+
+    print("\n4. RECS under the key of the next subframe that claim to be under this one's: nothing correlates.")
+    _encrypt_under_the_next_key(FOLDER / "assistance", FOLDER / "wrong_key")
+    run("process", FOLDER, "--assistance", FOLDER / "wrong_key", "--hardware-bias-m", "-18")
+
+    print("\n5. E6 50 m late against E1, as if replayed: the signal is there, but not where E1 says.")
+    run("process", FOLDER, "--hardware-bias-m", "-68")
+    print(f"\nFiles: {FOLDER}/. Next: vestige inspect {FOLDER}; vestige theory --paper")
+
+
+def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:
+    """Write a copy of an assistance folder whose RECS were encrypted under the next key."""
+    folder = read_assistance(assistance).assistance
+    keys = {key.time: key for key in folder.keys}
+    segments = tuple(
+        encrypt(decrypt(segment, keys[segment.key_time]), keys[segment.key_time + 30].data)
+        for segment in folder.segments
+    )
+    output.mkdir()
+    for path in assistance.iterdir():
+        if not re.search(r"\.(bin|RCS)$", path.name):
+            shutil.copy(path, output)
+    write_assistance(output, Assistance(segments=segments))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Which correlator is the signal: the maximum detector and the early detector [WFO, Sec. III-A and III-B].
+
+Theory of operation
+-------------------
+c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to late. The punctual tap c_i needs its
+early and late neighbours c_{i-n} and c_{i+n} for the range offset, so i runs from n to N−1−n (the paper's c_n …
+c_{N-n} ends outside the vector by one).
+
+**Maximum detector.** The highest c_i, if it exceeds the threshold. It follows whoever is strongest.
+
+**Early detector.** The true signal cannot be overtaken, so the earliest peak is the one to trust:
+
+1. hand-over, correlation and threshold: done before;
+2. scan from early to late for the first c_i above the threshold;
+3. while c_{i+n} > c_i, go on to i+1;
+4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
+5. if there is no such i, the signal is not detected.
+
+Where the text leaves room:
+
+* The chosen tap itself exceeds the threshold; the taps that step 3 walks over need not.
+* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 goes on behind it,
+  since step 5 gives up only if *no* set can be found.
+* Step 4 is a walk to the right, while the next tap satisfies the constraint, exceeds the threshold and has the
+  smaller D. A global minimum of D would jump to any symmetric point, such as the later and stronger spoofer.
+
+The scan only moves forward, and every tap that satisfies threshold and constraint also ends step 3. So steps 2 and 3
+together find just *the first tap that exceeds the threshold and both its neighbours*, and step 4 moves on to the
+first tap from there whose successor is no improvement: two searches for a first True, for all epochs at once.
+
+Comparisons are strict. A magnitude equal to the threshold does not exceed it. Of equal maxima the maximum detector
+takes the earliest. To the early detector two equal taps n apart are no peak: with noise that has probability zero,
+without noise it happens for a peak exactly halfway between two taps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+NOT_DETECTED = -1
+
+
+@runtime_checkable
+class Detector(Protocol):
+    """Chooses the punctual tap of every epoch."""
+
+    @property
+    def spacing(self) -> int:
+        """Distance n of the early and late tap from the punctual one, in taps."""
+        ...
+
+    def detect(
+        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
+    ) -> Int[np.ndarray, " n_epochs"]:
+        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaximumDetector:
+    """The highest tap above the threshold [WFO, Sec. III-A].
+
+    Attributes
+    ----------
+    spacing
+        n, distance of the early and late tap from the punctual one, in taps.
+    """
+
+    spacing: int = 1
+
+    def __post_init__(self) -> None:
+        _check_spacing(self.spacing)
+
+    def detect(
+        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
+    ) -> Int[np.ndarray, " n_epochs"]:
+        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected.
+
+        Parameters
+        ----------
+        magnitudes
+            |c|, early to late, at equal distances. NaN is never detected.
+        threshold
+            In the unit of the magnitudes; one, or one an epoch.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than 2n + 1 taps.
+        """
+        candidates = _punctual(magnitudes, self.spacing)
+        tap = np.argmax(candidates, axis=1)
+        height = np.take_along_axis(candidates, tap[:, None], axis=1)[:, 0]
+        return np.where(height > threshold, tap + self.spacing, NOT_DETECTED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EarlyDetector:
+    """The earliest peak above the threshold [WFO, Sec. III-B].
+
+    Attributes
+    ----------
+    spacing
+        n, distance of the early and late tap from the punctual one, in taps.
+    """
+
+    spacing: int = 1
+
+    def __post_init__(self) -> None:
+        _check_spacing(self.spacing)
+
+    def detect(
+        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
+    ) -> Int[np.ndarray, " n_epochs"]:
+        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected.
+
+        Parameters
+        ----------
+        magnitudes
+            |c|, early to late, at equal distances. A NaN is no tap above the threshold.
+        threshold
+            In the unit of the magnitudes; one, or one an epoch.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than 2n + 1 taps.
+        """
+        n = self.spacing
+        punctual = _punctual(magnitudes, n)
+        early, late = magnitudes[:, : -2 * n], magnitudes[:, 2 * n :]
+        peak = (punctual > np.reshape(threshold, (-1, 1))) & (punctual > early) & (punctual > late)
+        asymmetry = np.abs(late - early)  # D_i
+
+        first = np.argmax(peak, axis=1)
+        goes_on = np.zeros_like(peak)
+        goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
+        tap = _first_from(first, ~goes_on)
+        return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
+
+
+ALL_DETECTORS: tuple[type[MaximumDetector] | type[EarlyDetector], ...] = (MaximumDetector, EarlyDetector)
+
+
+def _first_from(
+    start: Int[np.ndarray, " n_epochs"], flag: Bool[np.ndarray, "n_epochs n"]
+) -> Int[np.ndarray, " n_epochs"]:
+    """Return the first index of each row at or behind `start` at which the flag is set."""
+    return np.argmax(flag & (np.arange(flag.shape[1]) >= start[:, None]), axis=1)
+
+
+def _punctual(magnitudes: Float[np.ndarray, "n_epochs n_taps"], n: int) -> Float[np.ndarray, "n_epochs n_punctual"]:
+    """Return the taps that have both neighbours."""
+    if magnitudes.shape[1] < 2 * n + 1:
+        raise ValueError(f"a correlator spacing of {n} needs at least {2 * n + 1} taps, found {magnitudes.shape[1]}")
+    return magnitudes[:, n : magnitudes.shape[1] - n]
+
+
+def _check_spacing(spacing: int) -> None:
+    if spacing < 1:
+        raise ValueError(f"the correlator spacing must be at least 1 tap, found {spacing}")

@@ -1,0 +1,117 @@
+"""What the theory of `thresholds` leaves out: losses of C/N0 from grids, dynamics, filter and quantiser, in dB.
+
+Theory of operation
+-------------------
+A coherent correlator scales the amplitude by R(τ) in code offset (triangle, τ in chips) and by sinc(f T_I) in
+frequency. On a grid of step Δ the error is at worst Δ/2, and on average over a uniform error the *power* is that of
+the mean square. Over T_I an uncompensated acceleration bends the phase to a parabola, and an uncompensated code
+Doppler slides the replica by D chips, ±D/2 around the middle, where the triangle loses D/4 of its height on average.
+
+A positive number is a loss. [WFO] leaves these effects out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erf
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.signals.definitions import E6C, SignalDefinition
+from vestige.signals.pulse import band_limited_autocorrelation
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+
+
+class GridLoss(NamedTuple):
+    """Loss in dB half a step off the grid, and of the mean power over all places between the grid points."""
+
+    worst_db: float
+    mean_db: float
+
+
+def code_grid_loss(step_chips: float) -> GridLoss:
+    """Return the loss of a grid of code offsets, for an unfiltered rectangular chip.
+
+    Parameters
+    ----------
+    step_chips
+        Step of the grid in chips; at most 2.
+    """
+    worst = 1 - step_chips / 2
+    mean_power = (1 - worst**3) / (3 * (1 - worst))
+    return GridLoss(-20 * float(np.log10(worst)), -10 * float(np.log10(mean_power)))
+
+
+def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
+    """Return the loss of a grid of Doppler bins.
+
+    Parameters
+    ----------
+    step_hz
+        Step of the grid in Hz.
+    integration_s
+        Coherent integration time T_I in s.
+    """
+    error_cycles = step_hz * integration_s / 2 * (1 + _NODES) / 2
+    mean_power = np.sinc(error_cycles) ** 2 @ _WEIGHTS / 2
+    worst = np.sinc(step_hz * integration_s / 2)
+    return GridLoss(-20 * float(np.log10(worst)), -10 * float(np.log10(mean_power)))
+
+
+def acceleration_loss_db(acceleration_mps2: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
+    """Return the loss of an acceleration along the line of sight, frequency right in the middle of the integration.
+
+    Parameters
+    ----------
+    acceleration_mps2
+        Acceleration in m/s².
+    integration_s
+        Coherent integration time T_I in s.
+    """
+    time_s = integration_s / 2 * _NODES
+    phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * signal.carrier_hz * time_s**2
+    return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
+
+
+def code_doppler_loss_db(doppler_hz: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
+    """Return the loss of a replica without code Doppler, aligned in the middle of the integration.
+
+    Parameters
+    ----------
+    doppler_hz
+        Carrier Doppler in Hz.
+    integration_s
+        Coherent integration time T_I in s.
+    """
+    slide_chips = abs(doppler_hz) / signal.carrier_hz * signal.chip_rate_hz * integration_s
+    return -20 * float(np.log10(1 - slide_chips / 4))
+
+
+def front_end_loss_db(bandwidth_hz: float, signal: SignalDefinition = E6C) -> float:
+    """Return the loss of an ideal front-end filter, replica unfiltered: the share of the power that passes.
+
+    Parameters
+    ----------
+    bandwidth_hz
+        Two-sided bandwidth in Hz.
+    """
+    passed = band_limited_autocorrelation(
+        signal.pulse, np.zeros(1), chip_rate_hz=signal.chip_rate_hz, bandwidth_hz=bandwidth_hz
+    )
+    return -10 * float(np.log10(passed[0]))
+
+
+def quantisation_loss_db(bits: int) -> float:
+    """Return the loss of a quantiser at low C/N0: 1 bit (sign), or 2 bits with levels ±1, ±3 and the best step.
+
+    With step v (in σ), inner share Φ = erf(v/√2) and E = e^{-v²/2} the efficiency is (2/π) (1 + 2E)² / (Φ + 9 (1 −
+    Φ)); a single bit leaves 2/π.
+    """
+    if bits not in {1, 2}:
+        raise ValueError(f"the loss is known here for 1 and 2 bits, asked for {bits}")
+    step = np.linspace(0.5, 1.5, 1001) if bits == 2 else np.array([np.inf])
+    inner = erf(step / np.sqrt(2))
+    efficiency = 2 / np.pi * (1 + 2 * np.exp(-(step**2) / 2)) ** 2 / (inner + 9 * (1 - inner))
+    return -10 * float(np.log10(np.max(efficiency)))

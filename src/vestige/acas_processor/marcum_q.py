@@ -1,0 +1,85 @@
+"""Marcum's Q function and its complement, both accurate in their far tails.
+
+Theory of operation
+-------------------
+Let K magnitudes |a_k + noise| be squared and added, noise of unit variance per dimension, Σ a_k² = a². The root of the
+sum has the density
+
+    f(x) = x (x/a)^{K-1} e^{-(x²+a²)/2} I_{K-1}(a x)
+    Q_K(a, b) = ∫_b^∞ f(x) dx          P_K(a, b) = ∫_0^b f(x) dx = 1 − Q_K(a, b)
+
+Authentication lives in the tails: a false alarm of 1e-14, a miss of 1e-12. `1 − cdf` has nothing left there, and
+`scipy.special` has the lower tail only. The integrand is positive and smooth with one hump of about unit width near
+μ = √(a² + 2K − 1), and falls at least like a Gaussian around μ. So the smaller tail is a Gauss-Legendre sum of positive
+terms over the stretch next to b that holds all but e^{-45} of it, nothing cancels, and the other is 1 minus it.
+
+Accuracy: relative error of either tail below 1e-12 (K = 1) and 1e-11 (K ≤ 100) while the tail is above 1e-250.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import gammaln, hyp0f1, i0e, ive, xlogy
+
+Real = float | Float[np.ndarray, "..."]
+Reals = TypeVar("Reals", float, Float[np.ndarray, "..."])  # a number gives a number, an array an array
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+_DEPTH = 45.0  # what lies below e^-45 of the largest value is left out
+_CERTAIN = 60.0  # so far above the threshold the miss is below e^-1800, 0 in floating point, whatever a is
+_MAX_ORDER = 1000  # beyond, ive underflows where the series is left
+
+
+def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
+    """Return Q_K(a, b): the probability that a signal of amplitude a exceeds the threshold b.
+
+    Parameters
+    ----------
+    a
+        Root of the sum of the squared signal amplitudes, in standard deviations of the noise per dimension; ≥ 0.
+    b
+        Threshold on the root of the sum of the squared magnitudes, same unit; ≥ 0. A number, or as many as a.
+    order
+        K, number of magnitudes in the sum; 1 … 1000.
+    """
+    is_upper, tail = _smaller_tail(a, b, order)
+    return np.where(is_upper, tail, 1.0 - tail)[()]
+
+
+def marcum_p(a: Reals, b: Real, order: int = 1) -> Reals:
+    """Return P_K(a, b) = 1 − Q_K(a, b): the probability that a signal of amplitude a stays below the threshold b.
+
+    Parameters are those of `marcum_q`.
+    """
+    is_upper, tail = _smaller_tail(a, b, order)
+    return np.where(is_upper, 1.0 - tail, tail)[()]
+
+
+def _smaller_tail(a: Real, b: Real, order: int) -> Any:
+    """Return whether the smaller tail is the upper one, and that tail."""
+    a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
+    if np.any(a < 0) or np.any(b < 0) or not 1 <= order <= _MAX_ORDER:
+        raise ValueError(f"amplitude and threshold must not be negative, the order from 1 to {_MAX_ORDER}")
+    a = np.minimum(a, b + _CERTAIN)
+    middle = np.sqrt(a**2 + (2 * order - 1))
+    is_upper = b >= middle
+    reach = np.sqrt((b - middle) ** 2 + 2 * _DEPTH) - np.abs(b - middle)
+    end = np.where(is_upper, b + reach, np.maximum(b - reach, 0.0))
+    half = np.abs(end - b)[..., None] / 2
+    x = (np.minimum(end, b)[..., None] + half) + half * _NODES
+    # sum, not a matrix product, whose rounding depends on the number of rows
+    return is_upper, np.sum(half * _WEIGHTS * _density(x, a[..., None], order), axis=-1)
+
+
+def _density(x: Float[np.ndarray, "..."], a: Float[np.ndarray, "..."], order: int) -> Float[np.ndarray, "..."]:
+    if order == 1:
+        return x * np.exp(-((x - a) ** 2) / 2) * i0e(a * x)
+    # I_ν(z)/z^ν: by its power series where ive would underflow, else by ive
+    nu, z = order - 1, a * x
+    series = np.log(hyp0f1(order, (np.minimum(z, order) / 2) ** 2)) - z - nu * np.log(2) - gammaln(order)
+    large = np.maximum(z, order)
+    bessel = np.where(z < order, series, np.log(ive(nu, large)) - nu * np.log(large))
+    return np.exp(xlogy(2 * order - 1, x) - (x - a) ** 2 / 2 + bessel)

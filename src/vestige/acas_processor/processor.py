@@ -1,0 +1,192 @@
+"""The ACAS processor: from a snapshot and its assistance to verdicts [WFO, Sec. II-B, III].
+
+`measure` is heavy and pure: one snapshot in, one measurement out, so snapshots can be measured in any order on any
+number of workers. `decide` is light. For one satellite `measure` goes
+
+    segment of this epoch → key validated and *not yet disclosed when the samples were taken* → chips
+    → hand-over from E1 → bank of correlators → threshold → detector → range offset
+
+and stops at the first step that is impossible, with the reason. Nothing here knows where the snapshot came from.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.detectors import Detector, EarlyDetector
+from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, hand_over, predicted_delay_m
+from vestige.acas_processor.mitigation import LEVELS, Limits, decide
+from vestige.acas_processor.range_offset import range_offset_m
+from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs import CipherMode, decrypt
+from vestige.records import (
+    Assistance,
+    CorrelatorBank,
+    Detection,
+    E1Observation,
+    EncryptedSegment,
+    Measurement,
+    SatelliteMeasurement,
+    Snapshot,
+    ValidatedKey,
+    Verdict,
+)
+from vestige.source import Source
+from vestige.time import GalileoTime
+
+SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AcasProcessor:
+    """The receiver's ACAS processing with all its settings.
+
+    Attributes
+    ----------
+    level
+        Mitigation level [WFO, Sec. IV].
+    detector
+        Which correlator is taken as the signal [WFO, Sec. III-A, III-B].
+    p_fa
+        Single-event false-alarm probability of the E6 detection, per correlator.
+    n_taps, tap_spacing_m
+        The bank: so many correlators, so far apart, around the hand-over's prediction.
+    budget, kappa
+        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ.
+    min_pd
+        Below this predicted probability of detection a missing signal is no alarm [WFO, Sec. III-A, step 5].
+    e6_over_e1_db
+        Expected C/N0 of E6-C over E1-C, from the signals, the antenna and the front ends.
+    cipher_mode, group_delay_convention
+        The two points on which the service's interface is not public.
+    """
+
+    level: int = 1
+    detector: Detector = field(default_factory=EarlyDetector)
+    p_fa: float = 1e-7
+    n_taps: int = 11
+    tap_spacing_m: float = 15.0
+    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
+    kappa: float = 3.0
+    min_pd: float = 0.9
+    e6_over_e1_db: float = NOMINAL_E6_OVER_E1_DB
+    cipher_mode: CipherMode = CipherMode.CBC
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"mitigation level {self.level} is not one of {sorted(LEVELS)}")
+        if self.n_taps < 2 * self.detector.spacing + 1:
+            raise ValueError(f"{self.n_taps} correlators are too few for a spacing of {self.detector.spacing}")
+
+    @property
+    def offsets_m(self) -> Float[np.ndarray, " n_taps"]:
+        """Offsets of the correlators from the prediction in m."""
+        return (np.arange(self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m
+
+    def run(self, source: Source) -> Iterator[Verdict]:
+        """Yield the verdicts of every snapshot of a source."""
+        for snapshot in source:
+            yield from self.decide(self.measure(snapshot, source.assistance))
+
+    def decide(self, measurement: Measurement) -> tuple[Verdict, ...]:
+        """Return one verdict for each satellite of a measurement."""
+        return decide(measurement, self.level, Limits(budget=self.budget, kappa=self.kappa, min_pd=self.min_pd))
+
+    def measure(self, snapshot: Snapshot, assistance: Assistance) -> Measurement:
+        """Return what can be measured of every satellite that E1 observes."""
+        satellites = tuple(
+            self._measure_satellite(snapshot, assistance, snapshot.observations[svid])
+            for svid in sorted(snapshot.observations)
+        )
+        return Measurement(
+            index=snapshot.index,
+            time=snapshot.time,
+            satellites=satellites,
+            observations=snapshot.observations,
+            front_end=snapshot.front_end,
+        )
+
+    def _measure_satellite(
+        self, snapshot: Snapshot, assistance: Assistance, observation: E1Observation
+    ) -> SatelliteMeasurement:
+        svid = observation.svid
+        segment = _segment_at(assistance, svid, snapshot.time + -observation.pseudorange_m / SPEED_OF_LIGHT_MPS)
+        if segment is None:
+            return SatelliteMeasurement(svid=svid, unavailable="no RECS of this satellite for this time")
+        key = _key_at(assistance, segment.key_time)
+        if key is None:
+            return SatelliteMeasurement(svid=svid, unavailable=f"no validated OSNMA key of {segment.key_time}")
+        if not key.disclosed_at - snapshot.received_at > snapshot.time_uncertainty_s:
+            reason = (
+                f"not provably received before the key's disclosure: samples until {snapshot.received_at} "
+                f"± {snapshot.time_uncertainty_s:g} s, key on air from {key.disclosed_at}"
+            )
+            return SatelliteMeasurement(svid=svid, unavailable=reason)
+        if snapshot.e6 is None:
+            return SatelliteMeasurement(svid=svid, unavailable="no E6 samples", available_at=key.complete_at)
+
+        delay_m = predicted_delay_m(
+            ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
+            bgd_e1_e6_s=_group_delay_at(assistance, svid, snapshot.time),
+            hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
+            convention=self.group_delay_convention,
+        )
+        chips = decrypt(segment, key, mode=self.cipher_mode)
+        handover = hand_over(observation, snapshot.time, chips, delay_m=delay_m, e6_over_e1_db=self.e6_over_e1_db)
+        bank = snapshot.e6.correlate(handover, self.offsets_m)
+        if bank is None:
+            reason = f"the E6 samples do not hold the RECS expected at {handover.start_time}"
+            return SatelliteMeasurement(svid=svid, handover=handover, unavailable=reason, available_at=key.complete_at)
+        return SatelliteMeasurement(
+            svid=svid,
+            handover=handover,
+            bank=bank,
+            detection=self.detect(bank),
+            predicted_pd=float(probability_of_detection(handover.expected_cn0_dbhz, bank.integration_s, self.p_fa)),
+            available_at=key.complete_at,
+        )
+
+    def detect(self, bank: CorrelatorBank) -> Detection | None:
+        """Return the detected signal of one bank, or None."""
+        magnitudes = np.abs(bank.taps)[None, :] / np.sqrt(bank.noise_power / 2)
+        limit = float(threshold(self.p_fa))
+        index = self.detector.detect(magnitudes, limit)
+        tap = int(index[0])
+        if tap < 0:
+            return None
+        offset = range_offset_m(magnitudes, index, self.detector.spacing, bank.offsets_m)
+        return Detection(
+            tap=tap,
+            magnitude=float(magnitudes[0, tap]),
+            phase_rad=float(np.angle(bank.taps[tap])),
+            threshold=limit,
+            range_offset_m=float(offset[0]),
+        )
+
+
+def _segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
+    """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
+    segments = assistance.segments
+    low = bisect_left(segments, transmit_time + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    high = bisect_right(segments, transmit_time + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    own = [segment for segment in segments[low:high] if segment.svid == svid]
+    return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
+
+
+def _key_at(assistance: Assistance, time: GalileoTime) -> ValidatedKey | None:
+    return next((key for key in assistance.keys if key.time == time), None)
+
+
+def _group_delay_at(assistance: Assistance, svid: int, time: GalileoTime) -> float:
+    """Return the group delay of a satellite that is valid at a time, 0 if none was given, in s."""
+    valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
+    return max(valid, key=lambda delay: delay.valid_from).bgd_e1_e6_s if valid else 0.0

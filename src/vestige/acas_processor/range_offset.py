@@ -1,0 +1,71 @@
+"""Where between the taps the signal is: the root of the s-curve by linear interpolation [WFO, Sec. III-C].
+
+Theory of operation
+-------------------
+c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower of the outer ones
+lie on the same flank and give its slope α. A line with that slope through c_p and one with the opposite slope through
+the higher outer tap meet at the peak:
+
+    τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
+
+On a triangle with all three taps on it, peak δ late of the punctual tap and flanks of slope a per metre: c_p = 1 − aδ,
+c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p − c_e = aΔ, and δ = ½ Δ (c_l − c_e)/(c_p − c_e).
+
+It is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
+
+[WFO] prints the formula without the ½ and the sign, which gives |2δ|. Its results were made with both: the cluster of
+early detections lies at −30 m + ½·15 m = −22.5 m.
+
+|τ − τ_p| never exceeds Δ/2. If an outer tap is higher than the punctual one, which the maximum detector allows for n
+> 1 and at the ends of its range, the peak is taken to be halfway to it. Three equal taps give τ_p.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+_EQUIDISTANT = 1e-6  # relative tolerance on the distances of the taps
+
+
+def range_offset_m(
+    magnitudes: Float[np.ndarray, "n_epochs n_taps"],
+    tap: Int[np.ndarray, " n_epochs"],
+    spacing: int,
+    offsets_m: Float[np.ndarray, " n_taps"],
+) -> Float[np.ndarray, " n_epochs"]:
+    """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN where nothing was detected.
+
+    Parameters
+    ----------
+    magnitudes
+        |c|, early to late.
+    tap
+        Index of the punctual tap from a detector, n … N−1−n, or −1.
+    spacing
+        n, distance of the early and late tap from the punctual one, in taps.
+    offsets_m
+        Offset of each tap from the prediction in m, ascending and equidistant.
+
+    Raises
+    ------
+    ValueError
+        If the taps are not equidistant, or a punctual tap lacks a neighbour.
+    """
+    step_m = np.diff(offsets_m)
+    if not (step_m.size and step_m[0] > 0 and np.allclose(step_m, step_m[0], rtol=_EQUIDISTANT, atol=0)):
+        raise ValueError("the offsets of the taps must ascend in equal steps")
+    detected = tap >= 0
+    outside = detected & ((tap < spacing) | (tap >= offsets_m.size - spacing))
+    if offsets_m.size <= 2 * spacing or np.any(outside):
+        raise ValueError(f"a punctual tap must have neighbours {spacing} taps away on both sides")
+
+    punctual = np.where(detected, tap, spacing)
+    columns = punctual[:, None] + np.array([-spacing, 0, spacing])
+    outer = np.take_along_axis(magnitudes, columns, axis=1)
+    early, late = outer[:, 0], outer[:, 2]
+    # The highest of the three in place of c_p: the same for a peak, and a ratio of ±1 where an outer tap is higher.
+    height = outer.max(axis=1) - np.minimum(early, late)
+    ratio = np.divide(late - early, height, out=np.zeros_like(height), where=height != 0)
+    offset_m = offsets_m[punctual] + 0.5 * ratio * spacing * step_m[0]
+    return np.where(detected, offset_m, np.nan)

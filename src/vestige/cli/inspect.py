@@ -1,0 +1,174 @@
+"""`vestige inspect`: what a recording or folder holds, and what is missing before ACAS can authenticate it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
+
+
+_path = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("path", type=_path)
+@click.option("--start", help="Time of the earliest sample, in place of the recording's own label.")
+@click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
+@click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
+@click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
+@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, if not in the assistance folder.")
+@click.option("--check-hash", is_flag=True, help="Compare samples with the hash in their description (reads them all).")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def command(path: Path, **options: Any) -> None:
+    """Say what PATH holds, and what is missing for ACAS.
+
+    PATH is a folder, a recording.toml, a SigMF metadata or collection file, or a file of E1 observations.
+    """
+    import json
+
+    from vestige.cli.options import parse_time
+    from vestige.recording.inspection import inspect_recording
+
+    found = inspect_recording(
+        path,
+        start=parse_time(options["start"]),
+        time_uncertainty_s=options["time_uncertainty"],
+        assistance=options["assistance"],
+        public_key=options["public_key"],
+        merkle_tree=options["merkle_tree"],
+        check_hash=options["check_hash"],
+    )
+    if options["as_json"]:
+        click.echo(json.dumps(_json(found), allow_nan=False))
+        return
+    for line in _lines(found):
+        click.echo(line)
+
+
+def _lines(found: Inspection) -> Iterator[str]:
+    if found.description is None:
+        yield f"{found.path}: no samples"
+    else:
+        uncertainty = found.description.time_uncertainty_s
+        clock = "clock error not stated" if uncertainty == float("inf") else f"clock right to ±{uncertainty:g} s"
+        yield f"{found.path}: recording described by {found.description.path.name}, {clock}"
+    for band in found.bands:
+        yield from _band_lines(band)
+    if found.observations is not None:
+        yield from _observation_lines(found.observations)
+    if found.assistance.files:
+        yield "assistance"
+        for file in found.assistance.files:
+            yield f"    {file.path.name}: {file.content}"
+        if any(band.reader.band.name == "E6" for band in found.bands):
+            yield f"    {len(found.recorded_segments)} RECS can be in the E6 samples"
+    for title, remarks in (
+        ("not usable", [str(problem) for problem in found.assistance.problems]),
+        ("note", found.notes),
+        ("missing for ACAS", found.missing),
+    ):
+        if remarks:
+            yield title
+            yield from (f"  - {remark}" for remark in remarks)
+    if not found.missing:
+        yield "nothing is missing for ACAS"
+
+
+def _band_lines(band: BandInspection) -> Iterator[str]:
+    reader, levels = band.reader, band.levels
+    file = reader.file
+    rate = f"{file.sample_rate_hz / 1e6:g} Msps"
+    yield f"{reader.band.name}  {file.path.name}: {file.form}, {rate}, {reader.duration_s:g} s"
+    if file.start is not None:
+        end = reader.time_of(reader.end_sample)
+        yield f"    {reader.start} to {end}, from sample {reader.first_sample} of the counter"
+    inverted = ", spectrum turned round" if file.spectral_inversion else ""
+    width = "" if file.bandwidth_hz is None else f", {file.bandwidth_hz / 1e6:g} MHz wide"
+    yield f"    0 Hz is {file.center_frequency_hz / 1e6:g} MHz{inverted}{width}"
+    center = levels.spectral_center_hz
+    around = "" if center is None else f", pass band around {center / 1e6:.2f} MHz"
+    yield (
+        f"    {levels.n_distinct} distinct values, {levels.outermost_fraction:.2%} at ±{levels.outermost:g}, "
+        f"rms {levels.rms:.4g}{around}"
+    )
+    if band.hash_agrees:
+        yield "    the samples have the hash that the description states"
+
+
+def _observation_lines(coverage: ObservationCoverage) -> Iterator[str]:
+    yield f"E1 observations  {coverage.file.path.name}: {coverage.file.kind}, {coverage.n_epochs} epochs"
+    if coverage.span is not None:
+        yield f"    {coverage.span[0]} to {coverage.span[1]}"
+        yield f"    satellites {' '.join(map(str, coverage.satellites)) or 'none'}"
+
+
+def _json(found: Inspection) -> dict[str, Any]:
+    uncertainty = found.description.time_uncertainty_s if found.description else float("inf")
+    return {
+        "path": str(found.path),
+        "described_in": str(found.description.path) if found.description else None,
+        "time_uncertainty_s": None if uncertainty == float("inf") else uncertainty,
+        "bands": {band.reader.band.name: _json_band(band) for band in found.bands},
+        "observations": _json_observations(found.observations),
+        "assistance": {
+            "files": [
+                {"path": str(file.path), "kind": file.kind.value, "content": file.content}
+                for file in found.assistance.files
+            ],
+            "problems": [str(problem) for problem in found.assistance.problems],
+            "recorded_segments": [
+                {"svid": segment.svid, "transmit_time": str(segment.transmit_time)}
+                for segment in found.recorded_segments
+            ],
+        },
+        "notes": list(found.notes),
+        "missing": list(found.missing),
+    }
+
+
+def _json_band(band: BandInspection) -> dict[str, Any]:
+    from vestige.recording.exact_time import exact_gst
+
+    reader, levels = band.reader, band.levels
+    file = reader.file
+    return {
+        "file": str(file.path),
+        "format": str(file.form),
+        "sample_rate_hz": file.sample_rate_hz,
+        "center_frequency_hz": file.center_frequency_hz,
+        "spectral_inversion": file.spectral_inversion,
+        "bandwidth_hz": file.bandwidth_hz,
+        "first_sample": reader.first_sample,
+        "n_samples": reader.n_samples,
+        "duration_s": reader.duration_s,
+        "start": None if file.start is None else str(file.start),
+        "start_gst": None if file.start is None else exact_gst(file.start),
+        "hash_agrees": band.hash_agrees,
+        "levels": {
+            "n_samples": levels.n_samples,
+            "deviation": levels.deviation,
+            "rms": levels.rms,
+            "mean": [levels.mean.real, levels.mean.imag],
+            "n_distinct": levels.n_distinct,
+            "outermost": levels.outermost,
+            "outermost_fraction": levels.outermost_fraction,
+            "spectral_center_hz": levels.spectral_center_hz,
+        },
+    }
+
+
+def _json_observations(coverage: ObservationCoverage | None) -> dict[str, Any] | None:
+    if coverage is None:
+        return None
+    return {
+        "file": str(coverage.file.path),
+        "kind": coverage.file.kind,
+        "n_epochs": coverage.n_epochs,
+        "span": None if coverage.span is None else [str(time) for time in coverage.span],
+        "satellites": list(coverage.satellites),
+    }

@@ -1,0 +1,82 @@
+"""`vestige`: finds the verb, runs it, turns errors into exit codes. Nothing heavy is imported before a verb runs.
+
+Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 for usage.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from vestige.errors import VestigeError
+
+# verb: module of `command`, one line of help
+VERBS = {
+    "process": ("vestige.cli.process", "Authenticate a recording: one verdict for each satellite and RECS."),
+    "inspect": ("vestige.cli.inspect", "Say what a recording or folder holds, and what is missing for ACAS."),
+    "osnma": ("vestige.cli.osnma", "Verify OSNMA messages and extract validated keys."),
+    "recs": ("vestige.cli.recs", "Look into, decrypt or make RECS files."),
+    "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),
+    "simulate": ("vestige.cli.simulate", "Write the E1 and E6 recording of a scenario."),
+    "check": ("vestige.cli.check", "Parse scenario files and print what they describe."),
+}
+
+
+class _LazyVerbs(click.Group):
+    """A group that imports a verb when it is used and knows its help line without importing it."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in VERBS:
+            return None
+        return importlib.import_module(VERBS[cmd_name][0]).command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl([(verb, line) for verb, (_, line) in VERBS.items()])
+
+
+def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        from importlib.metadata import version
+
+        click.echo(f"vestige {version('vestige')}")
+        ctx.exit()
+
+
+@click.command(cls=_LazyVerbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Print the version."
+)
+def vestige() -> None:
+    """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit."""
+    try:
+        vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except click.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except VestigeError as error:
+        click.echo(f"vestige: {error}", err=True)
+        sys.exit(1)
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        click.echo(f"vestige: {place}{error.strerror or error}", err=True)
+        sys.exit(1)
+    sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""`vestige process`: authenticate a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.records import Assistance, Measurement
+    from vestige.source import Source
+
+_path = click.Path(path_type=Path)
+# Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
+# after the first converge where whole ones would swing.
+_CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
+
+
+@click.command()
+@click.argument("recording_path", metavar="RECORDING", type=_path)
+@click.option("--assistance", "assistance_path", type=_path, help="Assistance folder [RECORDING/assistance].")
+@click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
+@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, if not in the assistance folder.")
+@click.option(
+    "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
+)
+@click.option("--level", type=click.Choice(["1"]), default="1", show_default=True, help="Mitigation level.")
+@click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
+@click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
+@click.option("--p-fa", type=click.FloatRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
+@click.option("--taps", type=click.IntRange(3, 63), default=11, show_default=True, help="Number of correlators.")
+@click.option("--tap-spacing-m", type=click.FloatRange(0.1, 100), default=15.0, show_default=True)
+@click.option("--budget", type=click.Choice(["uncorrected", "corrected"]), default="uncorrected", show_default=True)
+@click.option("--kappa", type=click.FloatRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
+@click.option("--min-pd", type=click.FloatRange(0, 1), default=0.9, show_default=True)
+@click.option("--hardware-bias-m", type=float, help="Delay of E6 minus E1 in the receiver, in m.")
+@click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
+@click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
+@click.option("--start", help="Time of the first sample, in place of the recording's own label.")
+@click.option("-o", "--output", type=_path, help="Write the verdicts to a CSV file.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")
+def command(recording_path: Path, **options: Any) -> None:
+    """Authenticate RECORDING: one verdict for each satellite and RECS.
+
+    RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
+    says it must be, and was it received before anybody could know the key?
+    """
+    from vestige.cli.options import parse_time
+    from vestige.cli.verdicts import print_json, print_table, write_csv
+    from vestige.recording.assistance import read_assistance
+    from vestige.recording.recording import open_recording
+    from vestige.recording.snapshots import RecordingSource, time_span
+
+    recording = open_recording(recording_path, start=parse_time(options["start"]))
+    folder = (
+        options["assistance_path"]
+        or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
+    )
+    report = read_assistance(
+        folder,
+        public_key=options["public_key"],
+        merkle_tree=options["merkle_tree"],
+        certificates=options["certificates"],
+        window=time_span(recording),
+        strict=options["strict"],
+    )
+    for line in (*recording.notes, *report.problems, *report.missing):
+        click.echo(f"warning: {line}", err=True)
+    source = RecordingSource(
+        recording=recording,
+        assistance=_with_bias(report.assistance, options["hardware_bias_m"]),
+        time_uncertainty_s=options["time_uncertainty"],
+        progress=lambda text: click.echo(text, err=True),
+    )
+    processor = _processor(options)
+    measurements, bias_s = _measure(processor, source, calibrate=options["calibrate"])
+    verdicts = [verdict for measurement in measurements for verdict in processor.decide(measurement)]
+    unseen = _unseen(source, measurements)
+    if options["output"]:
+        write_csv(options["output"], verdicts, measurements)
+    if options["as_json"]:
+        print_json(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+    else:
+        print_table(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+
+
+def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
+    from dataclasses import replace
+
+    from vestige.constants import SPEED_OF_LIGHT_MPS
+
+    return assistance if bias_m is None else replace(assistance, hardware_bias_e1_e6_s=bias_m / SPEED_OF_LIGHT_MPS)
+
+
+def _processor(options: dict[str, Any]) -> AcasProcessor:
+    from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+    from vestige.acas_processor.error_budget import ErrorBudget
+    from vestige.acas_processor.processor import AcasProcessor
+
+    if options["taps"] < 2 * options["spacing"] + 1:
+        raise click.UsageError(f"--spacing {options['spacing']} needs at least {2 * options['spacing'] + 1} taps")
+    spacing = options["spacing"]
+    detectors: dict[str, Detector] = {
+        "early": EarlyDetector(spacing=spacing),
+        "maximum": MaximumDetector(spacing=spacing),
+    }
+    budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
+    return AcasProcessor(
+        level=int(options["level"]),
+        detector=detectors[options["detector"]],
+        p_fa=options["p_fa"],
+        n_taps=options["taps"],
+        tap_spacing_m=options["tap_spacing_m"],
+        budget=budget(),
+        kappa=options["kappa"],
+        min_pd=options["min_pd"],
+    )
+
+
+def _measure(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[list[Measurement], float]:
+    """Return the measurements, and the hardware bias that they were made with."""
+    from dataclasses import replace
+
+    from vestige.acas_processor.calibration import MIN_SATELLITES, hardware_bias_correction_s
+    from vestige.errors import VestigeError
+
+    assistance = source.assistance
+    if not calibrate:
+        return [processor.measure(snapshot, assistance) for snapshot in source], assistance.hardware_bias_e1_e6_s
+    snapshots = list(source)
+    for step in _CALIBRATION_STEPS:
+        measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
+        correction_s = hardware_bias_correction_s(measurements)
+        if correction_s is None:
+            raise VestigeError(
+                f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
+            )
+        assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
+    measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
+    return measurements, assistance.hardware_bias_e1_e6_s
+
+
+def _unseen(source: Any, measurements: list[Measurement]) -> list[int]:
+    """Return the satellites that have RECS for this recording but are not seen on E1."""
+    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
+    return sorted(wanted - {satellite.svid for one in measurements for satellite in one.satellites})

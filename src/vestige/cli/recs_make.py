@@ -1,0 +1,76 @@
+"""`vestige recs make`: an assistance folder for a recording whose E6-C is not encrypted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+_path = click.Path(path_type=Path)
+
+
+@click.command()
+@click.option("--from-recording", "recording_path", required=True, type=_path, help="The recording.")
+@click.option("--keys", "keys_path", required=True, type=_path, help="Key file, or navigation pages (SBF, CSV).")
+@click.option("--public-key", type=_path, help="OSNMA public key (XML, PEM).")
+@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML).")
+@click.option("-o", "--output", required=True, type=_path, help="Assistance folder to write.")
+@click.option("--length-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="16", show_default=True)
+@click.option("--interval", "interval_s", type=float, default=30.0, show_default=True, help="Time between RECS in s.")
+@click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
+@click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
+@click.option("--start", help="Time of the first sample, in place of the recording's own label.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def command(
+    recording_path: Path,
+    keys_path: Path,
+    public_key: Path | None,
+    merkle_tree: Path | None,
+    output: Path,
+    length_ms: str,
+    interval_s: float,
+    kdi: int,
+    svids: str,
+    start: str | None,
+    as_json: bool,
+) -> None:
+    """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
+
+    Writes RECS, BGD (zero: not known), the keys and their trust anchor: what `vestige process --assistance` needs.
+    """
+    import json
+
+    from vestige.cli.options import parse_svids, parse_time
+    from vestige.recording.made_recs import make_assistance
+    from vestige.recording.recording import open_recording
+
+    recording = open_recording(recording_path, start=parse_time(start))
+    made = make_assistance(
+        recording,
+        keys_path=keys_path,
+        public_key=public_key,
+        merkle_tree=merkle_tree,
+        output=output,
+        duration_ms=int(length_ms),
+        interval_s=interval_s,
+        key_delay=kdi,
+        svids=parse_svids(svids),
+        progress=lambda text: click.echo(text, err=True),
+    )
+    if as_json:
+        click.echo(
+            json.dumps(
+                {
+                    "folder": str(output),
+                    "svids": sorted({segment.svid for segment in made.segments}),
+                    "transmit_times": sorted({str(segment.transmit_time) for segment in made.segments}),
+                    "key_times": sorted({str(segment.key_time) for segment in made.segments}),
+                    "files": [str(path) for path in made.files],
+                }
+            )
+        )
+        return
+    click.echo(f"{output}: {len(made.segments)} RECS of {length_ms} ms")
+    for time in sorted({segment.transmit_time for segment in made.segments}):
+        names = " ".join(f"E{segment.svid:02d}" for segment in made.segments if segment.transmit_time == time)
+        click.echo(f"  sent {time}: {names}")

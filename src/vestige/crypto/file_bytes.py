@@ -1,0 +1,50 @@
+"""Files from outside: their bytes, or one clear line that says why there are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vestige.errors import InputFileError
+
+
+def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
+    """Return the content of the regular file `path`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    at_most
+        Length in bytes from which on it cannot be what it claims to be, and is not read.
+
+    Raises
+    ------
+    InputFileError
+        If there is no such file, it is not a regular file, it cannot be read, or it is longer than `at_most`.
+    """
+    try:
+        if path.exists() and not path.is_file():  # a pipe or device would block or never end
+            raise InputFileError(path, "file", "something else", "a regular file")
+        if at_most is not None and path.stat().st_size > at_most:
+            raise InputFileError(path, "length", f"{path.stat().st_size} bytes", f"at most {at_most} bytes")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        raise InputFileError(path, "file", _reason(error), "a readable file") from error
+
+
+def list_folder(folder: Path) -> tuple[Path, ...]:
+    """Return what stands in `folder`, sorted by name.
+
+    Raises
+    ------
+    InputFileError
+        If it is not a folder or cannot be listed.
+    """
+    try:
+        return tuple(sorted(folder.iterdir()))
+    except (OSError, ValueError) as error:
+        raise InputFileError(folder, "folder", _reason(error), "a readable folder") from error
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -1,0 +1,133 @@
+"""The public keys that OSNMA's root keys are signed with, and why one of them may be trusted.
+
+A key that was read is a `ClaimedPublicKey`: it has a number and a point, and no use. It becomes a `PublicKey` in one of
+two ways: `merkle_tree.verify_public_key` shows that it is a leaf of the Merkle tree whose root the user trusts, or the
+user has nothing but the key and says with `trusted_by_user` that he vouches for it himself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
+
+from vestige.errors import AuthenticationError, UnsupportedError
+
+P256_TYPE = 1  # NPKT of ECDSA P-256/SHA-256 [OSNMA-ICD, DSM-PKR]
+POINT_BYTES = 33  # compressed point on P-256 [OSNMA-ICD, DSM-PKR]
+LEFT_OUT: Mapping[int, str] = {  # NPKT that vestige does not verify, and why
+    3: "ECDSA P-521/SHA-512: not broadcast so far, no test vector to check it with",
+    4: "OSNMA alert message: not a key",
+}
+
+
+class Trust(Enum):
+    """What the trust in a public key rests on."""
+
+    MERKLE_TREE = "verified against the Merkle tree root"
+    USER = "trusted because it was given; not checked against a Merkle tree"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClaimedPublicKey:
+    """A public key as a file or the signal claims it.
+
+    Attributes
+    ----------
+    pkid
+        Number of the key, PKID 0 … 15; None if the source does not say (PEM).
+    leaf
+        Its place among the 16 leaves of the Merkle tree; None if the source does not say.
+    point
+        Compressed point on P-256, 33 bytes.
+    """
+
+    pkid: int | None
+    leaf: int | None
+    point: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublicKey:
+    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`.
+
+    Attributes
+    ----------
+    pkid
+        Number of the key; None (only from PEM, trusted by the user) stands for any.
+    trust
+        What the trust rests on.
+    """
+
+    pkid: int | None
+    point: bytes
+    trust: Trust
+
+    def verify(self, message: bytes, signature: bytes) -> None:
+        """Check an ECDSA P-256/SHA-256 signature given as r and s.
+
+        Raises
+        ------
+        AuthenticationError
+            If `signature` is not that of `message` under this key.
+        """
+        half = len(signature) // 2
+        r, s = int.from_bytes(signature[:half], "big"), int.from_bytes(signature[half:], "big")
+        try:
+            load_point(self.point).verify(encode_dss_signature(r, s), message, ec.ECDSA(hashes.SHA256()))
+        except InvalidSignature:
+            raise AuthenticationError(f"the signature does not verify with {self}") from None
+
+    def __str__(self) -> str:
+        number = "public key" if self.pkid is None else f"public key PKID {self.pkid}"
+        return f"{number} ({self.point.hex()[:16]}…, {self.trust.value})"
+
+
+def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
+    """Return the key of a compressed point.
+
+    Raises
+    ------
+    AuthenticationError
+        If the bytes are no point on P-256.
+    """
+    try:
+        return ec.EllipticCurvePublicKey.from_encoded_point(ec.SECP256R1(), point)
+    except ValueError:
+        raise AuthenticationError(f"{point.hex()} is not a point on the curve P-256") from None
+
+
+def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
+    """Return the point of a P-256 key, 33 bytes."""
+    x, y = key.public_numbers().x, key.public_numbers().y
+    return bytes([2 + (y & 1)]) + x.to_bytes(POINT_BYTES - 1, "big")
+
+
+def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
+    """Return the key for use on the user's own word, without a Merkle tree.
+
+    Raises
+    ------
+    AuthenticationError
+        If it is no point on the curve.
+    """
+    load_point(claim.point)
+    return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)
+
+
+def require_p256(key_type: int) -> None:
+    """Check the type of a public key.
+
+    Raises
+    ------
+    UnsupportedError
+        If it is another than ECDSA P-256/SHA-256.
+    """
+    if key_type != P256_TYPE:
+        reason = LEFT_OUT.get(key_type, "reserved")
+        raise UnsupportedError(f"public key type {key_type} ({reason}); supported is 1, ECDSA P-256/SHA-256")

@@ -1,0 +1,258 @@
+"""Re-encrypted code sequences (RECS): from a file body and an OSNMA key to E6-C chips, and back.
+
+The server cuts the encrypted E6-C code that a satellite will transmit (the ECS), encrypts it once more under an OSNMA
+key that is still secret, and publishes the result, the RECS, up to a week ahead. The receiver records E6-C around the
+RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO, Sec. II-A]::
+
+    GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
+    P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
+    K_R    = SHA-256(TESLA key)                   AES-256 key
+    IV     = first 16 bytes of SHA-256(P)
+    ECS    = AES-256-CBC-decrypt(K_R, IV, RECS)   no padding scheme: bodies are whole AES blocks
+    chips  = ECS bits, most significant first; bit 0 is +1, bit 1 is -1
+
+The service's interface document is not public. These rules are those of the public reference receiver [SASLIB]; what
+remains uncertain of them is a named option: `CipherMode`, and the mapping of the key delay in `key_time`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from cryptography.hazmat.primitives.ciphers import Cipher, CipherContext
+from cryptography.hazmat.primitives.ciphers.algorithms import AES
+from cryptography.hazmat.primitives.ciphers.modes import CBC, CTR
+from jaxtyping import Int8
+
+from vestige.constants import SUBFRAME_S
+from vestige.records import ChipSequence, EncryptedSegment, ValidatedKey
+from vestige.signals.definitions import E6C
+from vestige.time import GalileoTime
+
+WEEK_MODULUS = 4096  # 12-bit week of GST_SF and of the unitary header [SASLIB]
+BLOCK_BYTES = 16  # AES
+
+
+class CipherMode(Enum):
+    """Mode of operation of AES-256.
+
+    Assumption: CBC. The two public statements disagree (one names CTR, the running code does CBC); CBC is taken because
+    bodies are padded to whole AES blocks, which CTR would not need, and because that code is reported to have worked on
+    the signal in space. CTR would take the IV as its first counter block. The wrong mode gives noise, never a wrong
+    correlation peak [SASLIB].
+    """
+
+    CBC = "cbc"
+    CTR = "ctr"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentLength:
+    """One length that a RECS may have.
+
+    Attributes
+    ----------
+    code
+        NChip field of the aggregated header.
+    duration_ms
+        E6-C primary code periods that it covers, 1 ms each.
+    n_bytes
+        Length of the body: the chips, filled up to whole AES blocks.
+    """
+
+    code: int
+    duration_ms: int
+    n_bytes: int
+
+    @property
+    def n_chips(self) -> int:
+        """Chips to correlate. The filling behind them is not known to be on air, so it is never used."""
+        return self.duration_ms * E6C.code_length
+
+
+# [SASLIB]; that the bodies are filled up to AES blocks is inferred, and exact for all five.
+LENGTHS = (
+    SegmentLength(code=0, duration_ms=1, n_bytes=640),
+    SegmentLength(code=1, duration_ms=2, n_bytes=1_280),
+    SegmentLength(code=2, duration_ms=4, n_bytes=2_560),
+    SegmentLength(code=3, duration_ms=8, n_bytes=5_120),
+    SegmentLength(code=4, duration_ms=16, n_bytes=10_240),
+)
+LENGTH_BY_CHIPS = {length.n_chips: length for length in LENGTHS}
+LENGTH_BY_BYTES = {length.n_bytes: length for length in LENGTHS}
+
+
+def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
+    """Return the start of the subframe that transmits the key of a RECS, which is the GST_SF of that key.
+
+    Assumption: KDI 0 is the key sent in the subframe in which the RECS begins, KDI 1 that of the next one [SASLIB].
+
+    Parameters
+    ----------
+    transmit_time
+        Satellite time at which the first chip leaves the satellite.
+    key_delay
+        KDI of the file, 0 or 1.
+    """
+    if key_delay not in (0, 1):
+        raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")
+    return transmit_time.subframe + key_delay * SUBFRAME_S
+
+
+def wrapping_key(key_data: bytes) -> bytes:
+    """Return K_R, the AES-256 key of a RECS: SHA-256 of the TESLA key [SASLIB]."""
+    return hashlib.sha256(key_data).digest()
+
+
+def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
+    """Return P, the 16 bytes whose hash gives the IV: GST_SF, RAND and eleven zero bytes [SASLIB].
+
+    Parameters
+    ----------
+    gst_sf
+        Start of the subframe that transmits the key; not the epoch of the RECS.
+    random_offset
+        RAND of the file, one byte.
+    """
+    if gst_sf != gst_sf.subframe:
+        raise ValueError(f"{gst_sf} is not the start of a subframe")
+    word = (gst_sf.week % WEEK_MODULUS) << 20 | gst_sf.second
+    return word.to_bytes(4, "big") + random_offset.to_bytes(1, "big") + bytes(11)
+
+
+def initialization_vector(gst_sf: GalileoTime, random_offset: int) -> bytes:
+    """Return the IV (or first counter block) of a RECS: the first 16 bytes of SHA-256(P) [SASLIB]."""
+    return hashlib.sha256(iv_preimage(gst_sf, random_offset)).digest()[:BLOCK_BYTES]
+
+
+def encrypt_body(
+    ecs: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
+) -> bytes:
+    """Return the RECS body of the packed code sequence `ecs`, which must be whole AES blocks; see `decrypt_body`."""
+    return _through(_cipher(key_data, gst_sf, random_offset, mode).encryptor(), ecs)
+
+
+def decrypt_body(
+    body: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
+) -> bytes:
+    """Return the packed code sequence (ECS) of a RECS body.
+
+    Nothing here tells whether the key was right: AES has no check value, and a wrong key gives random chips. A wrong IV
+    damages only the first 128 chips in CBC mode.
+
+    Parameters
+    ----------
+    body
+        Whole AES blocks.
+    key_data
+        TESLA key.
+    gst_sf
+        Start of the subframe that transmits the key.
+    random_offset
+        RAND of the file.
+    mode
+        Assumption on the cipher, see `CipherMode`.
+    """
+    return _through(_cipher(key_data, gst_sf, random_offset, mode).decryptor(), body)
+
+
+def pack_chips(chips: Int8[np.ndarray, " n_chips"]) -> bytes:
+    """Return chips of ±1 as bits, most significant first, +1 as 0; zero bits fill the last byte [SASLIB]."""
+    if not np.all(np.abs(chips) == 1):
+        raise ValueError("chips must be +1 or -1")
+    return np.packbits(chips < 0).tobytes()
+
+
+def unpack_chips(packed: bytes, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
+    """Return the first `n_chips` chips of ±1 that `packed` holds; the inverse of `pack_chips` [SASLIB]."""
+    if not 0 <= n_chips <= 8 * len(packed):
+        raise ValueError(f"{len(packed)} bytes do not hold {n_chips} chips")
+    bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=n_chips).view(np.int8)
+    return np.int8(1) - (bits << np.int8(1))
+
+
+def encrypt(
+    chips: ChipSequence,
+    key_data: bytes,
+    *,
+    key_delay: int = 0,
+    random_offset: int = 0,
+    mode: CipherMode = CipherMode.CBC,
+) -> EncryptedSegment:
+    """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, zero bits as filling.
+
+    Parameters
+    ----------
+    chips
+        1, 2, 4, 8 or 16 ms of E6-C.
+    key_data
+        TESLA key of the subframe that `key_time` gives. The server knows it before it is disclosed.
+    key_delay
+        KDI, 0 or 1.
+    random_offset
+        RAND, 0 or 1.
+    mode
+        Assumption on the cipher, see `CipherMode`.
+    """
+    length = LENGTH_BY_CHIPS.get(chips.chips.size)
+    if length is None:
+        raise ValueError(f"no RECS has {chips.chips.size} chips; lengths are {sorted(LENGTH_BY_CHIPS)}")
+    gst_sf = key_time(chips.transmit_time, key_delay)
+    ecs = pack_chips(chips.chips).ljust(length.n_bytes, b"\0")
+    return EncryptedSegment(
+        svid=chips.svid,
+        transmit_time=chips.transmit_time,
+        n_chips=length.n_chips,
+        cipher=encrypt_body(ecs, key_data, gst_sf, random_offset, mode),
+        key_time=gst_sf,
+        key_delay=key_delay,
+        random_offset=random_offset,
+    )
+
+
+def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = CipherMode.CBC) -> ChipSequence:
+    """Return the E6-C chips of a RECS, without the filling of its last AES block.
+
+    Parameters
+    ----------
+    segment
+        The RECS.
+    key
+        The validated key of `segment.key_time`.
+    mode
+        Assumption on the cipher, see `CipherMode`.
+
+    Raises
+    ------
+    ValueError
+        If the key is of another subframe, or the segment contradicts itself.
+    """
+    if key.time != segment.key_time:
+        raise ValueError(f"the RECS needs the key of {segment.key_time}, not that of {key.time}")
+    if segment.key_time != key_time(segment.transmit_time, segment.key_delay):
+        raise ValueError(f"key time {segment.key_time} is not that of a RECS at {segment.transmit_time}")
+    length = LENGTH_BY_BYTES.get(len(segment.cipher))
+    if length is None or length.n_chips != segment.n_chips:
+        raise ValueError(f"a RECS body of {len(segment.cipher)} bytes does not hold {segment.n_chips} chips")
+    ecs = decrypt_body(segment.cipher, key.data, segment.key_time, segment.random_offset, mode)
+    return ChipSequence(
+        svid=segment.svid,
+        transmit_time=segment.transmit_time,
+        chip_rate_hz=E6C.chip_rate_hz,
+        chips=unpack_chips(ecs, segment.n_chips),
+    )
+
+
+def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: CipherMode) -> Cipher[CBC | CTR]:
+    iv = initialization_vector(gst_sf, random_offset)
+    return Cipher(AES(wrapping_key(key_data)), CBC(iv) if mode is CipherMode.CBC else CTR(iv))
+
+
+def _through(context: CipherContext, data: bytes) -> bytes:
+    # CTR would take any length; a RECS is whole blocks in either mode.
+    if len(data) % BLOCK_BYTES:
+        raise ValueError(f"{len(data)} bytes are not whole AES blocks")
+    return context.update(data) + context.finalize()

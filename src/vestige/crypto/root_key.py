@@ -1,0 +1,87 @@
+"""The root key of a chain: the point where trust in a public key becomes trust in TESLA keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vestige.crypto.chain_parameters import ChainParameters
+from vestige.crypto.dsm import DsmKroot, NmaHeader
+from vestige.crypto.public_key import PublicKey
+from vestige.errors import AuthenticationError, VestigeError
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RootKey:
+    """A root key whose signature verifies; only `verify_root_key` makes one.
+
+    Attributes
+    ----------
+    kroot
+        The DSM-KROOT.
+    header
+        The NMA header that is signed with it.
+    time
+        Subframe of the root key: 30 s before the hour that the DSM-KROOT names.
+    public_key
+        The key that verified it.
+    """
+
+    kroot: DsmKroot
+    header: NmaHeader
+    time: GalileoTime
+    public_key: PublicKey
+
+    @property
+    def chain_id(self) -> int:
+        """CIDKR."""
+        return self.kroot.chain_id
+
+    @property
+    def parameters(self) -> ChainParameters:
+        """Parameters of the chain."""
+        return self.kroot.parameters
+
+    @property
+    def data(self) -> bytes:
+        """The key."""
+        return self.kroot.root_key
+
+
+def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
+    """Return the root key, because its signature and its padding verify [OSNMA-ICD, 6.3].
+
+    Parameters
+    ----------
+    kroot
+        The DSM-KROOT.
+    header
+        The NMA header that was broadcast with it.
+    public_keys
+        The keys that may have signed it; the one with its PKID is used.
+    near
+        A time within 2048 weeks of the root key, which counts weeks modulo 4096: the time of reception.
+
+    Raises
+    ------
+    AuthenticationError
+        If signature or padding are wrong.
+    VestigeError
+        If the key that signed it is not among those given.
+    """
+    candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
+    if not candidates:
+        raise VestigeError(f"the root key is signed with PKID {kroot.public_key_id}, which was not given")
+    message = kroot.signed_message(header)
+    for number, public_key in enumerate(candidates, start=1):
+        try:
+            public_key.verify(message, kroot.signature)
+        except AuthenticationError:
+            if number == len(candidates):
+                raise
+        else:
+            break
+    if kroot.padding != kroot.expected_padding(header):
+        raise AuthenticationError(f"the padding is {kroot.padding.hex()}, not {kroot.expected_padding(header).hex()}")
+    return RootKey(kroot=kroot, header=header, time=kroot.root_time(near), public_key=public_key)

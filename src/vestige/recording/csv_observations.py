@@ -1,0 +1,127 @@
+"""E1 observations as CSV: one line a satellite and epoch, the units in the column names, no digit lost.
+
+The first line names the columns, in any order::
+
+    gst_week,gst_second,svid,pseudorange_m,carrier_phase_cycles,doppler_hz,doppler_rate_hz_per_s,cn0_dbhz,cycle_slip
+    1161,348018.5,3,24563187.25,129081234.0625,-993.0,-0.41,45.1,0
+
+Required are the time, the satellite and the pseudorange; the other columns, or single values, may be missing. Lines of
+one epoch stand together, epochs in time order. `cycle_slip` 1 says that the carrier phase is not continuous with the
+epoch before.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from vestige.errors import InputFileError
+from vestige.recording.exact_time import exact_second
+from vestige.recording.observation_epoch import LIMITS, ObservationEpoch, check_order, checked, checked_svid
+from vestige.recording.text_lines import numbered_lines
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+REQUIRED = ("gst_week", "gst_second", "svid", "pseudorange_m")
+COLUMNS = ("gst_week", "gst_second", "svid", *LIMITS, "cycle_slip")
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+_WHOLE = re.compile(r"\d{1,6}", re.ASCII)
+_SECOND = re.compile(r"\d{1,6}(\.\d+)?", re.ASCII)
+
+
+def is_csv_observations(first_line: str) -> bool:
+    """Return whether the first line of a file is the header of such a table."""
+    return {"gst_week", "svid", "pseudorange_m"} <= {name.strip() for name in first_line.split(",")}
+
+
+def read_csv_observations(path: Path) -> Iterator[ObservationEpoch]:
+    """Yield the epochs of the file in time order, one at a time.
+
+    Raises
+    ------
+    InputFileError
+        If a line does not hold what the header says, a value cannot be measured, a satellite comes twice in an epoch,
+        or time does not advance.
+    """
+    lines = numbered_lines(path)
+    columns = _columns(path, next(lines, (1, ""))[1])
+    time: GalileoTime | None = None
+    observations: dict[int, E1Observation] = {}
+    slipped: set[int] = set()
+    for number, line in lines:
+        if not line.strip():
+            continue
+        values = [value.strip() for value in line.split(",")]
+        if len(values) != len(columns):
+            raise InputFileError(path, f"line {number}", f"{len(values)} values", f"{len(columns)} values")
+        row = dict(zip(columns, values, strict=True))
+        row_time = _time(path, number, row)
+        if row_time != time:
+            check_order(path, number, time, row_time)
+            if time is not None:
+                yield ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
+            time, observations, slipped = row_time, {}, set()
+        svid = checked_svid(path, number, row["svid"])
+        if svid in observations:
+            raise InputFileError(path, f"line {number}: svid", svid, "each satellite once an epoch")
+        observations[svid] = E1Observation(svid=svid, **{name: _value(path, number, name, row) for name in LIMITS})
+        if _slip(path, number, row.get("cycle_slip", "")):
+            slipped.add(svid)
+    if time is not None:
+        yield ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
+
+
+def write_csv_observations(path: Path, epochs: Iterable[ObservationEpoch]) -> None:
+    """Write epochs, in time order, so that reading gives back the same bits."""
+    with path.open("w", encoding="ascii", newline="\n") as stream:
+        stream.write(",".join(COLUMNS) + "\n")
+        for epoch in epochs:
+            for svid in sorted(epoch.observations):
+                fields = [getattr(epoch.observations[svid], name) for name in LIMITS]
+                values = ["" if math.isnan(value) else repr(float(value)) for value in fields]
+                slip = str(int(svid in epoch.slipped))
+                stream.write(
+                    ",".join([str(epoch.time.week), exact_second(epoch.time), str(svid), *values, slip]) + "\n"
+                )
+
+
+def _columns(path: Path, line: str) -> list[str]:
+    columns = [name.strip() for name in line.split(",")]
+    for name in REQUIRED:
+        if name not in columns:
+            raise InputFileError(path, "line 1", line, f"column names with {name}")
+    for name in columns:
+        if name not in COLUMNS:
+            raise InputFileError(path, "line 1: column", name, f"one of {', '.join(COLUMNS)}")
+        if columns.count(name) > 1:
+            raise InputFileError(path, "line 1: column", f"{name} twice", "each column once")
+    return columns
+
+
+def _time(path: Path, number: int, row: dict[str, str]) -> GalileoTime:
+    week, second = row["gst_week"], row["gst_second"]
+    if not _WHOLE.fullmatch(week) or not _SECOND.fullmatch(second):
+        raise InputFileError(path, f"line {number}: gst_week, gst_second", f"{week}, {second}", "a week and a second")
+    try:
+        return GalileoTime.parse(f"{week}:{second}")
+    except ValueError as error:
+        expected = "a second of the week, 0 to 604800"
+        raise InputFileError(path, f"line {number}: gst_second", f"{week}:{second}", expected) from error
+
+
+def _value(path: Path, number: int, name: str, row: dict[str, str]) -> float:
+    text = row.get(name, "")
+    if not text and name not in REQUIRED:
+        return math.nan
+    if not _NUMBER.fullmatch(text):
+        raise InputFileError(path, f"line {number}: {name}", text or "nothing", "a number")
+    return checked(path, number, name, float(text))
+
+
+def _slip(path: Path, number: int, text: str) -> bool:
+    if text not in ("", "0", "1"):
+        raise InputFileError(path, f"line {number}: cycle_slip", text, "0 or 1")
+    return text == "1"

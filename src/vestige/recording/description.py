@@ -1,0 +1,146 @@
+"""What a recording is, before a sample of it is read: which file holds which band, in which format, from when on.
+
+A recording has up to two bands, sampled by one clock and numbered by one counter: sample 0 of both bands is the same
+moment, and sample n of a band is n sampling intervals of that band later. A file may start at any number
+(`first_sample`), so two front ends that started at different moments still share the counter.
+
+`center_frequency_hz` is the radio frequency that stands at 0 Hz in the *stored* samples. A real IF recording with a
+local oscillator at 1572.42 MHz has 1572.42e6 there and finds E1 at +3 MHz.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
+from vestige.errors import InputFileError
+from vestige.recording.exact_time import later
+from vestige.recording.sample_format import SampleFormat
+from vestige.records import Band
+from vestige.time import GalileoTime
+
+CARRIER_HZ = {Band.E1: E1_CARRIER_HZ, Band.E6: E6_CARRIER_HZ}
+
+# What a value in a description may be; beyond it is a slip of the pen, not a receiver.
+SAMPLE_RATE_HZ = (1e5, 1e10)
+FIRST_SAMPLE = (0, 1 << 53)  # 28 years at 10 MHz
+TIME_UNCERTAINTY_S = (0.0, 1e6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandFile:
+    """The sample file of one band.
+
+    Attributes
+    ----------
+    path
+        The file with the samples.
+    described_in
+        The file that says so; errors about the description name it.
+    center_frequency_hz
+        Radio frequency in Hz that stands at 0 Hz in the stored samples.
+    spectral_inversion
+        Whether the stored spectrum is turned round; reading undoes it.
+    first_sample
+        Number of the file's first sample on the counter that the bands share.
+    start
+        Time of the file's first sample on the receiver's clock; None if nothing tells.
+    bandwidth_hz
+        Two-sided bandwidth of the front end in Hz; None if not stated.
+    header_bytes, trailing_bytes
+        Bytes before the first and after the last sample.
+    stated_samples
+        How many samples the description claims; None if it does not.
+    sha512
+        Hash of the file that the description claims, as lower-case hex; None if it does not.
+    """
+
+    band: Band
+    path: Path
+    described_in: Path
+    form: SampleFormat
+    sample_rate_hz: float
+    center_frequency_hz: float
+    spectral_inversion: bool = False
+    first_sample: int = 0
+    start: GalileoTime | None = None
+    bandwidth_hz: float | None = None
+    header_bytes: int = 0
+    trailing_bytes: int = 0
+    stated_samples: int | None = None
+    sha512: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingDescription:
+    """Everything that is known of a recording before its samples are read.
+
+    Attributes
+    ----------
+    path
+        The file that describes the recording, or the folder that holds it.
+    bands
+        The sample file of each band that there is.
+    time_uncertainty_s
+        Bound on the error of the receiver's clock against Galileo System Time in s; infinite if not stated.
+    observations
+        File with E1 observations, or None.
+    notes
+        What a person should know, one line each.
+    """
+
+    path: Path
+    bands: Mapping[Band, BandFile]
+    time_uncertainty_s: float = math.inf
+    observations: Path | None = None
+    notes: tuple[str, ...] = ()
+
+
+def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
+    """Return the band whose carrier lies in the sampled spectrum (the nearest one), or None."""
+    band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
+    return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
+
+
+def sample_file(described_in: Path, place: str, name: str) -> Path:
+    """Return the path of a file that a description names, relative to the description.
+
+    Raises
+    ------
+    InputFileError
+        If there is no regular file of that name.
+    """
+    path = described_in.parent / name
+    try:
+        if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116  (Path.is_file lets some errors through)
+            return path
+        found = f"{name}, which is not a regular file"
+    except (OSError, ValueError):  # no such file, or a name that no file can have
+        found = f"{name}, which is not there"
+    raise InputFileError(described_in, place, found, "the name of a file")
+
+
+def counter_seconds(band: BandFile) -> Fraction:
+    """Return the time from sample 0 of the counter to the file's first sample, in s, exactly."""
+    return Fraction(band.first_sample) / Fraction(band.sample_rate_hz)
+
+
+def redated(description: RecordingDescription, start: GalileoTime) -> RecordingDescription:
+    """Return the recording with its earliest sample at `start`; the distance of the bands follows from the counter."""
+    if not description.bands:
+        return description
+    earliest = min(description.bands.values(), key=counter_seconds)
+    return replace(
+        description, bands={band: started(file, start, earliest) for band, file in description.bands.items()}
+    )
+
+
+def started(file: BandFile, start: GalileoTime, reference: BandFile) -> BandFile:
+    """Return `file` with the start that follows from the counter when the first sample of `reference` is at `start`."""
+    return replace(file, start=later(start, counter_seconds(file) - counter_seconds(reference)))

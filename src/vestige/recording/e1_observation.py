@@ -1,0 +1,78 @@
+"""E1 observations out of E1 samples, for recordings without an observation file.
+
+`measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code.
+Satellites in view differ by less than 25 ms in travel time, so their times of transmission are placed together; the
+common multiple of 100 ms is the one that puts the median travel time nearest to that of a medium orbit. That is right
+as long as the recording's time label is within ±`LABEL_TOLERANCE_S` of the truth. A receiver with a tracking loop
+reads the time of week from I/NAV instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.records import E1Observation, SampleBatch
+from vestige.sample_processor.acquisition import acquire
+from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
+from vestige.time import GalileoTime
+
+SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
+MEDIAN_TRAVEL_TIME_S = 0.086  # Galileo, 29,600 km orbits: 77.5 ms at the zenith, 95 ms at 5° elevation
+LABEL_TOLERANCE_S = 0.05  # half the secondary code period, less the spread of the median
+MIN_SECONDARY_MARGIN_DB = 1.0  # CS25's own second-best phase is 5.6 dB down; noise eats the rest
+
+
+def observe(
+    batch: SampleBatch, svids: Iterable[int], *, progress: Callable[[int], None] | None = None
+) -> tuple[GalileoTime, dict[int, E1Observation]]:
+    """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
+
+    Parameters
+    ----------
+    batch
+        E1 samples, best 100 ms.
+    svids
+        Satellites to look for.
+    progress
+        Called with each satellite's number when it has been looked for.
+    """
+    acquired = acquire(batch, svids, progress=progress)
+    measured = [found for found in (measure_e1(batch, one) for one in acquired) if found is not None]
+    kept = {one.svid: one for one in measured if one.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB}
+    middle = batch.start + batch.samples.size / batch.sample_rate_hz / 2
+    travel_s = place_travel_times({svid: (one.time.fraction - one.transmit_phase_s) for svid, one in kept.items()})
+    return middle, {svid: _at(one, travel_s[svid], middle) for svid, one in kept.items()}
+
+
+def place_travel_times(phases_s: Mapping[int, float]) -> dict[int, float]:
+    """Return travel times out of travel times modulo 100 ms, with one multiple for all satellites, in s.
+
+    Parameters
+    ----------
+    phases_s
+        Reception minus transmission modulo 100 ms by SVID, in s.
+    """
+    if not phases_s:
+        return {}
+    turns = 2 * np.pi * np.array(list(phases_s.values())) / SECONDARY_PERIOD_S
+    mean = np.angle(np.sum(np.exp(1j * turns)))
+    together = mean + np.angle(np.exp(1j * (turns - mean)))  # within half a period of their circular mean
+    travel = together / (2 * np.pi) * SECONDARY_PERIOD_S
+    shift = round((MEDIAN_TRAVEL_TIME_S - float(np.median(travel))) / SECONDARY_PERIOD_S)
+    return {svid: float(time) for svid, time in zip(phases_s, travel + shift * SECONDARY_PERIOD_S, strict=True)}
+
+
+def _at(one: E1Snapshot, travel_s: float, time: GalileoTime) -> E1Observation:
+    """Return the observation moved from the time of its measurement to `time`."""
+    wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+    return E1Observation(
+        svid=one.svid,
+        pseudorange_m=travel_s * SPEED_OF_LIGHT_MPS - wavelength_m * one.doppler_hz * (time - one.time),
+        carrier_phase_cycles=float("nan"),
+        doppler_hz=one.doppler_hz,
+        doppler_rate_hz_per_s=0.0,
+        cn0_dbhz=one.cn0_dbhz,
+    )

@@ -1,0 +1,37 @@
+"""Times of samples, and times as text, without loss.
+
+A counter of 10¹¹ samples divided by its rate is a float that steps by a nanosecond, that is 30 cm. So the whole seconds
+are split off in exact arithmetic first, and only the fraction is rounded, once.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from vestige.time import GalileoTime
+
+
+def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
+    """Return the time exactly `seconds` after `start` (before it, if negative), its fraction rounded once."""
+    if not seconds:
+        return start
+    whole, rest = divmod(seconds + Fraction(start.fraction), 1)
+    return GalileoTime.normalized(start.week, start.second + whole, float(rest))
+
+
+def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> GalileoTime:
+    """Return the time `count` samples after `start` at a rate in Hz that is read as the exact value of the float."""
+    return later(start, Fraction(count) / Fraction(sample_rate_hz))
+
+
+def exact_second(time: GalileoTime) -> str:
+    """Return the second of the week with the shortest fraction that reads back as the same float: `348018.1`."""
+    digits = np.format_float_positional(time.fraction, unique=True, trim="-")
+    return str(time.second) + digits.removeprefix("0")
+
+
+def exact_gst(time: GalileoTime) -> str:
+    """Return `WEEK:SECOND` that `GalileoTime.parse` reads back as exactly the same time."""
+    return f"{time.week}:{exact_second(time)}"

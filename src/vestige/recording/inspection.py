@@ -1,0 +1,231 @@
+"""What is in a recording, and what is missing before ACAS can authenticate it.
+
+ACAS needs, for one verdict: E6 samples that hold a RECS, the RECS itself, the OSNMA key that decrypts it, E1 (samples
+or observations) to tell where in E6 to look, the group delay of the satellite, and a receiver clock that is provably
+right to better than the time between the reception and the disclosure of the key, 30 s for a key delay of one
+subframe [WFO, Sec. III-D].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from vestige.constants import SUBFRAME_S
+from vestige.recording.assistance import AssistanceFolder, read_assistance
+from vestige.recording.assistance_files import Kind
+from vestige.recording.description import CARRIER_HZ, RecordingDescription, redated
+from vestige.recording.levels import Levels, levels
+from vestige.recording.observations import ObservationFile, kind_of, open_observations
+from vestige.recording.recording import describe_recording, find_observations, find_recording
+from vestige.recording.samples import SampleReader, open_samples
+from vestige.recording.snapshots import TRAVEL_TIME_S
+from vestige.records import Band, EncryptedSegment
+from vestige.time import GalileoTime
+
+FEW_VALUES = 16  # distinct values of a front end of at most 4 bits, whose outermost values are no clipping
+CLIPPING = 0.01  # fraction of components at the outermost value from which on it distorts
+CENTER_TOLERANCE = 0.25  # of the sampling rate between the pass band's centre and the carrier
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandInspection:
+    """The samples of one band and what the first of them look like; `hash_agrees` is None if not checked or stated."""
+
+    reader: SampleReader
+    levels: Levels
+    hash_agrees: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationCoverage:
+    """What a file of E1 observations covers: `span` is from the first to the last epoch, None if there is none."""
+
+    file: ObservationFile
+    n_epochs: int
+    span: tuple[GalileoTime, GalileoTime] | None
+    satellites: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inspection:
+    """What is there.
+
+    Attributes
+    ----------
+    description
+        The recording, or None if the path holds no samples.
+    recorded_segments
+        The RECS that can be in the E6 samples.
+    assistance
+        What the assistance folder holds.
+    notes
+        What is odd, one line each.
+    missing
+        What ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says
+        of itself.
+    """
+
+    path: Path
+    description: RecordingDescription | None
+    bands: tuple[BandInspection, ...]
+    observations: ObservationCoverage | None
+    assistance: AssistanceFolder
+    recorded_segments: tuple[EncryptedSegment, ...]
+    notes: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def inspect_recording(
+    path: Path,
+    *,
+    start: GalileoTime | None = None,
+    time_uncertainty_s: float | None = None,
+    assistance: Path | None = None,
+    public_key: Path | None = None,
+    merkle_tree: Path | None = None,
+    check_hash: bool = False,
+) -> Inspection:
+    """Return what is at `path`, a recording, an observation file or a folder, and what is missing for ACAS.
+
+    Parameters
+    ----------
+    start
+        Receiver-clock time of the earliest sample, in place of the recording's time labels.
+    time_uncertainty_s
+        Bound on the receiver clock's error, in place of the recording's own.
+    assistance
+        Folder with RECS, keys and so on; by default the folder of the recording with its subfolders.
+    public_key, merkle_tree
+        What OSNMA keys must lead to, in place of what the assistance folder holds.
+    check_hash
+        Compare sample files with the hashes in their descriptions, which reads all of them.
+
+    Raises
+    ------
+    InputFileError, UnsupportedError
+        If there is nothing at `path` that can be read, or its description, samples or observations are not usable.
+    """
+    description, observation_path = _find(path)
+    if description is not None and start is not None:
+        description = redated(description, start)
+    if description is not None and time_uncertainty_s is not None:
+        description = replace(description, time_uncertainty_s=time_uncertainty_s)
+    bands = tuple(_bands(description, check_hash))
+    coverage = None if observation_path is None else _coverage(open_observations(observation_path))
+    folder = assistance or (path if path.is_dir() else path.parent)
+    span = _span(bands)
+    helping = read_assistance(
+        folder,
+        public_key=public_key,
+        merkle_tree=merkle_tree,
+        window=_transmission(span),
+        reference=None if span is None else span[0],
+    )
+    return Inspection(
+        path=path,
+        description=description,
+        bands=bands,
+        observations=coverage,
+        assistance=helping,
+        recorded_segments=() if span is None else helping.assistance.segments,
+        notes=(*(description.notes if description else ()), *_notes(bands)),
+        missing=tuple(_missing(description, bands, coverage, helping)),
+    )
+
+
+def _find(path: Path) -> tuple[RecordingDescription | None, Path | None]:
+    """Return the recording and the observation file at a path, one of which may be None."""
+    if path.is_file() and kind_of(path) is not None:
+        return None, path
+    if path.is_dir() and find_recording(path) is None:
+        return None, find_observations(path)
+    description = describe_recording(path)
+    return description, description.observations
+
+
+def _bands(description: RecordingDescription | None, check_hash: bool) -> Iterator[BandInspection]:
+    files = {} if description is None else description.bands
+    for band in Band:
+        if band in files:
+            reader = open_samples(files[band])
+            agrees = reader.hash_agrees() if check_hash else None
+            yield BandInspection(reader=reader, levels=levels(reader), hash_agrees=agrees)
+
+
+def _coverage(file: ObservationFile) -> ObservationCoverage:
+    count, span, satellites = 0, None, set[int]()
+    for epoch in file:
+        count += 1
+        span = (epoch.time if span is None else span[0], epoch.time)
+        satellites |= epoch.observations.keys()
+    return ObservationCoverage(file=file, n_epochs=count, span=span, satellites=tuple(sorted(satellites)))
+
+
+def _span(bands: tuple[BandInspection, ...]) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return the receiver-clock times of the first and last E6 sample, if they are known."""
+    e6 = next((band.reader for band in bands if band.reader.band is Band.E6), None)
+    if e6 is None or e6.file.start is None:
+        return None
+    return e6.start, e6.start + e6.duration_s
+
+
+def _transmission(span: tuple[GalileoTime, GalileoTime] | None) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return the first and last time of transmission of a segment that can reach the receiver within `span`."""
+    if span is None or span[0] < GalileoTime(0, 1):  # before it, there is no Galileo time
+        return span
+    return span[0] + -TRAVEL_TIME_S[1], span[1] + -TRAVEL_TIME_S[0]
+
+
+def _notes(bands: tuple[BandInspection, ...]) -> Iterator[str]:
+    for band in bands:
+        reader, found = band.reader, band.levels
+        name = reader.file.path.name
+        yield from reader.notes
+        if band.hash_agrees is False:
+            yield f"{name} does not have the SHA-512 that its description states: the samples were changed"
+        if found.deviation == 0:
+            yield f"{name}: all samples are equal: the front end is dead, or the format is another"
+        elif found.n_distinct > FEW_VALUES and found.outermost_fraction > CLIPPING:
+            yield f"{name}: {found.outermost_fraction:.1%} of the values are ±{found.outermost:g}: the samples clip"
+        center, carrier = found.spectral_center_hz, CARRIER_HZ[reader.band]
+        if center is not None and abs(center - carrier) > CENTER_TOLERANCE * reader.file.sample_rate_hz:
+            yield (
+                f"{name}: the pass band lies around {center / 1e6:.2f} MHz, far from the carrier: "
+                "check center_frequency_hz and spectral_inversion"
+            )
+
+
+def _missing(
+    description: RecordingDescription | None,
+    bands: tuple[BandInspection, ...],
+    coverage: ObservationCoverage | None,
+    assistance: AssistanceFolder,
+) -> Iterator[str]:
+    there = {band.reader.band: band.reader for band in bands}
+    if Band.E6 not in there:
+        yield "no E6 samples: ACAS correlates E6-C"
+    if Band.E1 not in there and (coverage is None or coverage.n_epochs == 0):
+        yield "no E1: neither samples nor observations tell where in E6 to look"
+    if any(reader.file.start is None for reader in there.values()):
+        yield "no start time: neither the description nor a --start tells when the samples were taken"
+    if description is not None:
+        yield from _missing_time(description.time_uncertainty_s)
+    span = _span(bands)
+    if span is not None:
+        seen = None if coverage is None else coverage.span
+        if coverage is not None and seen is not None and (seen[1] < span[0] or span[1] < seen[0]):
+            yield f"no observations of this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
+        if not assistance.assistance.segments and any(file.kind is Kind.RECS for file in assistance.files):
+            yield f"no RECS of this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
+    yield from assistance.missing
+
+
+def _missing_time(uncertainty_s: float) -> Iterator[str]:
+    rule = f"it must be below {SUBFRAME_S} s, or nobody knows that E6 was received before the key was public"
+    if math.isinf(uncertainty_s):
+        yield f"no time uncertainty: the bound on the receiver clock's error is not stated; {rule}"
+    elif uncertainty_s >= SUBFRAME_S:
+        yield f"no sure time: the receiver clock may be wrong by {uncertainty_s:g} s; {rule}"

@@ -1,0 +1,96 @@
+"""What the first samples of a recording look like: enough to see a wrong format, a dead front end, a wrong frequency.
+
+The numbers are of the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit front
+end has 4 distinct values and a third of its samples at the outermost ones; an 8-bit one has many values and next to
+none there, unless it clips. The spectral centre is where the front end's pass band lies: the mean frequency of the
+power above the flat floor that quantisation and image leave, as a radio frequency. For real samples the half of the
+spectrum that holds the band's carrier is looked at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+from jaxtyping import Complex64
+
+from vestige.recording.description import CARRIER_HZ
+from vestige.recording.samples import SampleReader
+
+LOOKED_AT = 1 << 20  # samples
+SEGMENT = 1024  # samples of one spectrum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Levels:
+    """Statistics of the first samples.
+
+    Attributes
+    ----------
+    n_samples
+        Samples looked at.
+    rms
+        Root mean square of the components.
+    mean
+        Their mean, complex for complex samples.
+    deviation
+        Standard deviation of the samples (both components together).
+    n_distinct
+        Distinct values of the components.
+    outermost
+        Largest magnitude of a component.
+    outermost_fraction
+        Fraction of the components that have it: the clipping, if there are many distinct values.
+    spectral_center_hz
+        Centre of the pass band as a radio frequency in Hz; None for too few samples, or none that differ.
+    """
+
+    n_samples: int
+    rms: float
+    mean: complex
+    deviation: float
+    n_distinct: int
+    outermost: float
+    outermost_fraction: float
+    spectral_center_hz: float | None
+
+
+def levels(reader: SampleReader, *, at_most: int = LOOKED_AT) -> Levels:
+    """Return the statistics of the first `at_most` samples.
+
+    Raises
+    ------
+    InputFileError
+        If they cannot be read, or are not finite numbers.
+    """
+    samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
+    components = samples.view(np.float32) if reader.file.form.is_complex else samples.real
+    magnitudes = np.abs(components)
+    return Levels(
+        n_samples=len(samples),
+        rms=float(np.sqrt(np.mean(components.astype(np.float64) ** 2))),
+        mean=complex(np.mean(samples, dtype=np.complex128)),
+        deviation=float(np.std(samples.astype(np.complex128))),
+        n_distinct=len(np.unique(components)),
+        outermost=float(magnitudes.max()),
+        outermost_fraction=float(np.mean(magnitudes == magnitudes.max())),
+        spectral_center_hz=_spectral_center(reader, samples),
+    )
+
+
+def _spectral_center(reader: SampleReader, samples: Complex64[np.ndarray, " n_samples"]) -> float | None:
+    file = reader.file
+    if len(samples) < SEGMENT:
+        return None
+    segments = samples[: len(samples) // SEGMENT * SEGMENT].reshape(-1, SEGMENT)
+    window = np.hanning(SEGMENT).astype(np.float32)
+    power = np.mean(np.abs(scipy.fft.fft((segments - np.mean(samples)) * window, axis=1)) ** 2, axis=0)
+    frequency = file.center_frequency_hz + scipy.fft.fftfreq(SEGMENT, 1 / file.sample_rate_hz)
+    if not file.form.is_complex:
+        upper = CARRIER_HZ[file.band] >= file.center_frequency_hz
+        half = (frequency >= file.center_frequency_hz) == upper
+        power, frequency = power[half], frequency[half]
+    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # twice: the floor's own scatter stays below
+    total = float(above.sum())
+    return float((above * frequency).sum() / total) if total > 0 else None

@@ -1,0 +1,80 @@
+"""One epoch of E1 observations as it stands in a file, and what a value in such a file may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.constants import MAX_SVID
+from vestige.errors import InputFileError
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+# Beyond these a number is garbage. Pseudoranges hold the receiver's clock error, of up to minutes.
+LIMITS = {
+    "pseudorange_m": (-1e11, 1e11),
+    "carrier_phase_cycles": (-1e12, 1e12),
+    "doppler_hz": (-1e6, 1e6),
+    "doppler_rate_hz_per_s": (-1e6, 1e6),
+    "cn0_dbhz": (-50.0, 100.0),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationEpoch:
+    """E1 observations of one moment.
+
+    Attributes
+    ----------
+    time
+        Receiver-clock time of the observations.
+    observations
+        By SVID. Whatever but the pseudorange was not measured is NaN.
+    slipped
+        Satellites whose carrier phase is not continuous with the epoch before.
+    """
+
+    time: GalileoTime
+    observations: Mapping[int, E1Observation]
+    slipped: frozenset[int] = frozenset()
+
+
+def checked(path: Path, line: int, name: str, value: float) -> float:
+    """Return the value of an observation field if it is one that a receiver can measure.
+
+    Raises
+    ------
+    InputFileError
+        If it lies outside `LIMITS`.
+    """
+    low, high = LIMITS[name]
+    if not low <= value <= high:
+        raise InputFileError(path, f"line {line}: {name}", value, f"a number from {low:g} to {high:g}")
+    return value
+
+
+def checked_svid(path: Path, line: int, text: str) -> int:
+    """Return a Galileo space vehicle identifier.
+
+    Raises
+    ------
+    InputFileError
+        If `text` is not an integer from 1 to 36.
+    """
+    text = text.strip()
+    if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= MAX_SVID):
+        raise InputFileError(path, f"line {line}: svid", text, f"a Galileo satellite, 1 to {MAX_SVID}")
+    return int(text)
+
+
+def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
+    """Check that an epoch is later than the one before it.
+
+    Raises
+    ------
+    InputFileError
+        If it is not.
+    """
+    if before is not None and time <= before:
+        raise InputFileError(path, f"line {line}: time", str(time), f"a time after {before}")

@@ -1,0 +1,118 @@
+"""E1 observation files of any kind, and the observations at any time.
+
+What a file is follows from its first line. Files are read forward, an epoch at a time, so a day of them needs no more
+memory than a minute.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.errors import InputFileError
+from vestige.recording.csv_observations import is_csv_observations, read_csv_observations
+from vestige.recording.interpolation import interpolate
+from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.rinex_observations import is_rinex_observations, read_rinex_observations
+from vestige.recording.text_lines import numbered_lines
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+# kind: (does the first line say so, how to read it)
+KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], Iterator[ObservationEpoch]]]] = {
+    "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), read_rinex_observations),
+    "CSV": (is_csv_observations, read_csv_observations),
+}
+
+GAP_INTERVALS = 2  # an epoch may be missing; more is a new track
+INTERVAL_EPOCHS = 16  # looked at to learn the interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationFile:
+    """A file of E1 observations; iterate over it, as often as you like, for its epochs in time order."""
+
+    path: Path
+    kind: str
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        """Yield the epochs; raises as the reader of its kind."""
+        return KINDS[self.kind][1](self.path)
+
+
+def kind_of(path: Path) -> str | None:
+    """Return which kind of observation file `path` is, or None if it is none."""
+    try:
+        line = next(numbered_lines(path), (1, ""))[1]
+    except InputFileError:
+        return None
+    return next((kind for kind, (recognise, _) in KINDS.items() if recognise(line)), None)
+
+
+def open_observations(path: Path) -> ObservationFile:
+    """Return the observation file at `path`.
+
+    Raises
+    ------
+    InputFileError
+        If its first line is not that of RINEX observations or of a CSV table of observations.
+    """
+    kind = kind_of(path)
+    if kind is None:
+        line = next(numbered_lines(path), (1, "an empty file"))[1]
+        raise InputFileError(path, "line 1", line, "RINEX observations, or CSV with gst_week, gst_second, svid, …")
+    return ObservationFile(path=path, kind=kind)
+
+
+class ObservationTrack:
+    """E1 observations at any time out of a file. Times that advance read it once; a time before starts again.
+
+    Parameters
+    ----------
+    file
+        The observations.
+    max_gap_s
+        Longest time in s over which to interpolate; by default twice the interval of the first epochs.
+    """
+
+    def __init__(self, file: ObservationFile, *, max_gap_s: float | None = None) -> None:
+        self._file = file
+        self._restart()
+        if max_gap_s is None:
+            lead = itertools.islice(iter(file), INTERVAL_EPOCHS)
+            steps = [after.time - before.time for before, after in itertools.pairwise(lead)]
+            max_gap_s = GAP_INTERVALS * statistics.median(steps) + 1e-6 if steps else 0.0
+        self.max_gap_s = max_gap_s
+
+    def _restart(self) -> None:
+        self._epochs: Iterator[ObservationEpoch] = iter(self._file)
+        self._window: deque[ObservationEpoch] = deque()
+        self._dropped: GalileoTime | None = None
+
+    def at(self, time: GalileoTime) -> dict[int, E1Observation]:
+        """Return the observations at a receiver-clock time by SVID; see `interpolation` for the method.
+
+        Raises
+        ------
+        InputFileError
+            If the file is bad as far as it has to be read for this.
+        """
+        reach = 2 * self.max_gap_s  # neighbours of the two epochs around `time` fill in what they lack
+        if self._dropped is not None and time - self._dropped <= reach:
+            self._restart()
+        while not self._window or self._window[-1].time - time <= reach:
+            epoch = next(self._epochs, None)
+            if epoch is None:
+                break
+            self._window.append(epoch)
+            self._drop_before(time, reach)
+        self._drop_before(time, reach)
+        return interpolate(tuple(self._window), time, max_gap_s=self.max_gap_s)
+
+    def _drop_before(self, time: GalileoTime, reach: float) -> None:
+        while self._window and time - self._window[0].time > reach:
+            self._dropped = self._window.popleft().time

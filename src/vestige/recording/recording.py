@@ -1,0 +1,185 @@
+"""A recording, opened: its samples by band and time, and its E1 observations.
+
+What a recording may be:
+
+* a folder with a `recording.toml`, or that file (raw samples, described by hand);
+* a folder with a `.sigmf-collection`, or that file;
+* a folder with one `.sigmf-meta` for each band, or one such file.
+
+In a folder the first of these that is there counts. Observations lie in the same folder (RINEX or CSV, told by their
+first line) or are named in `recording.toml`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from vestige.errors import InputFileError, UnsupportedError
+from vestige.recording.description import RecordingDescription, redated
+from vestige.recording.observations import ObservationFile, kind_of, open_observations
+from vestige.recording.recording_toml import NAME, read_recording_toml
+from vestige.recording.samples import SampleReader, open_samples
+from vestige.recording.sigmf_file import ARCHIVE, COLLECTION, DATA, META, read_collection, read_sigmf
+from vestige.records import Band, SampleBatch
+from vestige.time import GalileoTime
+
+OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
+SAMPLE_TOLERANCE = 1e-3  # of a sampling interval: a time that is this near to a sample is that sample's
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """A recording whose samples can be read.
+
+    Attributes
+    ----------
+    description
+        What is known without reading samples; `time_uncertainty_s` is infinite if nothing states it.
+    e1, e6
+        The samples of the bands, or None. `SampleReader.read` reads by the counter that both share.
+    observations
+        The file of E1 observations, or None.
+    """
+
+    description: RecordingDescription
+    e1: SampleReader | None
+    e6: SampleReader | None
+    observations: ObservationFile | None
+
+    def reader(self, band: Band) -> SampleReader | None:
+        """Return the samples of a band, or None."""
+        return self.e1 if band is Band.E1 else self.e6
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of the recording, one line each."""
+        readers = [reader for reader in (self.e1, self.e6) if reader is not None]
+        return self.description.notes + tuple(note for reader in readers for note in reader.notes)
+
+    def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
+        """Return the samples of a band in a window of receiver-clock time, or None if it has none there.
+
+        The batch begins with the first sample at or after `start_time` (one that is a thousandth of a sampling
+        interval early counts) and has ⌈duration · rate⌉ samples, the same number wherever the window lies. What lies
+        outside the recording is cut away: `start`, `first_sample` and the length of the batch say what is left.
+
+        Parameters
+        ----------
+        duration_s
+            Length of the window in s, above 0.
+
+        Raises
+        ------
+        InputFileError
+            If the samples cannot be read.
+        """
+        if not duration_s > 0 or math.isinf(duration_s):
+            raise ValueError(f"a window of {duration_s} s")
+        reader = self.reader(band)
+        if reader is None:
+            return None
+        rate = reader.file.sample_rate_hz
+        first = reader.first_sample + math.ceil((start_time - reader.start) * rate - SAMPLE_TOLERANCE)
+        end = min(first + math.ceil(duration_s * rate - SAMPLE_TOLERANCE), reader.end_sample)
+        first = max(first, reader.first_sample)
+        return reader.read(first, end - first) if first < end else None
+
+
+def find_recording(path: Path) -> Path | None:
+    """Return the file that describes the recording at `path`, the folder if several do together, or None.
+
+    Raises
+    ------
+    InputFileError
+        If a folder has more than one collection.
+    UnsupportedError
+        For a SigMF archive.
+    """
+    if path.is_file():
+        if path.suffix == DATA:
+            path = path.with_suffix(META)
+        if path.suffix == ARCHIVE:
+            raise UnsupportedError(f"{path}: SigMF archives are not read; unpack it with tar")
+        return path if path.suffix in (".toml", META, COLLECTION) else None
+    if not path.is_dir():
+        return None
+    if (path / NAME).is_file():
+        return path / NAME
+    collections = sorted(path.glob(f"*{COLLECTION}"))
+    if len(collections) > 1:
+        found = ", ".join(collection.name for collection in collections)
+        raise InputFileError(path, "folder", found, "one collection; name the one that is meant")
+    if collections:
+        return collections[0]
+    return path if any(path.glob(f"*{META}")) else None
+
+
+def describe_recording(path: Path) -> RecordingDescription:
+    """Return what is known of the recording at `path` without reading samples.
+
+    Raises
+    ------
+    InputFileError
+        If there is no recording, or a description is not usable.
+    UnsupportedError
+        If it is valid, but of a kind that vestige does not read.
+    """
+    found = find_recording(path)
+    if found is None:
+        expected = f"a {NAME}, {COLLECTION} or {META} file, or a folder with one"
+        raise InputFileError(path, "recording", "no description of samples" if path.exists() else "nothing", expected)
+    if found.suffix == ".toml":
+        return read_recording_toml(found)
+    if found.suffix == COLLECTION:
+        description = read_collection(found)
+    else:
+        metas = sorted(found.glob(f"*{META}")) if found.is_dir() else [found]
+        description = read_sigmf(metas, described_in=found)
+    return replace(description, observations=find_observations(found if found.is_dir() else found.parent))
+
+
+def find_observations(folder: Path) -> Path | None:
+    """Return the one file of E1 observations in a folder, or None.
+
+    Raises
+    ------
+    InputFileError
+        If there are several.
+    """
+    paths = [path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and kind_of(path)]
+    if len(paths) > 1:
+        expected = "one file of E1 observations"
+        raise InputFileError(folder, "observations", " and ".join(path.name for path in paths), expected)
+    return paths[0] if paths else None
+
+
+def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Recording:
+    """Return the recording at `path`, ready to be processed.
+
+    Parameters
+    ----------
+    path
+        A folder or file, as the module says.
+    start
+        Receiver-clock time of the earliest sample of the recording; overrides its time labels.
+
+    Raises
+    ------
+    InputFileError
+        If there is no recording, its description or samples are not usable, or neither it nor `start` tells the time.
+    UnsupportedError
+        If it is valid, but of a kind that vestige does not read.
+    """
+    description = describe_recording(Path(path))
+    if start is not None:
+        description = redated(description, start)
+    readers = {band: open_samples(file) for band, file in description.bands.items()}
+    for reader in readers.values():
+        _ = reader.start  # fails now, not at the first sample, if nothing tells the time
+    observations = None if description.observations is None else open_observations(description.observations)
+    return Recording(
+        description=description, e1=readers.get(Band.E1), e6=readers.get(Band.E6), observations=observations
+    )

@@ -1,0 +1,168 @@
+"""`recording.toml`: the description of a raw recording, written by hand beside the sample files.
+
+::
+
+    start = "2021-11-25T00:40:00 UTC"     # receiver-clock time of sample 0; GST when no scale is given
+    time_uncertainty_s = 1.0              # bound on the receiver clock's error against Galileo System Time
+    sample_rate_hz = 12e6
+    [e1]
+    file = "L1.bin"                       # relative to this file, or absolute
+    format = "int8"                       # int8, uint8 (offset binary), int16, uint16, float32; little endian
+    layout = "real"                       # real, iq, qi
+    center_frequency_hz = 1572.42e6       # radio frequency that stands at 0 Hz in the samples
+    [e6]
+    file = "L6.bin"
+    format = "int8"
+    layout = "iq"
+    center_frequency_hz = 1278.75e6
+    spectral_inversion = true             # optional, as all that follow
+    bandwidth_hz = 8.7e6                  # of the front end, two-sided
+    first_sample = 0                      # number of the first sample on the counter that the bands share
+    header_bytes = 0                      # to skip before the first sample
+    sample_rate_hz = 12e6                 # if it differs from the other band's
+    [observations]                        # optional
+    file = "observations.rnx"             # RINEX 3 or 4, or CSV
+
+`start` may be left out if it is given when the recording is opened. Unknown keys are errors.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from vestige.crypto.file_bytes import read_bytes
+from vestige.errors import InputFileError
+from vestige.recording.description import (
+    FIRST_SAMPLE,
+    SAMPLE_RATE_HZ,
+    TIME_UNCERTAINTY_S,
+    BandFile,
+    RecordingDescription,
+    band_of,
+    counter_seconds,
+    sample_file,
+)
+from vestige.recording.exact_time import later
+from vestige.recording.sample_format import Component, Layout, SampleFormat
+from vestige.records import Band
+from vestige.time import GalileoTime
+
+NAME = "recording.toml"
+MAX_BYTES = 1 << 20
+
+SampleRate = Annotated[float, Field(ge=SAMPLE_RATE_HZ[0], le=SAMPLE_RATE_HZ[1])]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class _BandTable(_Table):
+    file: str
+    format: Component
+    layout: Layout
+    center_frequency_hz: Annotated[float, Field(gt=0, le=1e12)]
+    spectral_inversion: bool = False
+    bandwidth_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
+    first_sample: Annotated[int, Field(ge=FIRST_SAMPLE[0], le=FIRST_SAMPLE[1])] = 0
+    header_bytes: Annotated[int, Field(ge=0, le=1 << 40)] = 0
+    sample_rate_hz: SampleRate | None = None
+
+
+class _ObservationsTable(_Table):
+    file: str
+
+
+class _RecordingTable(_Table):
+    start: str | None = None
+    time_uncertainty_s: Annotated[float, Field(ge=TIME_UNCERTAINTY_S[0], le=TIME_UNCERTAINTY_S[1])] = math.inf
+    sample_rate_hz: SampleRate
+    e1: _BandTable | None = None
+    e6: _BandTable | None = None
+    observations: _ObservationsTable | None = None
+
+
+def read_recording_toml(path: Path) -> RecordingDescription:
+    """Return the recording that `path` describes.
+
+    Raises
+    ------
+    InputFileError
+        If the file is not TOML, lacks a key or has one too many, or a value or file name is not usable.
+    """
+    table = _table(path)
+    start = None if table.start is None else _time(path, table.start)
+    bands = {}
+    for band, entry in ((Band.E1, table.e1), (Band.E6, table.e6)):
+        if entry is not None:
+            bands[band] = _band_file(path, band, entry, table.sample_rate_hz, start)
+    if not bands:
+        raise InputFileError(path, "e1, e6", "neither", "a table that describes the samples of at least one band")
+    observations = None
+    if table.observations is not None:
+        observations = sample_file(path, "observations.file", table.observations.file)
+    return RecordingDescription(
+        path=path, bands=bands, time_uncertainty_s=table.time_uncertainty_s, observations=observations
+    )
+
+
+def _table(path: Path) -> _RecordingTable:
+    try:
+        content = tomllib.loads(read_bytes(path, at_most=MAX_BYTES).decode())
+    except (ValueError, RecursionError) as error:
+        raise InputFileError(path, "content", str(error), "a TOML file") from error
+    try:
+        return _RecordingTable.model_validate(content)
+    except ValidationError as error:
+        # A misspelt key is unknown and missing at once; unknown says more.
+        first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+        found, expected = first["input"], first["msg"]
+        if first["type"] == "missing":
+            found, expected = "nothing", "a value"
+        elif first["type"] == "extra_forbidden":
+            found, expected = "an unknown key", f"one of {', '.join(_known_keys(first['loc']))}"
+        raise InputFileError(path, _place(first["loc"]), found, expected.removeprefix("Input should be ")) from error
+
+
+def _known_keys(location: tuple[Any, ...]) -> list[str]:
+    tables: dict[Any, type[_Table]] = {"e1": _BandTable, "e6": _BandTable, "observations": _ObservationsTable}
+    return list((tables[location[0]] if len(location) > 1 else _RecordingTable).model_fields)
+
+
+def _place(location: tuple[Any, ...]) -> str:
+    text = ".".join(str(key) for key in location)
+    return "".join(character if character.isprintable() else "?" for character in text)[:80]
+
+
+def _time(path: Path, text: str) -> GalileoTime:
+    try:
+        return GalileoTime.parse(text)
+    except (ValueError, OverflowError) as error:
+        raise InputFileError(path, "start", text, "a time, such as 2021-11-25T00:40:00.5 UTC") from error
+
+
+def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float, start: GalileoTime | None) -> BandFile:
+    name = band.name.lower()
+    rate = sample_rate_hz if entry.sample_rate_hz is None else entry.sample_rate_hz
+    if band_of(entry.center_frequency_hz, rate) is not band:
+        expected = f"the {band.name} carrier within half a sample rate ({rate / 2:g} Hz) of it"
+        raise InputFileError(path, f"{name}.center_frequency_hz", entry.center_frequency_hz, expected)
+    file = BandFile(
+        band=band,
+        path=sample_file(path, f"{name}.file", entry.file),
+        described_in=path,
+        form=SampleFormat(component=entry.format, layout=entry.layout),
+        sample_rate_hz=rate,
+        center_frequency_hz=entry.center_frequency_hz,
+        spectral_inversion=entry.spectral_inversion,
+        first_sample=entry.first_sample,
+        bandwidth_hz=entry.bandwidth_hz,
+        header_bytes=entry.header_bytes,
+    )
+    return file if start is None else replace(file, start=later(start, counter_seconds(file)))

@@ -1,0 +1,159 @@
+"""How samples lie in a file: the formats that vestige reads and writes, and their conversion to complex64.
+
+Reading is exact: an integer becomes the float32 of the same value, so nothing is scaled (correlation does not mind).
+That is why 32-bit integers and 64-bit floats are left out: float32 does not hold them.
+
+Real (IF-sampled) samples become complex with zero imaginary part. A front end that turns the spectrum round (high-side
+mixing) delivers the conjugate of the signal; reading conjugates once more. Real samples need no such step: their
+spectrum holds the upright signal at the negative frequencies anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Complex64, Num, Shaped
+
+Component = Literal["int8", "uint8", "int16", "uint16", "float32"]
+Layout = Literal["real", "iq", "qi"]
+
+# component: (numpy type, stored value of zero, name in a SigMF datatype); unsigned samples are offset binary
+COMPONENTS: dict[Component, tuple[str, int, str]] = {
+    "int8": ("i1", 0, "i8"),
+    "uint8": ("u1", 1 << 7, "u8"),
+    "int16": ("i2", 0, "i16"),
+    "uint16": ("u2", 1 << 15, "u16"),
+    "float32": ("f4", 0, "f32"),
+}
+
+LAYOUTS_OF_SIGMF: tuple[Layout, ...] = ("real", "iq")
+
+# SigMF datatypes that are valid but not read, each with its reason
+NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values exactly")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleFormat:
+    """One way to store samples.
+
+    Attributes
+    ----------
+    component
+        Number type of a real sample, or of each half of a complex one.
+    layout
+        `real`, or complex with the in-phase component first (`iq`) or second (`qi`).
+    big_endian
+        Byte order of components of more than one byte.
+    """
+
+    component: Component
+    layout: Layout
+    big_endian: bool = False
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether a sample has two components."""
+        return self.layout != "real"
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Numpy type of one component."""
+        return np.dtype((">" if self.big_endian else "<") + COMPONENTS[self.component][0])
+
+    @property
+    def components_per_sample(self) -> int:
+        """1 for real samples, 2 for complex ones."""
+        return 2 if self.is_complex else 1
+
+    @property
+    def sample_bytes(self) -> int:
+        """Bytes of one sample."""
+        return self.dtype.itemsize * self.components_per_sample
+
+    @property
+    def sigmf_datatype(self) -> str:
+        """Name of the format in SigMF; Q before I has none."""
+        if self.layout == "qi":
+            raise ValueError("SigMF has no datatype with Q before I")
+        order = ("_be" if self.big_endian else "_le") if self.dtype.itemsize > 1 else ""
+        return ("c" if self.is_complex else "r") + COMPONENTS[self.component][2] + order
+
+    def __str__(self) -> str:
+        text = {"real": "real", "iq": "I,Q", "qi": "Q,I"}[self.layout]
+        return f"{self.component}{' big-endian' if self.big_endian else ''} {text}"
+
+
+def _sigmf_formats() -> dict[str, SampleFormat]:
+    table: dict[str, SampleFormat] = {}
+    for component in COMPONENTS:
+        for layout in LAYOUTS_OF_SIGMF:
+            for big_endian in (False, True):
+                form = SampleFormat(component=component, layout=layout, big_endian=big_endian)
+                table.setdefault(form.sigmf_datatype, form)
+                table.setdefault(form.sigmf_datatype.removesuffix("_le"), form)  # without suffix: little endian
+    return table
+
+
+SIGMF_FORMATS = _sigmf_formats()
+
+
+def decode(
+    components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
+) -> Complex64[np.ndarray, " n_samples"]:
+    """Return stored components as complex64 samples, exactly.
+
+    Parameters
+    ----------
+    components
+        Components in the order of the file, of `form.dtype`; a whole number of samples.
+    inverted
+        Whether the spectrum is turned round, so that samples are conjugated.
+    """
+    values = components.astype(np.float32)
+    if zero := COMPONENTS[form.component][1]:
+        values -= zero
+    if form.layout == "real":
+        return values.astype(np.complex64)
+    if form.layout == "qi":
+        values = np.ascontiguousarray(values.reshape(-1, 2)[:, ::-1]).reshape(-1)
+    samples = values.view(np.complex64)
+    return samples.conj() if inverted else samples
+
+
+def encode(
+    samples: Complex64[np.ndarray, " n_samples"], form: SampleFormat, *, scale: float = 1.0, inverted: bool = False
+) -> Num[np.ndarray, " n_components"]:
+    """Return samples as the components that are stored: `round(scale · sample)`, clipped to the range of the format.
+
+    Rounding is to the nearest integer, halves to even. float32 is not rounded; with `scale` 1 it is stored bit for bit.
+
+    Parameters
+    ----------
+    scale
+        Stored value of 1.0, the same for both components.
+    inverted
+        Store the conjugate, as a front end with a turned-round spectrum would.
+
+    Raises
+    ------
+    ValueError
+        If a sample is not finite, or a real format is asked to hold imaginary parts.
+    """
+    if form.layout == "real":
+        if np.any(samples.imag):
+            raise ValueError("complex samples do not fit a real format: mix them to the intermediate frequency first")
+        values = samples.real.copy()
+    else:
+        values = np.ascontiguousarray(samples.conj() if inverted else samples).view(np.float32)
+        if form.layout == "qi":
+            values = values.reshape(-1, 2)[:, ::-1].reshape(-1)
+    if scale != 1.0:
+        values = values * np.float32(scale)
+    if not np.isfinite(values).all():
+        raise ValueError("samples must be finite numbers")
+    if form.component != "float32":
+        limits, zero = np.iinfo(form.dtype), COMPONENTS[form.component][1]
+        values = np.rint(values).clip(limits.min - zero, limits.max - zero) + zero
+    return values.astype(form.dtype)

@@ -1,0 +1,179 @@
+"""I/NAV pages from Septentrio Binary Format (SBF), block GALRawINAV.
+
+A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian, length and everything
+after it under the CRC. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes | 32 bytes
+of navigation bits`; its time is the **end** of the page and its week is counted like that of GPS [SBF].
+
+The reader trusts neither length nor content: what has no valid CRC is skipped byte by byte until the next block.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from vestige.constants import MAX_SVID
+from vestige.crypto.inav import PAGE_S, InavPage
+from vestige.errors import InputFileError
+from vestige.time import GalileoTime
+
+SYNC = b"$@"
+GAL_RAW_INAV = 4023  # block number [SBF]
+
+_HEADER = struct.Struct("<2sHHH")
+_INAV = struct.Struct("<IHBBBB2x8I")  # after the header: TOW, WNc, SVID, CRC passed, Viterbi count, source, bits
+_CHUNK_BYTES = 1 << 20
+_E1B, _E5B = 17, 21  # source of the page [SBF]
+_MIXED = 0x20  # flag in the source: pages of both signals were combined [SBF]
+_SVID_OFFSET = 70  # [SBF]
+_WEEK_OFFSET = 1024  # WNc counts from 1980, Galileo weeks from 1999 [SBF]
+_TOW_UNKNOWN, _WEEK_UNKNOWN = 0xFFFFFFFF, 0xFFFF  # "do not use" values [SBF]
+_UNUSED_BITS = 22  # at the end of the 8 words
+
+
+@dataclass(slots=True)
+class SbfCounts:
+    """What a reader came across.
+
+    Attributes
+    ----------
+    blocks
+        Blocks with a good CRC, of any kind.
+    bad_blocks
+        Places that look like a block and have a wrong CRC, length or end of file.
+    skipped_bytes
+        Bytes outside good blocks.
+    e1b, e5b, mixed, other
+        GALRawINAV blocks by signal; only `e1b` become pages.
+    no_time
+        E1-B blocks without time, or of an impossible satellite.
+    """
+
+    blocks: int = 0
+    bad_blocks: int = 0
+    skipped_bytes: int = 0
+    e1b: int = 0
+    e5b: int = 0
+    mixed: int = 0
+    other: int = 0
+    no_time: int = 0
+
+
+def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
+    """Yield the E1-B pages of an SBF file, in the order of the file.
+
+    Pages that failed the receiver's own check are passed on too: their checksum is checked again by whoever uses them.
+
+    Parameters
+    ----------
+    path
+        The file.
+    counts
+        Filled while reading.
+
+    Raises
+    ------
+    InputFileError
+        If the file cannot be read, or holds no GALRawINAV block of E1-B.
+    """
+    counts = SbfCounts() if counts is None else counts
+    try:
+        file = path.open("rb")
+    except (OSError, ValueError) as error:
+        raise InputFileError(path, "file", str(error), "a readable file") from None
+    with file:
+        for block in _blocks(path, file, counts):
+            page = _page(block, counts)
+            if page is not None:
+                yield page
+    if not counts.e1b:
+        raise InputFileError(
+            path, "file", f"{counts.blocks} SBF blocks, none of them GALRawINAV of E1-B", "navigation pages"
+        )
+
+
+def _blocks(path: Path, file: BinaryIO, counts: SbfCounts) -> Iterator[bytes]:
+    """Yield the blocks with a good CRC."""
+    data, at, ended = b"", 0, False
+    while True:
+        if not ended and len(data) - at < 1 << 16:  # a block has at most 65,535 bytes
+            try:
+                chunk = file.read(_CHUNK_BYTES)
+            except OSError as error:
+                raise InputFileError(path, "file", error.strerror or "an error", "a readable file") from None
+            ended = not chunk
+            data, at = data[at:] + chunk, 0
+        start = data.find(SYNC, at)
+        if start < 0:
+            # The last byte may be the first half of a sync.
+            keep = 0 if ended else 1
+            counts.skipped_bytes += max(len(data) - keep - at, 0)
+            at = max(len(data) - keep, at)
+            if ended:
+                return
+            continue
+        counts.skipped_bytes += start - at
+        at = start
+        if len(data) - at < 1 << 16 and not ended:
+            continue
+        length = _good_length(data, at)
+        if length:
+            counts.blocks += 1
+            yield data[at : at + length]
+            at += length
+        else:
+            counts.bad_blocks += 1
+            counts.skipped_bytes += len(SYNC)
+            at += len(SYNC)
+
+
+def _good_length(data: bytes, at: int) -> int:
+    """Return the length of the block at `at`, or 0 if there is no good block."""
+    if len(data) - at < _HEADER.size:
+        return 0
+    _, checksum, _, length = _HEADER.unpack_from(data, at)
+    if length < _HEADER.size or length % 4 or at + length > len(data):
+        return 0
+    return length if binascii.crc_hqx(data[at + 4 : at + length], 0) == checksum else 0
+
+
+def _page(block: bytes, counts: SbfCounts) -> InavPage | None:
+    _, _, block_id, length = _HEADER.unpack_from(block)
+    if block_id & 0x1FFF != GAL_RAW_INAV or length < _HEADER.size + _INAV.size:
+        return None
+    tow_ms, week, svid, _, _, source, *words = _INAV.unpack_from(block, _HEADER.size)
+    if source & _MIXED:
+        counts.mixed += 1
+    elif source & 0x1F == _E5B:
+        counts.e5b += 1
+    elif source & 0x1F != _E1B:
+        counts.other += 1
+    else:
+        counts.e1b += 1
+        time = _page_start(tow_ms, week)
+        if time is not None and 1 <= svid - _SVID_OFFSET <= MAX_SVID:
+            return InavPage(svid=svid - _SVID_OFFSET, time=time, data=_page_bits(words))
+        counts.no_time += 1
+    return None
+
+
+def _page_start(tow_ms: int, week: int) -> GalileoTime | None:
+    if tow_ms == _TOW_UNKNOWN or tow_ms % 1000 or tow_ms > 604_800_000:
+        return None
+    if week == _WEEK_UNKNOWN or week <= _WEEK_OFFSET:
+        return None
+    return GalileoTime.normalized(week - _WEEK_OFFSET, tow_ms // 1000 - PAGE_S)
+
+
+def _page_bits(words: list[int]) -> bytes:
+    """Return the page as 30 bytes: the block leaves out the tail of the even half."""
+    bits = 0
+    for word in words:
+        bits = bits << 32 | word
+    bits >>= _UNUSED_BITS
+    even, odd = bits >> 120, bits & ((1 << 120) - 1)
+    return (even << 126 | odd).to_bytes(30, "big")

@@ -1,0 +1,138 @@
+"""A recording as a source of snapshots: one for each RECS epoch that its E6 samples hold.
+
+For every time of transmission in the RECS that can have reached the receiver during the recording, the E6 samples are
+cut from just before the earliest to just after the latest satellite, and E1 gives the observations: from the
+observation file, or, without one, out of 100 ms of E1 samples around the same moment. Only these windows are read, so
+a recording may be far larger than memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
+from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.observations import ObservationTrack
+from vestige.recording.recording import Recording
+from vestige.recording.samples import SampleReader
+from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, SampleBatch, Snapshot
+from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.signals.definitions import E6C
+from vestige.time import GalileoTime
+
+E1_WINDOW_S = 0.1  # one period of the secondary code
+MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
+ALL_SVIDS = range(1, MAX_SVID + 1)
+TRAVEL_TIME_S = (0.02, 0.16)  # what a travel time can look like with a receiver clock within ±50 ms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingSource:
+    """Snapshots of a recording; iterate over it.
+
+    Attributes
+    ----------
+    recording
+        The opened recording.
+    assistance
+        RECS, group delays, keys and corrections.
+    time_uncertainty_s
+        Bound on the receiver clock's error, in place of the recording's own.
+    progress
+        Called with a line of text before long steps.
+    """
+
+    recording: Recording
+    assistance: Assistance
+    time_uncertainty_s: float | None = None
+    progress: Callable[[str], None] | None = None
+
+    def __iter__(self) -> Iterator[Snapshot]:
+        """Yield one snapshot for each epoch of `epochs`."""
+        file = self.recording.observations
+        track = ObservationTrack(file) if file is not None else None
+        for index, (transmit_time, segments) in enumerate(self.epochs().items()):
+            if self.progress is not None:
+                how = f"searching E1 for {len(segments)} satellites" if track is None else "reading E1 observations"
+                self.progress(f"RECS of {transmit_time}: {how}")
+            yield self._snapshot(index, transmit_time, segments, track)
+
+    def epochs(self) -> dict[GalileoTime, tuple[EncryptedSegment, ...]]:
+        """Return the RECS that can be in the E6 samples, by time of transmission."""
+        span = time_span(self.recording)
+        if span is None:
+            return {}
+        epochs: dict[GalileoTime, tuple[EncryptedSegment, ...]] = {}
+        for segment in self.assistance.segments:
+            if span[0] <= segment.transmit_time <= span[1]:
+                epochs[segment.transmit_time] = (*epochs.get(segment.transmit_time, ()), segment)
+        return dict(sorted(epochs.items()))
+
+    def _snapshot(
+        self,
+        index: int,
+        transmit_time: GalileoTime,
+        segments: tuple[EncryptedSegment, ...],
+        track: ObservationTrack | None,
+    ) -> Snapshot:
+        time, observations = self._observe(transmit_time, {segment.svid for segment in segments}, track)
+        duration_s = max(segment.n_chips for segment in segments) / E6C.chip_rate_hz
+        batch = self._e6(transmit_time, observations, duration_s)
+        uncertainty = self.recording.description.time_uncertainty_s
+        return Snapshot(
+            index=index,
+            time=time,
+            received_at=time if batch is None else batch.start + batch.samples.size / batch.sample_rate_hz,
+            time_uncertainty_s=uncertainty if self.time_uncertainty_s is None else self.time_uncertainty_s,
+            observations=observations,
+            e6=None if batch is None else CorrelatableSamples(batch),
+        )
+
+    def _observe(
+        self, transmit_time: GalileoTime, svids: set[int], track: ObservationTrack | None
+    ) -> tuple[GalileoTime, dict[int, E1Observation]]:
+        if track is not None:
+            time = transmit_time + MEDIAN_TRAVEL_TIME_S
+            return time, {svid: seen for svid, seen in track.at(time).items() if svid in svids}
+        reader = self.recording.e1
+        if reader is None:
+            return transmit_time + MEDIAN_TRAVEL_TIME_S, {}
+        return observe(e1_window(reader, transmit_time + MEDIAN_TRAVEL_TIME_S), sorted(svids))
+
+    def _e6(
+        self, transmit_time: GalileoTime, observations: dict[int, E1Observation], duration_s: float
+    ) -> SampleBatch | None:
+        if not observations:
+            return None
+        travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in observations.values()]
+        start = transmit_time + (min(travel_s) - MARGIN_S)
+        return self.recording.batch(Band.E6, start, max(travel_s) - min(travel_s) + duration_s + 2 * MARGIN_S)
+
+
+def time_span(recording: Recording) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return the first and last time of transmission that can be in the E6 samples, or None if there are none."""
+    reader = recording.e6
+    if reader is None:
+        return None
+    return reader.start + -TRAVEL_TIME_S[1], reader.start + (reader.duration_s - TRAVEL_TIME_S[0])
+
+
+def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
+    """Return up to 100 ms of E1 samples around a time, moved inward where the recording ends."""
+    count = min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples)
+    wish = reader.first_sample + round((middle - reader.start) * reader.file.sample_rate_hz) - count // 2
+    return reader.read(min(max(wish, reader.first_sample), reader.end_sample - count), count)
+
+
+def satellites_in_view(
+    recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int], None] | None = None
+) -> dict[int, E1Observation]:
+    """Return what E1 says of `svids` at the start of a recording; {} if there is no E1 in it."""
+    if recording.observations is not None:
+        epoch = next(iter(recording.observations), None)
+        return {} if epoch is None else {svid: one for svid, one in epoch.observations.items() if svid in set(svids)}
+    if recording.e1 is None:
+        return {}
+    window = e1_window(recording.e1, recording.e1.start + E1_WINDOW_S / 2)
+    return observe(window, svids, progress=progress)[1]

@@ -1,0 +1,111 @@
+"""I/NAV pages from the CSV files of the official OSNMA test vectors.
+
+The first line is `SVID,NumNavBits,NavBitsHEX`; then follows one line a satellite with all its pages, 60 hexadecimal
+digits each, one every 2 s, all lines from the same start on. The file does not say when that is: the satellites do, in
+their words 0 and 5.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from vestige.constants import MAX_SVID, SECONDS_PER_WEEK
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.inav import PAGE_BITS, PAGE_BYTES, PAGE_S, InavPage, time_in_word
+from vestige.errors import InputFileError
+from vestige.time import GalileoTime
+
+HEADER = "SVID,NumNavBits,NavBitsHEX"
+MAX_FILE_BYTES = 500_000_000  # a week of all satellites; read at once, because time runs across the lines
+
+_UNPLACED = GalileoTime(0, 1)
+
+
+def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
+    """Yield the pages of a test-vector file, all satellites of one time after the other.
+
+    Parameters
+    ----------
+    path
+        The file.
+    start
+        Start of the first page; without it, it is read from the navigation words.
+
+    Raises
+    ------
+    InputFileError
+        If the file is not of this kind, or nobody says when it starts.
+    """
+    satellites = _read_lines(path)
+    if start is None:
+        start = _start(path, satellites)
+    n_pages = max(len(data) for data in satellites.values()) // PAGE_BYTES
+    for index in range(n_pages):
+        time = start + PAGE_S * index
+        for svid, data in satellites.items():
+            page = data[PAGE_BYTES * index : PAGE_BYTES * (index + 1)]
+            if page:
+                yield InavPage(svid=svid, time=time, data=page)
+
+
+def _read_lines(path: Path) -> dict[int, bytes]:
+    """Return the pages of each satellite."""
+    try:
+        lines = read_bytes(path, at_most=MAX_FILE_BYTES).decode("ascii").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputFileError(path, f"byte {error.start}", "not ASCII", "a test-vector CSV") from None
+    if not lines or lines[0].strip() != HEADER:
+        raise InputFileError(path, "line 1", lines[0] if lines else "nothing", HEADER)
+    satellites: dict[int, bytes] = {}
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        svid, data = _read_line(path, number, line)
+        if svid in satellites:
+            raise InputFileError(path, f"line {number}", f"SVID {svid} again", "one line a satellite")
+        satellites[svid] = data
+    if not satellites:
+        raise InputFileError(path, "line 2", "nothing", "one line a satellite")
+    return satellites
+
+
+def _read_line(path: Path, number: int, line: str) -> tuple[int, bytes]:
+    place = f"line {number}"
+    fields = line.strip().split(",")
+    if len(fields) != 3:
+        raise InputFileError(path, place, f"{len(fields)} fields", HEADER)
+    svid, n_bits, digits = fields
+    if not re.fullmatch(r"[0-9]{1,2}", svid) or not 1 <= int(svid) <= MAX_SVID:
+        raise InputFileError(path, f"{place}, SVID", svid, f"1 … {MAX_SVID}")
+    if not re.fullmatch(r"[0-9A-Fa-f]*", digits):
+        wrong = re.search(r"[^0-9A-Fa-f]", digits)
+        assert wrong is not None  # noqa: S101  (the line before found one)
+        raise InputFileError(path, f"{place}, digit {wrong.start() + 1}", wrong[0], "a hexadecimal digit")
+    if not re.fullmatch(r"[0-9]{1,12}", n_bits) or int(n_bits) != 4 * len(digits):
+        raise InputFileError(
+            path, f"{place}, NumNavBits", n_bits, f"{4 * len(digits)}, four for each digit in the line"
+        )
+    if not digits or int(n_bits) % PAGE_BITS:
+        raise InputFileError(path, f"{place}, NumNavBits", n_bits, f"a multiple of {PAGE_BITS}, the bits of a page")
+    return int(svid), bytes.fromhex(digits)
+
+
+def _start(path: Path, satellites: Mapping[int, bytes]) -> GalileoTime:
+    """Return the start of the first page, on which most of the words that tell the time agree."""
+    votes: Counter[int] = Counter()
+    for svid, data in satellites.items():
+        for index in range(len(data) // PAGE_BYTES):
+            page = InavPage(svid=svid, time=_UNPLACED, data=data[PAGE_BYTES * index : PAGE_BYTES * (index + 1)])
+            stamp = time_in_word(page.word)
+            if stamp is None or stamp[0] is None or stamp[1] >= SECONDS_PER_WEEK or not page.crc_ok or page.is_alert:
+                continue
+            votes[stamp[0] * SECONDS_PER_WEEK + stamp[1] - PAGE_S * index] += 1
+    if not votes:
+        raise InputFileError(path, "words 0 and 5", "no time", "a page that tells the time, or the start time given")
+    (start, count), *_ = votes.most_common(1)
+    if start < 0 or 2 * count <= votes.total():
+        raise InputFileError(path, "words 0 and 5", f"{len(votes)} different start times", "one on which most agree")
+    return GalileoTime.from_gst_seconds(start)

@@ -1,0 +1,72 @@
+"""Small builders that tests share: chips, batches, received signals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.front_end import ReceivedComponent, sample_band
+from vestige.records import Band, ChipSequence, Handover, SampleBatch
+from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.waveform import open_component
+from vestige.signals.definitions import CARRIER_HZ, E1B, E1C, E6B, E6C
+from vestige.time import GalileoTime
+
+START = GalileoTime(1372, 480_136)  # 2025-12-12 13:22:16 GST, 16 s into a subframe
+
+
+def random_chips(rng: np.random.Generator, n: int, svid: int = 11) -> ChipSequence:
+    chips = (1 - 2 * rng.integers(0, 2, n)).astype(np.int8)
+    return ChipSequence(svid=svid, transmit_time=START, chip_rate_hz=E6C.chip_rate_hz, chips=chips)
+
+
+def handover_at(chips: ChipSequence, start_s: float, doppler_hz: float = 0.0, rate: float = 0.0) -> Handover:
+    return Handover(
+        svid=chips.svid,
+        chips=chips,
+        start_time=START + start_s,
+        doppler_hz=doppler_hz,
+        doppler_rate_hz_per_s=rate,
+        expected_cn0_dbhz=45.0,
+    )
+
+
+def batch_of(
+    samples: np.ndarray, sample_rate_hz: float, band: Band = Band.E6, center_frequency_hz: float | None = None
+) -> SampleBatch:
+    return SampleBatch(
+        band=band,
+        samples=samples.astype(np.complex64),
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=CARRIER_HZ[band] if center_frequency_hz is None else center_frequency_hz,
+        first_sample=0,
+        start=START,
+    )
+
+
+def satellite(
+    svid: int, range_m: float, rate_mps: float, e1_dbhz: float, e6_dbhz: float, seed: int = 1
+) -> dict[Band, tuple]:
+    """Return what one satellite puts into both bands."""
+    pseudorange = RangeModel(s0_m=range_m, v_mps=rate_mps)
+    e1 = tuple(
+        ReceivedComponent(component=open_component(s, svid, seed=seed), cn0_dbhz=e1_dbhz, pseudorange=pseudorange)
+        for s in (E1B, E1C)
+    )
+    e6 = tuple(
+        ReceivedComponent(component=open_component(s, svid, seed=seed), cn0_dbhz=e6_dbhz, pseudorange=pseudorange)
+        for s in (E6B, E6C)
+    )
+    return {Band.E1: e1, Band.E6: e6}
+
+
+def received_batch(
+    band: Band, satellites: list[dict[Band, tuple]], *, duration_s: float = 0.1, rate_hz: float = 5e6, seed: int = 1
+) -> SampleBatch:
+    components = tuple(component for one in satellites for component in one[band])
+    blocks = sample_band(band, components, sample_rate_hz=rate_hz, n_samples=int(duration_s * rate_hz), seed=seed)
+    return batch_of(np.concatenate(list(blocks)), rate_hz, band)
+
+
+def metres_to_seconds(metres: float) -> float:
+    return metres / SPEED_OF_LIGHT_MPS

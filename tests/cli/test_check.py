@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from vestige.cli.check import command
+from vestige.errors import InputFileError
+
+SCENARIOS = sorted((Path(__file__).resolve().parents[2] / "scenarios").glob("*.toml"))
+
+
+def test_every_scenario_of_the_project_is_good() -> None:
+    assert SCENARIOS
+    result = CliRunner().invoke(command, [*map(str, SCENARIOS), "--json"], standalone_mode=False)
+    assert json.loads(result.stdout).keys() == {str(path) for path in SCENARIOS}
+
+
+def test_good_ones_are_printed_before_the_bad_one_is_reported(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text("seed = 1")
+    result = CliRunner().invoke(command, [str(bad), str(SCENARIOS[0])], standalone_mode=False)
+    assert isinstance(result.exception, InputFileError)
+    assert str(SCENARIOS[0]) in result.stdout
+
+
+def test_text(tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, [str(SCENARIOS[0])], standalone_mode=False)
+    assert result.exception is None
+    assert "satellites" in result.stdout
+
+
+@pytest.mark.parametrize("text", ["", "\x00", "seed = [", "a.b.c = 1"])
+def test_garbage(tmp_path: Path, text: str) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text(text)
+    result = CliRunner().invoke(command, [str(bad)], standalone_mode=False)
+    assert isinstance(result.exception, InputFileError)
+    assert "\n" not in str(result.exception)

@@ -1,0 +1,226 @@
+"""The whole chain from files, as a user would run it, on a small recording that is made here."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.cli.process import command as process
+from vestige.cli.recs_make import command as recs_make
+from vestige.cli.simulate import command as simulate
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import InputFileError, VestigeError
+from vestige.recording.assistance import read_assistance
+from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.recording import open_recording
+from vestige.recording.sample_format import SampleFormat
+from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.recording.snapshots import MARGIN_S, RecordingSource
+from vestige.records import Band, SampleBatch, Snapshot
+from vestige.sample_processor.correlator import CorrelatableSamples
+
+SCENARIO = """
+seed = 5
+start = "2026-11-21T12:00:16 GST"
+duration_s = 0.125
+[receiver]
+sample_rate_hz = 6.2e6
+hardware_bias_e1_e6_m = -18.0
+[[satellite]]
+svid = 3
+range_m = 23_482_000.0
+range_rate_mps = -120.0
+cn0_e1_dbhz = 45.0
+cn0_e6_dbhz = 47.0
+[[satellite]]
+svid = 8
+range_m = 25_105_000.0
+range_rate_mps = 310.5
+cn0_e1_dbhz = 43.0
+cn0_e6_dbhz = 45.0
+[[satellite]]
+svid = 34
+range_m = 27_900_000.0
+range_rate_mps = 640.0
+cn0_e1_dbhz = 42.0
+cn0_e6_dbhz = 44.0
+"""
+
+
+def _invoke(command: object, *arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(argument) for argument in arguments], standalone_mode=False)  # type: ignore[arg-type]
+
+
+def _json(command: object, *arguments: object) -> dict:
+    result = _invoke(command, *arguments, "--json")
+    if result.exception is not None:
+        raise result.exception
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    room = tmp_path_factory.mktemp("process")
+    (room / "scenario.toml").write_text(SCENARIO)
+    result = _invoke(simulate, room / "scenario.toml", "-o", room / "night")
+    assert result.exception is None
+    made = _json(
+        recs_make, "--from-recording", room / "night", "--keys", room / "night" / "osnma" / "keys.csv",
+        "--public-key", room / "night" / "osnma" / "public_key.pem", "-o", room / "night" / "assistance",
+        "--svids", "3,8,12,34",
+    )  # fmt: skip
+    assert made["svids"] == [3, 8, 12, 34]
+    return room / "night"
+
+
+@pytest.fixture(scope="module")
+def calibrated(folder: Path) -> dict:
+    return _json(process, folder, "--calibrate")
+
+
+def test_verdicts(calibrated: dict) -> None:
+    assert [(one["svid"], one["status"]) for one in calibrated["verdicts"]] == [
+        (3, "AUTHENTIC"),
+        (8, "AUTHENTIC"),
+        (34, "AUTHENTIC"),
+    ]
+    assert calibrated["not_seen_on_e1"] == [12]
+    assert calibrated["hardware_bias_m"] == pytest.approx(-18.0, abs=6.0)
+
+
+def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_path: Path) -> None:
+    bias = ("--hardware-bias-m", calibrated["hardware_bias_m"])
+    result = _invoke(process, folder, *bias, "-o", tmp_path / "verdicts.csv")
+    assert result.exception is None
+    assert result.stdout.count("AUTHENTIC") == 4  # three rows and the result
+    assert "E12" in result.stdout
+    with (tmp_path / "verdicts.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for row, one in zip(rows, calibrated["verdicts"], strict=True):
+        assert int(row["svid"]) == one["svid"]
+        assert float(row["range_offset_m"]) == one["range_offset_m"]
+
+
+def test_the_maximum_detector_agrees_without_a_spoofer(folder: Path, calibrated: dict) -> None:
+    bias = ("--hardware-bias-m", calibrated["hardware_bias_m"])
+    result = _json(process, folder, *bias, "--detector", "maximum", "--budget", "corrected")
+    assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
+
+
+def test_file_and_memory_give_the_same_bits(folder: Path, tmp_path: Path) -> None:
+    """Samples kept as float32 in files, and the same samples never written: equal taps, bit for bit."""
+    original = open_recording(folder)
+    assert original.e1 is not None
+    assert original.e6 is not None
+    batches = {Band.E1: original.e1.read(0, original.e1.n_samples), Band.E6: original.e6.read(0, original.e6.n_samples)}
+    scaled = {band: replace(batch, samples=(batch.samples / np.float32(14.1))) for band, batch in batches.items()}
+    form = SampleFormat(component="float32", layout="iq")
+    metas = [
+        write_sigmf(tmp_path / band.value, [batch], form=form, time_uncertainty_s=1.0) for band, batch in scaled.items()
+    ]
+    write_collection(tmp_path / "recording", metas)
+
+    assistance = read_assistance(folder / "assistance").assistance
+    processor = AcasProcessor()
+    (from_file,) = RecordingSource(recording=open_recording(tmp_path), assistance=assistance)
+    in_memory = _snapshot_in_memory(scaled[Band.E1], scaled[Band.E6], from_file)
+    one, other = processor.measure(from_file, assistance), processor.measure(in_memory, assistance)
+    for a, b in zip(one.satellites, other.satellites, strict=True):
+        assert a.bank is not None
+        assert b.bank is not None
+        assert a.bank.taps.tobytes() == b.bank.taps.tobytes()
+        assert a.bank.noise_power == b.bank.noise_power
+        assert a.detection == b.detection
+    assert processor.decide(one) == processor.decide(other)
+
+
+def _snapshot_in_memory(e1: SampleBatch, e6: SampleBatch, like: Snapshot) -> Snapshot:
+    """Cut the windows out of the arrays, without any file."""
+    rate = e1.sample_rate_hz
+    transmit_time = like.time + -(like.time - e1.start)  # the RECS leave with the first sample's label: 12:00:16
+    count = round(0.1 * rate)
+    wish = round((transmit_time + MEDIAN_TRAVEL_TIME_S - e1.start) * rate) - count // 2
+    first = min(max(wish, 0), e1.samples.size - count)
+    window = replace(e1, samples=e1.samples[first : first + count], first_sample=first, start=e1.start + first / rate)
+    time, observations = observe(window, [3, 8, 12, 34])
+    travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in observations.values()]
+    low = int(np.ceil((min(travel_s) - MARGIN_S) * rate))
+    size = int(np.ceil((max(travel_s) - min(travel_s) + 0.016 + 2 * MARGIN_S) * rate))
+    samples = e6.samples[low : low + size]
+    cut = replace(e6, samples=samples, first_sample=low, start=e6.start + low / rate)
+    return replace(like, time=time, observations=observations, e6=CorrelatableSamples(cut))
+
+
+def test_disclosed_key(folder: Path) -> None:
+    result = _json(process, folder, "--time-uncertainty", "6")
+    assert {one["status"] for one in result["verdicts"]} == {"NOT_AVAILABLE"}
+    assert all("disclosure" in one["reason"] for one in result["verdicts"])
+
+
+def test_redated_recording_has_no_recs(folder: Path) -> None:
+    result = _json(process, folder, "--start", "2026-11-21T13:00:16 GST")
+    assert result["verdicts"] == []
+
+
+def test_calibration_needs_satellites(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(VestigeError, match="calibrate"):
+        _json(process, folder, "--start", "2026-11-21T13:00:16 GST", "--calibrate")
+
+
+def test_no_assistance_folder(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputFileError):
+        _json(process, folder, "--assistance", tmp_path / "none")
+
+
+def test_a_damaged_recs_file_costs_only_itself(folder: Path, tmp_path: Path) -> None:
+    for path in (folder / "assistance").iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    damaged = next(path for path in sorted(tmp_path.iterdir()) if "_08_" in path.name)
+    damaged.write_bytes(damaged.read_bytes()[:-7])
+    result = _invoke(process, folder, "--assistance", tmp_path, "--hardware-bias-m", "-18")
+    assert result.exception is None
+    assert damaged.name in result.stderr
+    assert "E03" in result.stdout
+    assert "E08" not in result.stdout
+    strict = _invoke(process, folder, "--assistance", tmp_path, "--strict")
+    assert isinstance(strict.exception, VestigeError)
+
+
+def test_make_refuses_to_overwrite_and_leaves_nothing_half(folder: Path, tmp_path: Path) -> None:
+    keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
+    with pytest.raises(InputFileError, match="already"):
+        _json(recs_make, "--from-recording", folder, *keys, "-o", folder / "assistance")
+    late = ("--start", "2026-11-22T12:00:16 GST")
+    with pytest.raises(VestigeError, match="key"):
+        _json(recs_make, "--from-recording", folder, *keys, *late, "--svids", "3", "-o", tmp_path / "assistance")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_make_without_a_trust_anchor(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(VestigeError):
+        _json(
+            recs_make, "--from-recording", folder, "--keys", folder / "osnma" / "keys.csv", "--svids", "3",
+            "-o", tmp_path / "assistance",
+        )  # fmt: skip
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_simulate_refuses_to_overwrite(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    result = _invoke(simulate, tmp_path / "scenario.toml", "-o", folder)
+    assert isinstance(result.exception, InputFileError)
+
+
+@pytest.mark.parametrize("svids", ["x", "0", "37", "5-", "1--3"])
+def test_bad_satellite_lists(folder: Path, tmp_path: Path, svids: str) -> None:
+    result = CliRunner().invoke(
+        recs_make, ["--from-recording", str(folder), "--keys", "k", "-o", str(tmp_path / "a"), "--svids", svids]
+    )
+    assert result.exit_code == 2

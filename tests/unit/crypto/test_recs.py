@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vestige.crypto import recs
+from vestige.crypto.recs import LENGTHS, CipherMode, SegmentLength
+from vestige.records import ChipSequence, ValidatedKey
+from vestige.time import GalileoTime
+
+EPOCH = GalileoTime(1251, 277216)
+KEY = bytes(range(16))
+
+times = st.builds(GalileoTime, st.integers(0, 8000), st.integers(0, 604_799), st.integers(0, 9).map(lambda ds: ds / 10))
+keys = st.binary(min_size=12, max_size=32)  # OSNMA key lengths, 96 to 256 bits
+
+
+def random_chips(n_chips: int, *, time: GalileoTime = EPOCH, seed: int = 1) -> ChipSequence:
+    chips = np.random.default_rng(seed).choice(np.array([-1, 1], np.int8), n_chips)
+    return ChipSequence(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+
+
+def validated(time: GalileoTime, data: bytes = KEY) -> ValidatedKey:
+    return ValidatedKey(chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=data)
+
+
+@pytest.mark.parametrize("length", LENGTHS, ids=lambda length: f"{length.duration_ms}ms")
+def test_lengths_are_whole_code_periods_filled_up_to_aes_blocks(length: SegmentLength) -> None:
+    assert length.duration_ms == 2**length.code
+    assert length.n_chips == 5115 * length.duration_ms
+    assert 8 * length.n_bytes == -(-length.n_chips // 128) * 128
+
+
+@pytest.mark.parametrize(
+    ("second", "key_delay", "expected"),
+    [
+        (277_200, 0, GalileoTime(1251, 277_200)),
+        (277_229, 0, GalileoTime(1251, 277_200)),
+        (277_229, 1, GalileoTime(1251, 277_230)),
+        (604_799, 0, GalileoTime(1251, 604_770)),
+        (604_799, 1, GalileoTime(1252, 0)),
+    ],
+)
+def test_key_time(second: int, key_delay: int, expected: GalileoTime) -> None:
+    assert recs.key_time(GalileoTime(1251, second, 0.9), key_delay) == expected
+
+
+def test_key_delay_must_be_known() -> None:
+    with pytest.raises(ValueError, match="neither 0 nor 1"):
+        recs.key_time(EPOCH, 2)
+
+
+def test_week_enters_modulo_4096() -> None:
+    gst_sf = GalileoTime(1251, 277_200)
+    assert recs.iv_preimage(GalileoTime(1251 + 4096, 277_200), 1) == recs.iv_preimage(gst_sf, 1)
+    assert recs.iv_preimage(gst_sf, 1) == bytes.fromhex("4e343ad0") + b"\x01" + bytes(11)
+    assert recs.initialization_vector(gst_sf, 0) != recs.initialization_vector(gst_sf, 1)
+    with pytest.raises(ValueError, match="not the start of a subframe"):
+        recs.iv_preimage(EPOCH, 0)
+
+
+@given(st.binary(min_size=1, max_size=64), st.data())
+def test_packing_is_most_significant_bit_first_and_zero_is_plus_one(packed: bytes, data: st.DataObject) -> None:
+    n_chips = data.draw(st.integers(0, 8 * len(packed)))
+    bits = "".join(f"{byte:08b}" for byte in packed)[:n_chips]
+    chips = recs.unpack_chips(packed, n_chips)
+    assert chips.dtype == np.int8
+    assert chips.tolist() == [1 if bit == "0" else -1 for bit in bits]
+    repacked = recs.pack_chips(chips)
+    assert "".join(f"{byte:08b}" for byte in repacked) == bits.ljust(8 * len(repacked), "0")
+
+
+def test_packing_refuses_what_is_not_a_chip() -> None:
+    with pytest.raises(ValueError, match=r"\+1 or -1"):
+        recs.pack_chips(np.array([1, 0, -1], np.int8))
+    with pytest.raises(ValueError, match="do not hold 9 chips"):
+        recs.unpack_chips(b"\0", 9)
+
+
+@given(
+    length=st.sampled_from(LENGTHS), mode=st.sampled_from(CipherMode), key=keys, time=times,
+    key_delay=st.integers(0, 1), random_offset=st.integers(0, 1), seed=st.integers(0, 2**32),
+)  # fmt: skip
+def test_decrypt_inverts_encrypt(
+    length: SegmentLength,
+    mode: CipherMode,
+    key: bytes,
+    time: GalileoTime,
+    key_delay: int,
+    random_offset: int,
+    seed: int,
+) -> None:
+    chips = random_chips(length.n_chips, time=time, seed=seed)
+    segment = recs.encrypt(chips, key, key_delay=key_delay, random_offset=random_offset, mode=mode)
+    assert len(segment.cipher) == length.n_bytes
+    assert segment.n_chips == length.n_chips
+    decrypted = recs.decrypt(segment, validated(segment.key_time, key), mode=mode)
+    assert decrypted.transmit_time == time
+    np.testing.assert_array_equal(decrypted.chips, chips.chips)
+
+
+@pytest.mark.parametrize("wrong", ["key", "mode"])
+def test_wrong_key_or_mode_gives_noise(wrong: str) -> None:
+    chips = random_chips(81_840)
+    segment = recs.encrypt(chips, KEY)
+    key = validated(segment.key_time, KEY[::-1] if wrong == "key" else KEY)
+    decrypted = recs.decrypt(segment, key, mode=CipherMode.CTR if wrong == "mode" else CipherMode.CBC)
+    correlation = np.dot(decrypted.chips.astype(int), chips.chips.astype(int)) / np.sqrt(81_840)
+    assert abs(correlation) < 5  # standard normal: 6e-7 both sides
+
+
+def test_wrong_initialization_vector_damages_the_first_block_only() -> None:
+    chips = random_chips(81_840)
+    segment = recs.encrypt(chips, KEY, random_offset=0)
+    wrong = dataclasses.replace(segment, random_offset=1)
+    decrypted = recs.decrypt(wrong, validated(segment.key_time))
+    np.testing.assert_array_equal(decrypted.chips[128:], chips.chips[128:])
+    assert np.any(decrypted.chips[:128] != chips.chips[:128])
+
+
+@pytest.mark.parametrize("step", [-30, 30, 604_800, 4096 * 604_800])
+def test_key_of_another_subframe_is_refused(step: int) -> None:
+    segment = recs.encrypt(random_chips(5115), KEY)
+    with pytest.raises(ValueError, match="needs the key of"):
+        recs.decrypt(segment, validated(segment.key_time + step))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"key_delay": 1}, "is not that of a RECS at"),
+        ({"n_chips": 5120}, "does not hold 5120 chips"),
+        ({"n_chips": 10_230}, "does not hold 10230 chips"),
+        ({"cipher": bytes(16)}, "does not hold 5115 chips"),
+    ],
+)
+def test_contradicting_segment_is_refused(change: dict[str, int], message: str) -> None:
+    segment = recs.encrypt(random_chips(5115), KEY)
+    with pytest.raises(ValueError, match=message):
+        recs.decrypt(dataclasses.replace(segment, **change), validated(segment.key_time))
+
+
+def test_only_recs_lengths_and_whole_blocks_are_encrypted() -> None:
+    with pytest.raises(ValueError, match="no RECS has 5120 chips"):
+        recs.encrypt(random_chips(5120), KEY)
+    for mode in CipherMode:
+        with pytest.raises(ValueError, match="not whole AES blocks"):
+            recs.encrypt_body(bytes(17), KEY, EPOCH.subframe, 0, mode)

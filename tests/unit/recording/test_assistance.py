@@ -1,0 +1,332 @@
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from vestige.crypto import recs, recs_file
+from vestige.crypto.file_signature import SignatureStatus
+from vestige.crypto.recs_name import time_of_deciseconds
+from vestige.crypto.simulated_chain import SimulatedChain, make_chain
+from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.recording.assistance import AssistanceFolder, read_assistance
+from vestige.recording.assistance_files import Kind
+from vestige.recording.assistance_writer import write_assistance
+from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
+from vestige.time import GalileoTime
+
+START = GalileoTime(1251, 604_700)  # the week ends within the segments
+SERVER_KEY = ec.derive_private_key(0x1234567, ec.SECP256R1())
+TRUST = "osnma.pem"
+
+
+def random_chips(svid: int, time: GalileoTime) -> ChipSequence:
+    chips = np.random.default_rng(svid).choice(np.array([-1, 1], np.int8), 5115)
+    return ChipSequence(svid=svid, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+
+
+def segment_of(chain: SimulatedChain, svid: int, time: GalileoTime, key_delay: int = 0) -> EncryptedSegment:
+    keys = {key.time: key.data for key in chain.keys}
+    return recs.encrypt(random_chips(svid, time), keys[recs.key_time(time, key_delay)], key_delay=key_delay)
+
+
+@pytest.fixture(scope="module")
+def chain() -> SimulatedChain:
+    return make_chain(b"test of the assistance folder", START, 12)
+
+
+@pytest.fixture(scope="module")
+def assistance(chain: SimulatedChain) -> Assistance:
+    segments = [segment_of(chain, svid, START + 30 * i + 0.5) for i in range(5) for svid in (3, 11)]
+    segments.append(segment_of(chain, 11, START + 203, key_delay=1))  # stands alone: a unitary file
+    return Assistance(
+        segments=tuple(segments),
+        group_delays=tuple(GroupDelay(svid=svid, bgd_e1_e6_s=svid * 2.0**-32, valid_from=START) for svid in (3, 11)),
+        keys=chain.validated_keys(),
+        hardware_bias_e1_e6_s=-6.87e-8,
+        ionosphere_e1_m={3: 2.5, 11: 4.0},
+    )
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory, chain: SimulatedChain, assistance: Assistance) -> Path:
+    folder = tmp_path_factory.mktemp("original")
+    write_assistance(folder, assistance, roots=[chain.root], server_key=SERVER_KEY)
+    point = chain.private_key.public_key()
+    (folder / TRUST).write_bytes(point.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    return folder
+
+
+@pytest.fixture
+def folder(original: Path, tmp_path: Path) -> Path:
+    """Return a folder that the test may damage."""
+    return Path(shutil.copytree(original, tmp_path / "folder"))
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> Path:
+    path = tmp_path / "server.pem"
+    path.write_bytes(SERVER_KEY.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    return path
+
+
+def complete(result: AssistanceFolder, assistance: Assistance) -> bool:
+    return result.assistance == assistance and not result.problems
+
+
+def test_write_and_read(folder: Path, assistance: Assistance) -> None:
+    names = sorted(path.name for path in folder.iterdir() if not path.name.endswith(".p256"))
+    assert [name for name in names if name.endswith((".bin", ".RCS", ".BGD"))] == [
+        "01_232312358205_000150_00300_03_0_0_0_01.bin",
+        "01_232312358205_000150_00300_11_0_0_0_01.bin",
+        "GSCX01_232312358200.BGD",
+        "GSCX01_232320001430_11_1_0_01.RCS",
+    ]
+    result = read_assistance(folder)
+    assert complete(result, assistance)
+    assert result.missing == ("signatures: 4 files are not verified to be the server's",)
+
+
+def test_segments_are_in_the_order_of_time_and_decrypt(folder: Path) -> None:
+    result = read_assistance(folder).assistance
+    times = [segment.transmit_time for segment in result.segments]
+    assert times == sorted(times)
+    keys = {key.time: key for key in result.keys}
+    for segment in result.segments:
+        chips = recs.decrypt(segment, keys[segment.key_time]).chips
+        np.testing.assert_array_equal(chips, random_chips(segment.svid, START).chips)
+
+
+def test_files_may_lie_one_folder_below(folder: Path, assistance: Assistance) -> None:
+    (folder / "recs").mkdir()
+    for path in folder.glob("*.bin*"):
+        path.rename(folder / "recs" / path.name)
+    assert complete(read_assistance(folder), assistance)
+
+
+def test_what_is_no_assistance_is_passed_over(folder: Path, assistance: Assistance) -> None:
+    (folder / "samples.bin").write_bytes(np.random.default_rng(1).bytes(25 + 640))
+    (folder / "observations.csv").write_text("gst_week,gst_second,svid,pseudorange_m\n")
+    (folder / "other.xml").write_text("<a/>")
+    (folder / ".hidden.RCS").write_text("garbage")
+    assert complete(read_assistance(folder), assistance)
+
+
+def test_renamed_recs_are_found_by_their_content(folder: Path, assistance: Assistance) -> None:
+    for number, path in enumerate([*folder.glob("*.bin"), *folder.glob("*.RCS")]):
+        path.rename(folder / f"{number}.bin")
+    assert complete(read_assistance(folder, reference=START), assistance)
+
+
+def test_window(folder: Path, assistance: Assistance) -> None:
+    result = read_assistance(folder, window=(START + 30.5, START + 90.5))
+    assert result.assistance.segments == assistance.segments[2:8]
+
+
+def test_empty_folder_says_what_is_missing(tmp_path: Path) -> None:
+    result = read_assistance(tmp_path)
+    assert result.assistance == Assistance()
+    assert [line.split(":")[0] for line in result.missing] == [
+        "OSNMA public key or Merkle tree", "RECS", "OSNMA keys", "receiver.toml", "ionosphere.csv",
+    ]  # fmt: skip
+
+
+def test_missing_keys_and_group_delays_are_counted(folder: Path, chain: SimulatedChain, assistance: Assistance) -> None:
+    (folder / "keys.csv").unlink()
+    next(folder.glob("*.BGD")).unlink()
+    first = chain.keys[0].time
+    missing = read_assistance(folder).missing
+    assert f"OSNMA keys: 6 of the 6 that the RECS need, the first of {first}" in missing
+    assert "group delays: none of E03, E11; taken as 0" in missing
+
+
+def test_no_folder(tmp_path: Path) -> None:
+    for path in (tmp_path / "missing", tmp_path / "file"):
+        (tmp_path / "file").touch()
+        with pytest.raises(InputFileError, match="expected a readable folder"):
+            read_assistance(path)
+
+
+# --- what is not validated is not used ---
+
+
+def test_keys_without_trust(folder: Path) -> None:
+    (folder / TRUST).unlink()
+    result = read_assistance(folder)
+    assert result.assistance.keys == ()
+    assert [type(problem) for problem in result.problems] == [AuthenticationError]
+
+
+def test_keys_of_another_chain(folder: Path, original: Path, tmp_path: Path) -> None:
+    other = make_chain(b"another", START, 12)
+    stranger = tmp_path / "stranger.pem"
+    point = other.private_key.public_key()
+    stranger.write_bytes(point.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    result = read_assistance(folder, public_key=stranger)
+    assert result.assistance.keys == ()
+    assert len(result.problems) == 1
+    assert read_assistance(folder, public_key=original / TRUST).assistance.keys != ()
+
+
+def test_trust_that_the_caller_names_must_be_usable(folder: Path, tmp_path: Path) -> None:
+    for arguments in (
+        {"public_key": tmp_path / "x.pem"},
+        {"merkle_tree": tmp_path / "x"},
+        {"certificates": [tmp_path / "x"]},
+    ):
+        with pytest.raises(InputFileError, match="x"):
+            read_assistance(folder, **arguments)
+
+
+def test_signatures(folder: Path, assistance: Assistance, certificate: Path) -> None:
+    result = read_assistance(folder, certificates=[certificate])
+    assert complete(result, assistance)
+    assert result.missing == ()
+    signed = [file.signature for file in result.files if file.kind in (Kind.RECS, Kind.GROUP_DELAY)]
+    assert signed == [SignatureStatus.VERIFIED] * 4
+
+
+@pytest.mark.parametrize("damage", ["unsigned", "other signature"])
+def test_unsigned_files_are_not_used_with_a_certificate(folder: Path, certificate: Path, damage: str) -> None:
+    signatures = sorted(folder.glob("*.bin_01.p256"))
+    if damage == "unsigned":
+        signatures[0].unlink()
+    else:
+        shutil.copy(signatures[1], signatures[0])
+    result = read_assistance(folder, certificates=[certificate])
+    assert [type(problem) for problem in result.problems] == [AuthenticationError]
+    assert {segment.svid for segment in result.assistance.segments} == {11}
+
+
+def test_certificate_in_the_folder_is_not_trusted(folder: Path, certificate: Path) -> None:
+    shutil.copy(certificate, folder / "server.crt")
+    statuses = {file.signature for file in read_assistance(folder).files}
+    assert SignatureStatus.VERIFIED not in statuses
+
+
+# --- contradictions ---
+
+
+def test_same_file_twice_is_no_contradiction(folder: Path, assistance: Assistance) -> None:
+    for path in [*folder.glob("*.bin"), *folder.glob("*.RCS"), *folder.glob("*.BGD")]:
+        shutil.copy(path, folder / f"copy of {path.name}")
+    assert complete(read_assistance(folder, reference=START), assistance)
+
+
+def test_contradicting_recs_are_not_used(folder: Path, chain: SimulatedChain, assistance: Assistance) -> None:
+    honest = assistance.segments[0]
+    forged = dataclasses.replace(honest, cipher=bytes(640))
+    recs_file.write(recs_file.from_segments([forged]), folder)
+    result = read_assistance(folder)
+    assert result.assistance.segments == assistance.segments[1:]
+    assert len(result.problems) == 1
+    assert "RECS: found 1 other than in" in str(result.problems[0])
+
+
+def test_two_merkle_trees_are_none(folder: Path, osnma_data: Path) -> None:
+    for path in osnma_data.glob("*merkle_tree.xml"):
+        shutil.copy(path, folder)
+    result = read_assistance(folder)
+    assert any("a second one beside" in str(problem) for problem in result.problems)
+    assert result.assistance.keys == ()
+
+
+# --- damage ---
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda _: b"",
+    "half": lambda data: data[: len(data) // 2],
+    "shifted": lambda data: b"\0" + data,
+}
+GIVES = {
+    "*_11_*.bin": "segments", "*.RCS": "segments", "*.BGD": "group_delays", "keys.csv": "keys",
+    "receiver.toml": "hardware_bias_e1_e6_s", "ionosphere.csv": "ionosphere_e1_m",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("pattern", GIVES)
+def test_damaged_file_costs_only_itself(folder: Path, assistance: Assistance, pattern: str, damage: str) -> None:
+    path = next(folder.glob(pattern))
+    path.write_bytes(DAMAGE[damage](path.read_bytes()))
+    result = read_assistance(folder)
+    for name in set(GIVES.values()) - {GIVES[pattern]}:
+        assert getattr(result.assistance, name) == getattr(assistance, name)
+    assert set(result.assistance.segments) <= set(assistance.segments)
+    assert getattr(result.assistance, GIVES[pattern]) != getattr(assistance, GIVES[pattern])
+    assert len(result.problems) == 1
+    assert "\n" not in str(result.problems[0])
+    with pytest.raises(VestigeError):
+        read_assistance(folder, strict=True)
+
+
+def test_damaged_trust_costs_the_keys(folder: Path, assistance: Assistance) -> None:
+    (folder / TRUST).write_bytes((folder / TRUST).read_bytes()[:100])
+    result = read_assistance(folder)
+    assert result.assistance == dataclasses.replace(assistance, keys=())
+    assert len(result.problems) == 2
+
+
+NAMES = [
+    "a.bin", "a.RCS", "a.BGD", "keys.csv", "a.sbf", "a.csv", "a.xml", "a.pem", "receiver.toml", "ionosphere.csv",
+    "01_232312358205_000150_00300_03_0_0_0_01.bin",
+]  # fmt: skip
+HEADS = [
+    b"", b"$@", b"SVID,NumNavBits,NavBitsHEX\n", b"<MerkleTree", b"<point>", b"-----BEGIN PUBLIC KEY-----",
+    b"GSCX\0\0\0\0\x01", b"GSCX\x01", b"# vestige OSNMA keys 1\n",
+]  # fmt: skip
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
+@given(name=st.sampled_from(NAMES), head=st.sampled_from(HEADS), data=st.binary(max_size=200))
+def test_garbage(tmp_path: Path, name: str, head: bytes, data: bytes) -> None:
+    shutil.rmtree(tmp_path / "garbage", ignore_errors=True)
+    (tmp_path / "garbage").mkdir()
+    (tmp_path / "garbage" / name).write_bytes(head + data)
+    result = read_assistance(tmp_path / "garbage")
+    assert result.assistance == Assistance()
+    assert all("\n" not in str(problem) for problem in result.problems)
+
+
+# --- writing ---
+
+
+def test_irregular_epochs_are_split_into_files(tmp_path: Path, chain: SimulatedChain) -> None:
+    epochs = [time_of_deciseconds(START.week, 10 * START.second + ds) for ds in (0, 300, 600, 915, 1500, 1501, 1502)]
+    assistance = Assistance(segments=tuple(segment_of(chain, 5, epoch) for epoch in epochs))
+    write_assistance(tmp_path, assistance)
+    counts = sorted(recs_file.read(path).n_segments for path in [*tmp_path.glob("*.bin"), *tmp_path.glob("*.RCS")])
+    assert sum(counts) == len(epochs)
+    assert read_assistance(tmp_path).assistance.segments == assistance.segments
+
+
+def test_only_what_is_there_is_written(tmp_path: Path, assistance: Assistance) -> None:
+    segments = Assistance(segments=assistance.segments)
+    paths = write_assistance(tmp_path / "new" / "folder", segments)
+    assert sorted(paths) == sorted((tmp_path / "new" / "folder").iterdir())
+    assert {path.suffix for path in paths} == {".bin", ".RCS"}
+    assert read_assistance(tmp_path / "new" / "folder").assistance == segments
+
+
+def test_keys_need_their_root(tmp_path: Path) -> None:
+    key = ValidatedKey(chain_id=0, time=START, disclosed_at=START, complete_at=START, data=bytes(16))
+    with pytest.raises(ValueError, match="root keys"):
+        write_assistance(tmp_path, Assistance(keys=(key,)))
+
+
+def test_names_that_would_collide_are_refused(tmp_path: Path) -> None:
+    short = EncryptedSegment(
+        svid=1, transmit_time=START, n_chips=5115, cipher=bytes(640), key_time=START.subframe, key_delay=0
+    )
+    long = dataclasses.replace(short, n_chips=10_230, cipher=bytes(1280))
+    with pytest.raises(ValueError, match="same file name"):
+        write_assistance(tmp_path, Assistance(segments=(short, long)))

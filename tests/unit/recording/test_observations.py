@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from vestige.errors import InputFileError
+from vestige.recording.csv_observations import write_csv_observations
+from vestige.recording.interpolation import interpolate
+from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.observations import ObservationTrack, kind_of, open_observations
+from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+START = GalileoTime(1161, 348018)
+
+
+def epoch(second: float) -> ObservationEpoch:
+    observation = E1Observation(
+        svid=5, pseudorange_m=2.4e7 + 100 * second, carrier_phase_cycles=math.nan,
+        doppler_hz=-100 * 1575.42e6 / 299_792_458, doppler_rate_hz_per_s=0.0, cn0_dbhz=45.0,
+    )  # fmt: skip
+    return ObservationEpoch(time=START + second, observations={5: observation})
+
+
+EPOCHS = [epoch(second) for second in range(60) if second not in (20, 30, 31)]
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Path:
+    write_csv_observations(tmp_path / "o.csv", EPOCHS)
+    return tmp_path / "o.csv"
+
+
+def test_files_are_told_by_their_first_line(tmp_path: Path, csv: Path) -> None:
+    write_rinex_observations(tmp_path / "o.data", EPOCHS)
+    assert (kind_of(csv), kind_of(tmp_path / "o.data")) == ("CSV", "RINEX")
+    assert [e.time for e in open_observations(tmp_path / "o.data")] == [e.time for e in EPOCHS]
+    file = open_observations(csv)
+    assert list(file) == list(file)  # as often as you like
+
+
+@pytest.mark.parametrize("content", [b"", b"SVID,NumNavBits,NavBitsHEX\n", b"$@\x00\n", b"\0" * 100_000])
+def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x"
+    path.write_bytes(content)
+    assert kind_of(path) is None
+    with pytest.raises(InputFileError, match="line 1"):
+        open_observations(path)
+
+
+def test_no_file_is_refused(tmp_path: Path) -> None:
+    assert kind_of(tmp_path / "none") is None
+    for path in (tmp_path / "none", tmp_path):
+        with pytest.raises(InputFileError):
+            open_observations(path)
+
+
+@given(st.lists(st.floats(-5, 65), min_size=1, max_size=8))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+def test_a_track_at_any_times_equals_the_whole_file(csv: Path, seconds: list[float]) -> None:
+    track = ObservationTrack(open_observations(csv))
+    assert track.max_gap_s == pytest.approx(2.0, abs=1e-5)
+    for second in seconds:
+        time = START + second
+        assert track.at(time) == interpolate(EPOCHS, time, max_gap_s=track.max_gap_s)
+
+
+def test_gaps_of_more_than_two_intervals_are_not_bridged(csv: Path) -> None:
+    track = ObservationTrack(open_observations(csv))
+    assert track.at(START + 19.5)[5].pseudorange_m == pytest.approx(2.4e7 + 1950)
+    assert track.at(START + 29.5) == {}
+    assert set(ObservationTrack(open_observations(csv), max_gap_s=3.0).at(START + 29.5)) == {5}
+
+
+def test_a_track_keeps_a_few_epochs_only(csv: Path) -> None:
+    track = ObservationTrack(open_observations(csv))
+    for second in itertools.chain(range(60), [3.5]):
+        track.at(START + second)
+        assert len(track._window) <= 11
+
+
+def test_single_epochs_stand_for_themselves(tmp_path: Path) -> None:
+    write_csv_observations(tmp_path / "o.csv", EPOCHS[:1])
+    track = ObservationTrack(open_observations(tmp_path / "o.csv"))
+    assert track.at(START) == EPOCHS[0].observations
+    assert track.at(START + 0.1) == {}

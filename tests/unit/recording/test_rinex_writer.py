@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.rinex_observations import read_rinex_observations
+from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+
+def thousandths(limit: int) -> st.SearchStrategy[float]:
+    """Values that RINEX holds exactly, but for zero, which means that nothing was measured."""
+    return st.integers(-limit, limit).filter(bool).map(lambda n: n / 1000)
+
+
+def maybe(values: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
+    return st.one_of(st.just(math.nan), values)
+
+
+observations = st.builds(
+    E1Observation,
+    svid=st.integers(1, 36),
+    pseudorange_m=thousandths(40_000_000_000),
+    carrier_phase_cycles=maybe(thousandths(900_000_000_000)),
+    doppler_hz=maybe(thousandths(10_000_000)),
+    doppler_rate_hz_per_s=st.just(math.nan),
+    cn0_dbhz=maybe(st.integers(1, 70_000).map(lambda n: n / 1000)),
+)
+
+
+@st.composite
+def epochs(draw: st.DrawFn) -> list[ObservationEpoch]:
+    ticks = draw(st.lists(st.integers(0, 10**12), min_size=1, max_size=4, unique=True))
+    result = []
+    for tick in sorted(ticks):
+        second, rest = divmod(tick, 10_000_000)
+        seen = {o.svid: o for o in draw(st.lists(observations, max_size=4))}
+        slipped = frozenset(draw(st.sets(st.sampled_from(sorted(seen))))) if seen else frozenset()
+        time = GalileoTime.normalized(1161, second, rest / 10_000_000)
+        result.append(ObservationEpoch(time=time, observations=seen, slipped=slipped))
+    return result
+
+
+@pytest.mark.parametrize(("version", "signal"), [("3.05", "1C"), ("4.00", "1B")])
+@given(original=epochs())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+def test_what_is_written_is_read(tmp_path: Path, version: str, signal: str, original: list[ObservationEpoch]) -> None:
+    path = tmp_path / "observations.rnx"
+    write_rinex_observations(path, original, version=version, signal=signal)
+    again = list(read_rinex_observations(path))
+    for before, after in zip(original, again, strict=True):
+        assert before.time == after.time
+        assert before.slipped == after.slipped
+        assert {s: repr(o) for s, o in before.observations.items()} == {
+            s: repr(o) for s, o in after.observations.items()
+        }
+
+
+def test_columns_are_those_of_the_standard(tmp_path: Path) -> None:
+    observation = E1Observation(
+        svid=3, pseudorange_m=24563187.25, carrier_phase_cycles=129081234.0625, doppler_hz=-993.0,
+        doppler_rate_hz_per_s=1.0, cn0_dbhz=45.1,
+    )  # fmt: skip
+    epoch = ObservationEpoch(
+        time=GalileoTime(1161, 348018, 0.9999999), observations={3: observation}, slipped=frozenset({3})
+    )
+    path = tmp_path / "o.rnx"
+    write_rinex_observations(
+        path, [epoch], approximate_position_m=(4e6, -1e5, 3e6), created=datetime(2026, 11, 21, 2, 3, 4)
+    )
+    lines = path.read_text().splitlines()
+    labels = [line[60:] for line in lines[: lines.index(" " * 60 + "END OF HEADER")]]
+    assert {  # mandatory records of RINEX 3.05, Table A2
+        "RINEX VERSION / TYPE", "PGM / RUN BY / DATE", "MARKER NAME", "OBSERVER / AGENCY", "REC # / TYPE / VERS",
+        "ANT # / TYPE", "APPROX POSITION XYZ", "ANTENNA: DELTA H/E/N", "SYS / # / OBS TYPES", "TIME OF FIRST OBS",
+        "SYS / PHASE SHIFT",
+    } <= set(labels)  # fmt: skip
+    assert all(len(line) <= 80 for line in lines)
+    assert lines[0] == "     3.05           OBSERVATION DATA    E: Galileo          RINEX VERSION / TYPE"
+    assert lines[1][40:60] == "20261121 020304 UTC "
+    assert "  4000000.0000  -100000.0000  3000000.0000                  APPROX POSITION XYZ" in lines
+    assert "E    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES" in lines
+    assert "  2021    11    25     0    40   18.9999999     GAL         TIME OF FIRST OBS" in lines
+    assert lines[-2] == "> 2021 11 25 00 40 18.9999999  0  1"
+    assert lines[-1] == "E03  24563187.250   129081234.0621       -993.000          45.100"
+
+
+def test_an_epoch_that_is_written_as_the_next_second(tmp_path: Path) -> None:
+    epoch = ObservationEpoch(time=GalileoTime(1161, 604_799, 1 - 2**-53), observations={})
+    write_rinex_observations(tmp_path / "o.rnx", [epoch])
+    assert [e.time for e in read_rinex_observations(tmp_path / "o.rnx")] == [GalileoTime(1162, 0)]
+
+
+def test_what_rinex_cannot_hold_is_our_mistake(tmp_path: Path) -> None:
+    path = tmp_path / "o.rnx"
+    with pytest.raises(ValueError, match="time of its first observation"):
+        write_rinex_observations(path, [])
+    with pytest.raises(ValueError, match="multiple of"):
+        write_rinex_observations(path, [ObservationEpoch(time=GalileoTime(1, 1, 1.5e-7), observations={})])
+    with pytest.raises(ValueError, match="not written"):
+        write_rinex_observations(path, [], signal="1X")
+    with pytest.raises(ValueError, match="not written"):
+        write_rinex_observations(path, [], version="2.11")
+    huge = E1Observation(
+        svid=3,
+        pseudorange_m=1e10,
+        carrier_phase_cycles=math.nan,
+        doppler_hz=0.0,
+        doppler_rate_hz_per_s=0.0,
+        cn0_dbhz=1.0,
+    )
+    with pytest.raises(ValueError, match="pseudorange_m of E03"):
+        write_rinex_observations(path, [ObservationEpoch(time=GalileoTime(1, 1), observations={3: huge})])
