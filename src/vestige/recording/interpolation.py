@@ -31,7 +31,7 @@ from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
-SAME_TIME_S = 1e-7  # an epoch as near as this is taken as it is; the range changes by under 0.1 mm
+SAME_TIME_S = 1e-8  # an epoch as near as this is taken as it is; the range changes by under 0.01 mm
 SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # phase and integrated Doppler may differ by this much, plus this much times T
 CODE_CARRIER_M = 150.0  # half an E1 chip: noise and multipath stay below, a receiver's clock step does not
 
