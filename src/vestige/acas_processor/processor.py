@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, hand_over, predicted_delay_m
 from vestige.acas_processor.mitigation import LEVELS, Limits, decide
-from vestige.acas_processor.range_offset import range_offset_m
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
@@ -157,19 +157,22 @@ class AcasProcessor:
 
     def detect(self, bank: CorrelatorBank) -> Detection | None:
         """Return the detected signal of one bank, or None."""
-        magnitudes = np.abs(bank.taps)[None, :] / np.sqrt(bank.noise_power / 2)
         limit = float(threshold(self.p_fa))
-        index = self.detector.detect(magnitudes, limit)
-        tap = int(index[0])
-        if tap < 0:
+        block = detect_block(
+            bank.taps[None, :],
+            np.array([bank.noise_power]),
+            bank.offsets_m,
+            detector=self.detector,
+            threshold_sigma=limit,
+        )
+        if block.tap[0] < 0:
             return None
-        offset = range_offset_m(magnitudes, index, self.detector.spacing, bank.offsets_m)
         return Detection(
-            tap=tap,
-            magnitude=float(magnitudes[0, tap]),
-            phase_rad=float(np.angle(bank.taps[tap])),
+            tap=int(block.tap[0]),
+            magnitude=float(block.magnitude_sigma[0]),
+            phase_rad=float(block.phase_rad[0]),
             threshold=limit,
-            range_offset_m=float(offset[0]),
+            range_offset_m=float(block.range_offset_m[0]),
         )
 
 
