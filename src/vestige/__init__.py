@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource
     from vestige.records import Outcome, Status, Verdict
-    from vestige.scenario import load_scenario
+    from vestige.scenario.load import load_scenario
     from vestige.time import GalileoTime
 
 _HOME = {
@@ -35,7 +35,7 @@ _HOME = {
     "Verdict": "records",
     "VestigeError": "errors",
     "hardware_bias_correction_s": "acas_processor.calibration",
-    "load_scenario": "scenario",
+    "load_scenario": "scenario.load",
     "open_recording": "recording.recording",
     "probability_of_detection": "acas_processor.thresholds",
     "read_assistance": "recording.assistance",

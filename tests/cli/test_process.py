@@ -27,6 +27,7 @@ from vestige.records import Band, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
 
 SCENARIO = """
+kind = "recording"
 seed = 5
 start = "2026-11-21T12:00:16 GST"
 duration_s = 0.125

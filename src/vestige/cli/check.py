@@ -18,7 +18,7 @@ def command(files: tuple[Path, ...], as_json: bool) -> None:
     import json
 
     from vestige.errors import VestigeError
-    from vestige.scenario import load_scenario
+    from vestige.scenario.load import load_scenario
 
     resolved: dict[str, object] = {}
     errors: list[VestigeError | OSError] = []

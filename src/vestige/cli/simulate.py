@@ -16,7 +16,8 @@ def command(scenario: Path, output: Path) -> None:
     The E6-C of the recording carries its open codes; `vestige recs make` makes RECS for it.
     """
     from vestige.errors import InputFileError
-    from vestige.scenario import load_scenario, write_recording
+    from vestige.scenario.load import load_scenario
+    from vestige.scenario.recording import write_recording
 
     loaded = load_scenario(scenario)
     if output.exists():

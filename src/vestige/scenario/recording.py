@@ -1,27 +1,22 @@
-"""Scenario files: TOML that says what is simulated. Unknown keys are errors, with their place in the file.
-
-A scenario of a recording lists the satellites in view with their pseudorange, dynamics and C/N0 in both bands. The
-models of `vestige.receiver` and `vestige.signal_generator` are what the file configures.
-"""
+"""A scenario of a recording: the satellites in view in both bands, and the files that a recorder leaves of them."""
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
 from vestige.constants import MAX_SVID, SUBFRAME_S
 from vestige.crypto.key_file import write_key_file
 from vestige.crypto.simulated_chain import make_chain
-from vestige.errors import InputFileError
 from vestige.receiver.recorder import record_band
 from vestige.recording.sample_format import SampleFormat
 from vestige.recording.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Band
+from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
@@ -29,11 +24,7 @@ from vestige.time import GalileoTime
 NOISE_COUNTS = 20.0  # int8 counts of one unit: noise of 14 counts in I and in Q, 9 σ to the end of the scale
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ReceiverSection(_Section):
+class ReceiverSection(Section):
     """The simulated receiver.
 
     Attributes
@@ -54,7 +45,7 @@ class ReceiverSection(_Section):
     hardware_bias_e1_e6_m: Annotated[float, Field(ge=-100, le=100)] = 0.0
 
 
-class SatelliteSection(_Section):
+class SatelliteSection(Section):
     """One satellite in view; C/N0 is per component (E1-C alone, E6-C alone), data and pilot alike."""
 
     svid: Annotated[int, Field(ge=1, le=MAX_SVID)]
@@ -68,11 +59,13 @@ class SatelliteSection(_Section):
         return self.cn0_e1_dbhz if band is Band.E1 else self.cn0_e6_dbhz
 
 
-class RecordingScenario(_Section):
+class RecordingScenario(Section):
     """A short simultaneous recording of E1 and E6 with open codes on E6-C.
 
     Attributes
     ----------
+    kind
+        `recording`.
     seed
         Everything random follows from it.
     start
@@ -81,6 +74,7 @@ class RecordingScenario(_Section):
         Length of the recording.
     """
 
+    kind: Literal["recording"]
     seed: Annotated[int, Field(ge=0)]
     start: str
     duration_s: Annotated[float, Field(ge=0.06, le=60)]
@@ -106,30 +100,6 @@ class RecordingScenario(_Section):
     def start_time(self) -> GalileoTime:
         """`start` as a time."""
         return GalileoTime.parse(self.start)
-
-
-def load_scenario(path: Path | str) -> RecordingScenario:
-    """Return the scenario in a TOML file.
-
-    Raises
-    ------
-    InputFileError
-        If the file is not TOML, has an unknown key, or a value outside its range; with the place.
-    """
-    path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a TOML file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputFileError(path, "TOML", str(error), "valid TOML") from error
-    try:
-        return RecordingScenario.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "top level"
-        found = "nothing" if first["type"] == "missing" else first["input"]
-        raise InputFileError(path, place, found, first["msg"]) from error
 
 
 def write_recording(

@@ -7,10 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
-from vestige.scenario import RecordingScenario, load_scenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.recording import RecordingScenario
 from vestige.time import GalileoTime
 
 GOOD = """
+kind = "recording"
 seed = 1
 start = "2026-11-21T12:00:16 GST"
 duration_s = 0.13
