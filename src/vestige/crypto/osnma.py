@@ -29,7 +29,7 @@ from vestige.crypto.root_key import verify_root_key
 from vestige.crypto.subframe import Content, Epoch, PageStatus, SatelliteSubframe, SubframeAssembler
 from vestige.crypto.tag_verifier import TagVerifier
 from vestige.crypto.tags import parse_mack
-from vestige.crypto.tesla import Chain, Key, validate
+from vestige.crypto.tesla import Chain, Key, fill_gaps, validate
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
@@ -119,6 +119,17 @@ class OsnmaReceiver:
     def finish(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of the subframes that are still open: no more pages come."""
         return self._take(self._assembler.flush())
+
+    def filled_keys(self) -> tuple[ValidatedKey, ...]:
+        """Return the validated keys with those of lost subframes between them, which follow from later ones.
+
+        A key that was withheld stays away, although it follows too.
+        """
+        keys = tuple(self._keys.values())
+        for chain in self._chains:
+            keys = fill_gaps(keys, chain)
+        filled = {key.time.gst_seconds: key for key in keys if key.time.gst_seconds not in self._withheld}
+        return tuple(filled[time] for time in sorted(filled))
 
     def report(self) -> OsnmaReport:
         """Return all that is known so far; call `finish` before if no more pages come."""
@@ -294,10 +305,12 @@ class OsnmaReceiver:
             reason = f"NMA status {message.status}"
             self._withheld[time] = WithheldKey(
                 time=valid.time, chain_id=valid.chain_id, data=valid.data, reason=reason)  # fmt: skip
+            self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
             self._report_once(ProblemKind.STATUS, message.time, f"{reason}: keys are withheld")
+        if known or time in self._withheld:
             return chain, None
         self._keys[time] = valid
-        return chain, None if known else valid
+        return chain, valid
 
     def _first_valid(
         self, key: Key, svids: Sequence[int], chains: Sequence[Chain], time: GalileoTime

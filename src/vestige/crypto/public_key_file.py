@@ -23,7 +23,7 @@ from vestige.crypto.public_key import POINT_BYTES, ClaimedPublicKey, PublicKey, 
 from vestige.errors import InputFileError, UnsupportedError
 
 MAX_FILE_BYTES = 1_000_000  # the published files have 2 kB; nothing larger is one of them
-_ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>\s*([^<]*?)\s*</\1>")
+_ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 
 
 def read_public_key(path: Path) -> ClaimedPublicKey:
@@ -40,7 +40,8 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
     if "-----BEGIN" in text:
         return ClaimedPublicKey(pkid=None, leaf=None, point=_pem_point(path, text))
     found: dict[str, str] = {}
-    for name, value in _ELEMENT.findall(text):
+    for name, content in _ELEMENT.findall(text):
+        value = content.strip()
         if found.setdefault(name, value) != value:
             raise InputFileError(path, f"element {name}", value, f"one public key; {found[name]} came before")
     for name in ("PKID", "point"):

@@ -167,6 +167,7 @@ class SubframeAssembler:
         """Return all open subframes, oldest first: no more pages come."""
         epochs = [_epoch(start, self._open[start]) for start in sorted(self._open)]
         self._open.clear()
+        self._newest = None
         return epochs
 
     def _close(self, before: int) -> list[Epoch]:

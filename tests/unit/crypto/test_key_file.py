@@ -62,17 +62,16 @@ def test_nothing_is_taken_on_trust(path: Path) -> None:
         read_key_file(path, PUBLIC)
 
 
-def test_every_changed_bit_of_root_and_keys_is_refused(path: Path) -> None:
+def test_every_changed_digit_of_root_and_keys_is_refused(path: Path) -> None:
     text = path.read_text()
     for line_number in (1, 4):
         line = text.splitlines()[line_number]
         start = text.index(line) + line.rindex(",", 0, 50) + 1 if line_number == 1 else text.index(KEYS[1].data.hex())
         length = len(CHAIN.kroot.serialise()) * 2 if line_number == 1 else 32
         for place in range(start, start + length):
-            for bit in (1, 2, 4, 8):
-                path.write_text(text[:place] + f"{int(text[place], 16) ^ bit:x}" + text[place + 1 :])
-                with pytest.raises(VestigeError):
-                    read_key_file(path, PUBLIC)
+            path.write_text(text[:place] + f"{int(text[place], 16) ^ 1 << place % 4:x}" + text[place + 1 :])
+            with pytest.raises(VestigeError):
+                read_key_file(path, PUBLIC)
 
 
 def test_a_false_disclosure_time_is_refused(path: Path) -> None:

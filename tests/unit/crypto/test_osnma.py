@@ -16,7 +16,6 @@ from vestige.crypto.osnma_report import Count, OsnmaReport, ProblemKind
 from vestige.crypto.public_key import PublicKey, Trust
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.crypto.subframe import PageStatus
-from vestige.crypto.tesla import fill_gaps
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
 
@@ -143,8 +142,7 @@ def test_a_gap_is_reported_and_can_be_filled() -> None:
     assert report.failures == ()
     # MACSEQ of the last subframe before the gap: its key was lost, but follows from a later one.
     assert report.tags.macseq == Count(ok=3 * (N - 6))
-    (chain,) = receiver.chains
-    assert [key.data for key in fill_gaps(report.keys, chain)] == expected_keys()
+    assert [key.data for key in receiver.filled_keys()] == expected_keys()
 
 
 def test_a_gap_of_hours() -> None:
@@ -203,6 +201,17 @@ def test_status_dont_use_withholds_keys() -> None:
     assert [key.data for key in report.withheld] == expected_keys()[8:]
     assert kinds(report) == {ProblemKind.STATUS}
     assert "don't use" in report.withheld[0].reason
+    in_the_middle = Broadcast(
+        CHAIN, n_subframes=N, header_of=lambda _s, k, normal: normal | 0xC0 if k in (6, 7) else normal
+    )
+    receiver = OsnmaReceiver((CHAIN.public_key,))
+    for pages in (PAGES, in_the_middle.pages(), PAGES):  # said once it holds, whatever another recording says
+        for page in pages:
+            receiver.process(page)
+        receiver.finish()
+    usable = [key for k, key in enumerate(expected_keys()) if k not in (6, 7)]
+    assert [key.data for key in receiver.report().keys] == usable
+    assert [key.data for key in receiver.filled_keys()] == usable
     everywhere = run(Broadcast(CHAIN, n_subframes=N, header_of=lambda _s, _k, normal: normal | 0xC0).pages())
     assert everywhere.keys == ()
     with pytest.raises(AuthenticationError):

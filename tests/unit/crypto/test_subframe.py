@@ -3,7 +3,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import make_page
@@ -41,6 +41,7 @@ def test_pages_become_subframes_across_the_end_of_the_week() -> None:
         assert all(subframe.content is Content.OSNMA for subframe in epoch.satellites.values())
 
 
+@settings(max_examples=25)
 @given(st.randoms(use_true_random=False))
 def test_order_of_satellites_and_small_delays_do_not_matter(rng: random.Random) -> None:
     in_order = pages()

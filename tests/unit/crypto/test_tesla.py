@@ -4,7 +4,7 @@ import hashlib
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vestige.crypto.chain_parameters import ChainParameters
@@ -58,6 +58,7 @@ def test_all_keys_validate_across_the_roll_over() -> None:
     assert {key.chain_id for key in valid} == {2}
 
 
+@settings(max_examples=25)
 @given(st.permutations(range(40)))
 def test_keys_validate_in_any_order(order: list[int]) -> None:
     chain = fresh()
@@ -138,7 +139,7 @@ def test_lost_keys_follow_from_later_ones() -> None:
 
 def test_keys_of_another_chain_are_passed_on() -> None:
     other = make_chain(b"another", START, 4, chain_id=2).validated_keys()
-    assert fill_gaps(other, fresh()) == other
+    assert fill_gaps(other[::3], fresh()) == other[::3]
 
 
 def test_a_later_root_key_of_the_same_chain() -> None:
