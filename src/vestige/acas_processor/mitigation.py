@@ -16,6 +16,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Bool, Float, Int8
+
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.records import CheckResult, Measurement, Outcome, SatelliteMeasurement, Status, Verdict
 
@@ -79,6 +82,8 @@ def check_range(measurement: SatelliteMeasurement, limits: Limits) -> CheckResul
 # Status that follows when this check fails, in order of the paper's steps
 _FAILURE = {"E6 power": Status.NOT_DETECTED, "E1-E6 range": Status.SPOOFED}
 
+_POSITION = {status: position for position, status in enumerate(Status)}
+
 LEVELS: dict[int, tuple[Check, ...]] = {
     1: (check_e6_power, check_range),
 }
@@ -114,6 +119,33 @@ def decide(measurement: Measurement, level: int, limits: Limits) -> tuple[Verdic
             )
         )
     return tuple(verdicts)
+
+
+def status_block(
+    detected: Bool[np.ndarray, " n_epochs"],
+    range_offset_m: Float[np.ndarray, " n_epochs"],
+    predicted_pd: Float[np.ndarray, " n_epochs"],
+    limits: Limits,
+) -> Int8[np.ndarray, " n_epochs"]:
+    """Return the level 1 status of a block of epochs that were all correlated, as the position in `Status`.
+
+    It says of arrays what `decide` says of one measurement.
+
+    Parameters
+    ----------
+    detected
+        Whether the encrypted signal was found.
+    range_offset_m
+        Measured minus predicted range in m; not looked at where nothing was detected.
+    predicted_pd
+        Probability of detection that E1 predicts; NaN if it is not known.
+    limits
+        Thresholds of the checks.
+    """
+    near = np.abs(range_offset_m) <= limits.kappa * limits.budget.sigma_m
+    found = np.where(near, _POSITION[Status.AUTHENTIC], _POSITION[Status.SPOOFED])
+    missing = np.where(predicted_pd >= limits.min_pd, _POSITION[Status.NOT_DETECTED], _POSITION[Status.NOT_AVAILABLE])
+    return np.where(detected, found, missing).astype(np.int8)
 
 
 def _combine(checks: tuple[CheckResult, ...], satellite: SatelliteMeasurement) -> tuple[Status, str]:

@@ -30,6 +30,19 @@ _SELF_NOISE_LAGS = 16  # chips: rays may be as far as this from a tap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Draws:
+    """What is random in a block of banks: self-noise of the code, noise of σ = 1 in the taps, scatter of the floor."""
+
+    self_noise: Float[np.ndarray, "n_epochs n_lags"]
+    noise: Complex128[np.ndarray, "n_epochs n_taps"]
+    floor: Float[np.ndarray, " n_epochs"]
+
+    def part(self, first: int, last: int) -> Draws:
+        """Return the draws of some of the epochs."""
+        return Draws(self_noise=self.self_noise[first:last], noise=self.noise[first:last], floor=self.floor[first:last])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:
     """Draws banks of correlators.
 
@@ -63,9 +76,18 @@ class CorrelatorModel:
             raise ValueError("two correlators have the same offset")
         return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
 
-    def draw(
+    def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
+        """Return everything random of `n_epochs` banks."""
+        shape = (n_epochs, len(self.offsets_m))
+        self_noise = rng.standard_normal((n_epochs, _SELF_NOISE_LAGS + 2)) / np.sqrt(self.n_chips)
+        self_noise[:, 0] = 1.0
+        z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)
+        floor = 1.0 + rng.standard_normal(n_epochs) / np.sqrt(self.n_chips)
+        return Draws(self_noise=self_noise, noise=z @ self.noise_factor().T, floor=floor)
+
+    def banks(
         self,
-        rng: np.random.Generator,
+        draws: Draws,
         *,
         cn0_dbhz: float,
         delay_m: Float[np.ndarray, "n_epochs n_rays"],
@@ -76,8 +98,8 @@ class CorrelatorModel:
 
         Parameters
         ----------
-        rng
-            One generator for the block, whatever the number of workers.
+        draws
+            The randomness of these epochs.
         cn0_dbhz
             C/N0 of E6-C's line of sight.
         delay_m
@@ -87,24 +109,17 @@ class CorrelatorModel:
         doppler_hz
             Residual Doppler of every ray in Hz.
         """
-        n = delay_m.shape[0]
-        shape = (n, len(self.offsets_m))
         variance = 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
-        self_noise = rng.standard_normal((n, _SELF_NOISE_LAGS + 2)) / np.sqrt(self.n_chips)
-        self_noise[:, 0] = 1.0
-        z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(variance / 2)
-        floor = 1.0 + rng.standard_normal(n) / np.sqrt(self.n_chips)
-
-        taps = z @ self.noise_factor().T
+        taps = draws.noise * np.sqrt(variance)
         turns = doppler_hz * self.integration_s
         strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
         scale = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
-        rows = np.arange(n)[:, None]
+        rows = np.arange(delay_m.shape[0])[:, None]
         for ray in range(delay_m.shape[1]):
             distance = np.abs(delay_m[:, ray, None] - np.asarray(self.offsets_m)) * scale
             lag = np.minimum(distance.astype(np.int64), _SELF_NOISE_LAGS)
             part = np.minimum(distance - lag, 1.0)
-            correlation = (1 - part) * self_noise[rows, lag] + part * self_noise[rows, lag + 1]
+            correlation = (1 - part) * draws.self_noise[rows, lag] + part * draws.self_noise[rows, lag + 1]
             taps += strength[:, ray, None] * correlation
-        noise_power = variance * floor + np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
+        noise_power = variance * draws.floor + np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
         return taps, noise_power

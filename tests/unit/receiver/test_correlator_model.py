@@ -21,21 +21,21 @@ def _rays(n: int, *rays: tuple[float, complex, float]) -> dict[str, np.ndarray]:
 
 
 def test_without_noise_a_ray_is_a_triangle() -> None:
-    taps, _ = MODEL.draw(stream(1, "t"), cn0_dbhz=150.0, **_rays(50, (4.0, 0.5j, 0.0)))
+    taps, _ = MODEL.banks(MODEL.draws(stream(1, "t"), 50), cn0_dbhz=150.0, **_rays(50, (4.0, 0.5j, 0.0)))
     triangle = np.maximum(0, 1 - np.abs(np.array(OFFSETS_M) - 4.0) / CHIP_M)
     assert taps == pytest.approx(np.tile(0.5j * triangle, (50, 1)), abs=0.5 * 5 / np.sqrt(81_840))
 
 
 def test_doppler_loss_and_turn() -> None:
     """sinc(f T) and half a turn of phase for f T = ½."""
-    taps, _ = MODEL.draw(stream(1, "t"), cn0_dbhz=150.0, **_rays(1, (0.0, 1.0, 0.5 / 0.016)))
+    taps, _ = MODEL.banks(MODEL.draws(stream(1, "t"), 1), cn0_dbhz=150.0, **_rays(1, (0.0, 1.0, 0.5 / 0.016)))
     assert taps[0, 5] == pytest.approx(1j * 2 / np.pi, abs=1e-5)
 
 
 def test_noise_covariance_and_floor() -> None:
     """200,000 draws: every entry of the covariance within 6 standard errors of σ² Tri."""
     n, cn0 = 200_000, 35.0
-    taps, noise_power = MODEL.draw(stream(2, "t"), cn0_dbhz=cn0, **_rays(n, (0.0, 0.0, 0.0)))
+    taps, noise_power = MODEL.banks(MODEL.draws(stream(2, "t"), n), cn0_dbhz=cn0, **_rays(n, (0.0, 0.0, 0.0)))
     variance = 1 / (10**3.5 * 0.016)
     lags = np.subtract.outer(OFFSETS_M, OFFSETS_M) / CHIP_M
     expected = variance * np.maximum(0, 1 - np.abs(lags))
@@ -46,8 +46,8 @@ def test_noise_covariance_and_floor() -> None:
 
 
 def test_same_stream_same_bits() -> None:
-    a = MODEL.draw(stream(3, "t", 7), cn0_dbhz=35.0, **_rays(4, (0.0, 1.0, 0.0)))
-    b = MODEL.draw(stream(3, "t", 7), cn0_dbhz=35.0, **_rays(4, (0.0, 1.0, 0.0)))
+    a = MODEL.banks(MODEL.draws(stream(3, "t", 7), 4), cn0_dbhz=35.0, **_rays(4, (0.0, 1.0, 0.0)))
+    b = MODEL.banks(MODEL.draws(stream(3, "t", 7), 4), cn0_dbhz=35.0, **_rays(4, (0.0, 1.0, 0.0)))
     assert a[0].tobytes() == b[0].tobytes()
 
 
