@@ -190,7 +190,9 @@ def test_no_bit_of_the_broadcast_root_keys_can_change(
 
 
 @pytest.mark.parametrize("files", [VECTOR_FILES, RECORDED_FILES])
-def test_no_bit_of_the_published_merkle_trees_and_keys_can_change(osnma_data: Path, tmp_path: Path, files: str) -> None:
+def test_no_digit_of_the_published_merkle_trees_and_keys_can_change(
+    osnma_data: Path, tmp_path: Path, files: str
+) -> None:
     names = ("public_key", "merkle_tree")
     texts = {name: (osnma_data / files.format(name)).read_text() for name in names}
     paths = {name: tmp_path / f"{name}.xml" for name in names}
@@ -200,11 +202,10 @@ def test_no_bit_of_the_published_merkle_trees_and_keys_can_change(osnma_data: Pa
     assert (key.pkid, key.trust) == (1 if files is VECTOR_FILES else 2, Trust.MERKLE_TREE)
     for name in names:
         for place in _hex_places(texts[name]):
-            for bit in (1, 2, 4, 8):
-                digit = f"{int(texts[name][place], 16) ^ bit:X}"
-                paths[name].write_text(texts[name][:place] + digit + texts[name][place + 1 :])
-                with pytest.raises(VestigeError):
-                    load_public_keys(paths["public_key"], paths["merkle_tree"])
+            digit = f"{int(texts[name][place], 16) ^ 1 << place % 4:X}"
+            paths[name].write_text(texts[name][:place] + digit + texts[name][place + 1 :])
+            with pytest.raises(VestigeError):
+                load_public_keys(paths["public_key"], paths["merkle_tree"])
         paths[name].write_text(texts[name])
 
 

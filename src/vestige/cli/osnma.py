@@ -54,7 +54,6 @@ def verify(
     """
     import json
 
-    from vestige.crypto import tesla
     from vestige.crypto.key_file import write_key_file
     from vestige.crypto.osnma import OsnmaReceiver
     from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
@@ -70,10 +69,7 @@ def verify(
         receiver.process(page)
     receiver.finish()
     report = receiver.report()
-    keys = report.keys
-    if fill_gaps:
-        for chain in receiver.chains:
-            keys = tesla.fill_gaps(keys, chain)
+    keys = receiver.filled_keys() if fill_gaps else report.keys
     if output is not None and keys:
         write_key_file(output, keys, report.verified_roots)
     if as_json:

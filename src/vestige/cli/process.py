@@ -48,7 +48,10 @@ def command(recording_path: Path, **options: Any) -> None:
     RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
     says it must be, and was it received before anybody could know the key?
     """
+    from dataclasses import replace
+
     from vestige.cli.options import parse_time
+    from vestige.cli.progress import progress
     from vestige.cli.verdicts import print_json, print_table, write_csv
     from vestige.recording.assistance import read_assistance
     from vestige.recording.recording import open_recording
@@ -59,7 +62,7 @@ def command(recording_path: Path, **options: Any) -> None:
         options["assistance_path"]
         or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
     )
-    report = read_assistance(
+    found = read_assistance(
         folder,
         public_key=options["public_key"],
         merkle_tree=options["merkle_tree"],
@@ -67,16 +70,16 @@ def command(recording_path: Path, **options: Any) -> None:
         window=time_span(recording),
         strict=options["strict"],
     )
-    for line in (*recording.notes, *report.problems, *report.missing):
+    for line in (*recording.notes, *found.problems, *found.missing):
         click.echo(f"warning: {line}", err=True)
     source = RecordingSource(
         recording=recording,
-        assistance=_with_bias(report.assistance, options["hardware_bias_m"]),
+        assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
         time_uncertainty_s=options["time_uncertainty"],
-        progress=lambda text: click.echo(text, err=True),
     )
     processor = _processor(options)
-    measurements, bias_s = _measure(processor, source, calibrate=options["calibrate"])
+    with progress() as report:
+        measurements, bias_s = _measure(processor, replace(source, progress=report), calibrate=options["calibrate"])
     verdicts = [verdict for measurement in measurements for verdict in processor.decide(measurement)]
     unseen = _unseen(source, measurements)
     if options["output"]:

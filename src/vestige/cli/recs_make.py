@@ -41,22 +41,25 @@ def command(
     import json
 
     from vestige.cli.options import parse_svids, parse_time
+    from vestige.cli.progress import progress
     from vestige.recording.made_recs import make_assistance
     from vestige.recording.recording import open_recording
 
     recording = open_recording(recording_path, start=parse_time(start))
-    made = make_assistance(
-        recording,
-        keys_path=keys_path,
-        public_key=public_key,
-        merkle_tree=merkle_tree,
-        output=output,
-        duration_ms=int(length_ms),
-        interval_s=interval_s,
-        key_delay=kdi,
-        svids=parse_svids(svids),
-        progress=lambda text: click.echo(text, err=True),
-    )
+    wanted = parse_svids(svids)
+    with progress() as report:
+        made = make_assistance(
+            recording,
+            keys_path=keys_path,
+            public_key=public_key,
+            merkle_tree=merkle_tree,
+            output=output,
+            duration_ms=int(length_ms),
+            interval_s=interval_s,
+            key_delay=kdi,
+            svids=wanted,
+            progress=lambda done, total: report("E1 search", done, total),
+        )
     if as_json:
         click.echo(
             json.dumps(

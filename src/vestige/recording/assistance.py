@@ -89,7 +89,7 @@ class _Problems:
 
 
 def read_assistance(
-    folder: Path,
+    folder: Path | str,
     *,
     public_key: Path | None = None,
     merkle_tree: Path | None = None,
@@ -126,7 +126,7 @@ def read_assistance(
         If `strict`, for the first file that is not usable.
     """
     problems = _Problems(strict=strict)
-    by_kind = _sorted_files(folder, problems)
+    by_kind = _sorted_files(Path(folder), problems)
     trust_files = {Kind.PUBLIC_KEY: by_kind.pop(Kind.PUBLIC_KEY), Kind.MERKLE_TREE: by_kind.pop(Kind.MERKLE_TREE)}
     files: list[AssistanceFile] = []
     if public_key is not None or merkle_tree is not None:

@@ -26,7 +26,7 @@ MIN_SECONDARY_MARGIN_DB = 1.0  # CS25's own second-best phase is 5.6 dB down; no
 
 
 def observe(
-    batch: SampleBatch, svids: Iterable[int], *, progress: Callable[[int], None] | None = None
+    batch: SampleBatch, svids: Iterable[int], *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
     """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
 
@@ -37,7 +37,7 @@ def observe(
     svids
         Satellites to look for.
     progress
-        Called with each satellite's number when it has been looked for.
+        Called with the number of satellites that have been looked for, and of all.
     """
     acquired = acquire(batch, svids, progress=progress)
     measured = [found for found in (measure_e1(batch, one) for one in acquired) if found is not None]

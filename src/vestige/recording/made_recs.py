@@ -118,7 +118,7 @@ def make_assistance(
     interval_s: float = 30.0,
     key_delay: int = 0,
     svids: tuple[int, ...] = (),
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> MadeAssistance:
     """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor.
 
@@ -135,7 +135,7 @@ def make_assistance(
     svids
         Satellites to make RECS for; () for those that E1 sees.
     progress
-        Called with a line of text before long steps.
+        Called with the number of satellites that E1 was searched for, and of all.
 
     Raises
     ------
@@ -174,15 +174,13 @@ def _segments_of(
     interval_s: float,
     key_delay: int,
     svids: tuple[int, ...],
-    progress: Callable[[str], None] | None,
+    progress: Callable[[int, int], None] | None,
 ) -> tuple[EncryptedSegment, ...]:
     """Return the RECS that fit into the recording and have a key."""
     reader = recording.e6
     if reader is None:
         raise VestigeError(f"{recording.description.path}: no E6 samples, so no RECS can be made for it")
-    if progress is not None:
-        progress(f"searching E1 for {len(svids or ALL_SVIDS)} satellites")
-    seen = satellites_in_view(recording, svids or ALL_SVIDS)
+    seen = satellites_in_view(recording, svids or ALL_SVIDS, progress=progress)
     if not seen:
         raise VestigeError(f"{recording.description.path}: no satellite is seen on E1, so no RECS can be timed")
     first, last = reader.start, reader.start + reader.duration_s

@@ -40,22 +40,19 @@ class RecordingSource:
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
     progress
-        Called with a line of text before long steps.
+        Called during long steps with what is done, how much of it is done, and how much there is.
     """
 
     recording: Recording
     assistance: Assistance
     time_uncertainty_s: float | None = None
-    progress: Callable[[str], None] | None = None
+    progress: Callable[[str, int, int], None] | None = None
 
     def __iter__(self) -> Iterator[Snapshot]:
         """Yield one snapshot for each epoch of `epochs`."""
         file = self.recording.observations
         track = ObservationTrack(file) if file is not None else None
         for index, (transmit_time, segments) in enumerate(self.epochs().items()):
-            if self.progress is not None:
-                how = f"searching E1 for {len(segments)} satellites" if track is None else "reading E1 observations"
-                self.progress(f"RECS of {transmit_time}: {how}")
             yield self._snapshot(index, transmit_time, segments, track)
 
     def epochs(self) -> dict[GalileoTime, tuple[EncryptedSegment, ...]]:
@@ -98,7 +95,12 @@ class RecordingSource:
         reader = self.recording.e1
         if reader is None:
             return transmit_time + MEDIAN_TRAVEL_TIME_S, {}
-        return observe(e1_window(reader, transmit_time + MEDIAN_TRAVEL_TIME_S), sorted(svids))
+        window = e1_window(reader, transmit_time + MEDIAN_TRAVEL_TIME_S)
+        return observe(window, sorted(svids), progress=self._step(f"E1 search for the RECS of {transmit_time}"))
+
+    def _step(self, name: str) -> Callable[[int, int], None] | None:
+        report = self.progress
+        return None if report is None else lambda done, total: report(name, done, total)
 
     def _e6(
         self, transmit_time: GalileoTime, observations: dict[int, E1Observation], duration_s: float
@@ -126,7 +128,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
 
 
 def satellites_in_view(
-    recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int], None] | None = None
+    recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
     """Return what E1 says of `svids` at the start of a recording; {} if there is no E1 in it."""
     if recording.observations is not None:

@@ -71,7 +71,7 @@ def acquire(
     *,
     overall_pfa: float = 1e-3,
     doppler_span_hz: float = 5000.0,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
@@ -84,7 +84,7 @@ def acquire(
     doppler_span_hz
         Searched from −span to +span.
     progress
-        Called with each satellite's number when it is done.
+        Called with the number of satellites that are done, and of all, as the search goes on.
     """
     svids = tuple(svids)
     spectra, rate_hz, starts_s, band = _stretch_spectra(batch, doppler_span_hz)
@@ -97,13 +97,15 @@ def acquire(
     threshold = 2.0 * float(special.gammainccinv(spectra.shape[0], pfa))
 
     def search(svid: int) -> Acquisition:
-        found = _search_one(svid, spectra, rate_hz, starts_s, band, bins, n_phases, threshold)
-        if progress is not None:
-            progress(svid)
-        return found
+        return _search_one(svid, spectra, rate_hz, starts_s, band, bins, n_phases, threshold)
 
+    best = []
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        best = [cell for cell in pool.map(search, svids) if cell.statistic > threshold]
+        for done, cell in enumerate(pool.map(search, svids), start=1):
+            if progress is not None:
+                progress(done, len(svids))
+            if cell.statistic > threshold:
+                best.append(cell)
     floor = max((cell.cn0_dbhz for cell in best), default=0.0) - CROSS_CORRELATION_DB
     return tuple(cell for cell in best if cell.cn0_dbhz > floor)
 

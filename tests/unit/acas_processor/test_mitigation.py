@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from builders import START
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.mitigation import LEVELS, Limits, decide
+from vestige.acas_processor.mitigation import LEVELS, Limits, decide, status_block
 from vestige.records import CorrelatorBank, Detection, Measurement, Outcome, SatelliteMeasurement, Status, Verdict
 
 LIMITS = Limits(budget=ErrorBudget.uncorrected())
@@ -55,6 +59,19 @@ def test_the_range_limit_is_kappa_sigma() -> None:
     """3σ of the uncorrected budget is 26.6 m (protocol reference, receiver test)."""
     checks = _verdict(_detected(1.0)).checks
     assert checks[1].threshold == pytest.approx(26.6, abs=0.05)
+
+
+@given(
+    st.lists(
+        st.tuples(st.booleans(), st.floats(-60, 60), st.one_of(st.floats(0, 1), st.just(float("nan")))), min_size=1
+    )
+)
+def test_a_block_gets_the_status_of_its_epochs(epochs: list[tuple[bool, float, float]]) -> None:
+    detected, offsets, predicted = (np.array(column) for column in zip(*epochs, strict=True))
+    block = status_block(detected, offsets.astype(float), predicted.astype(float), LIMITS)
+    for status, (found, offset, pd) in zip(block, epochs, strict=True):
+        one = replace(_detected(offset), predicted_pd=pd)
+        assert list(Status)[status] is _verdict(one if found else replace(one, detection=None)).status
 
 
 def test_levels_are_a_table() -> None:

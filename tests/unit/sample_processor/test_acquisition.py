@@ -52,8 +52,8 @@ def test_false_alarm_rate_of_the_threshold() -> None:
 
 def test_progress_and_nothing_to_do() -> None:
     batch = batch_of(np.ones(40_000), 4.0e6, Band.E1)
-    seen: list[int] = []
-    acquire(batch, [5, 6], progress=seen.append)
-    assert sorted(seen) == [5, 6]
+    seen: list[tuple[int, int]] = []
+    acquire(batch, [5, 6], progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 2), (2, 2)]
     assert acquire(batch, []) == ()
     assert acquire(batch_of(np.ones(100), 4.0e6, Band.E1), [1]) == ()
