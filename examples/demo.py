@@ -1,6 +1,7 @@
-"""`make demo`: authenticate a small recording, then see what a wrong key and a shifted E6 do.
+"""`make demo`: authenticate a small recording, see what a wrong key and a shifted E6 do, then how often it works.
 
-Everything is made here from one seed: the recording (`scenarios/first_light.toml`), an OSNMA key chain, the RECS.
+Everything is made here: the recording (`scenarios/first_light.toml`), an OSNMA key chain, the RECS, and the simulated
+measurements of `scenarios/quick.toml`, the paper's harsh conditions in short.
 """
 
 from __future__ import annotations
@@ -48,7 +49,15 @@ def main() -> None:
 
     print("\n5. E6 50 m late against E1, as if replayed: the signal is there, but not where E1 says.")
     run("process", FOLDER, "--hardware-bias-m", "-68")
-    print(f"\nFiles: {FOLDER}/. Next: vestige inspect {FOLDER}; vestige theory --paper")
+    print(
+        "\n6. How often does it work? 20,000 RECS in the paper's harsh conditions: 35 dBHz, multipath, solar maximum."
+    )
+    run("run", "scenarios/quick.toml", "-o", FOLDER / "quick.zarr")
+    run("plot", "all", FOLDER / "quick.zarr", "-o", FOLDER / "figures")
+    print(f"\nFiles: {FOLDER}/, figures: {FOLDER}/figures/")
+    print(
+        f"Next: vestige inspect {FOLDER}; vestige theory --paper; vestige run scenarios/harsh.toml -o harsh.zarr -j 2"
+    )
 
 
 def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:

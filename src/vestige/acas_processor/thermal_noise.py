@@ -36,8 +36,9 @@ def dll_noise_m(
     shares: Mapping[Pulse, float] = MBOC,
     loop_bandwidth_hz: float = 1.0,
     integration_s: float = 20e-3,
+    chip_rate_hz: float = E1C.chip_rate_hz,
 ) -> float:
-    """Return the standard deviation of the E1 pseudorange from a non-coherent early-minus-late loop, in m.
+    """Return the standard deviation of the pseudorange from a non-coherent early-minus-late loop, in m.
 
     Parameters
     ----------
@@ -53,13 +54,15 @@ def dll_noise_m(
         One-sided loop noise bandwidth B_L in Hz.
     integration_s
         Integration time T in s.
+    chip_rate_hz
+        Chip rate in chips/s.
     """
     cn0 = 10.0 ** (cn0_dbhz / 10.0)
     f = (np.arange(_CELLS) + 0.5) * bandwidth_hz / 2 / _CELLS
     density = np.zeros(_CELLS)
     for pulse, share in shares.items():
-        density += share * spectrum(pulse, f, E1C.chip_rate_hz) * bandwidth_hz / _CELLS
-    angle = np.pi * f * spacing_chips / E1C.chip_rate_hz
+        density += share * spectrum(pulse, f, chip_rate_hz) * bandwidth_hz / _CELLS
+    angle = np.pi * f * spacing_chips / chip_rate_hz
     slope = 2 * np.pi * np.sum(density * f * np.sin(angle))
     loop = loop_bandwidth_hz * (1 - 0.5 * loop_bandwidth_hz * integration_s)
     coherent = loop * np.sum(density * np.sin(angle) ** 2) / (cn0 * slope**2)

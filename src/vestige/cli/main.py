@@ -18,6 +18,8 @@ VERBS = {
     "inspect": ("vestige.cli.inspect", "Say what a recording or folder holds, and what is missing for ACAS."),
     "osnma": ("vestige.cli.osnma", "Verify OSNMA messages and extract validated keys."),
     "recs": ("vestige.cli.recs", "Look into, decrypt or make RECS files."),
+    "run": ("vestige.cli.run", "Run a campaign of many epochs and keep the results."),
+    "plot": ("vestige.cli.plot", "Draw the figures of a campaign's results."),
     "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),
     "simulate": ("vestige.cli.simulate", "Write the E1 and E6 recording of a scenario."),
     "check": ("vestige.cli.check", "Parse scenario files and print what they describe."),

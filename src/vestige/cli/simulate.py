@@ -15,11 +15,13 @@ def command(scenario: Path, output: Path) -> None:
 
     The E6-C of the recording carries its open codes; `vestige recs make` makes RECS for it.
     """
-    from vestige.errors import InputFileError
+    from vestige.errors import InputFileError, VestigeError
     from vestige.scenario.load import load_scenario
-    from vestige.scenario.recording import write_recording
+    from vestige.scenario.recording import RecordingScenario, write_recording
 
     loaded = load_scenario(scenario)
+    if not isinstance(loaded, RecordingScenario):
+        raise VestigeError(f"{scenario}: kind: found {loaded.kind!r}, expected 'recording'; `vestige run` runs it")
     if output.exists():
         raise InputFileError(output, "output folder", "something there already", "a name that is not taken")
     for path in write_recording(loaded, output, progress=lambda text: click.echo(text, err=True)):

@@ -85,7 +85,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     t0 = (low - start) / batch.sample_rate_hz
     if_hz = carrier_hz - batch.center_frequency_hz + handover.doppler_hz
     taps, chip_power = correlate_block(
-        np.ascontiguousarray(batch.samples[low:high]).view(np.float32).reshape(-1, 2),
+        np.ascontiguousarray(batch.samples[low:high]).view(np.float32),
         chips.chips,
         chip_windows(chips.chips),
         offsets_chips,

@@ -8,14 +8,15 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter
 
+from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
 from vestige.scenario.toml_file import overridden, read_toml, validated
 
-Scenario = RecordingScenario
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Annotated[RecordingScenario, Field()])
+Scenario = RecordingScenario | CampaignScenario
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Annotated[Scenario, Field(discriminator="kind")])
 
 
-def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> RecordingScenario:
+def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     """Return the scenario in a TOML file.
 
     Parameters
@@ -31,5 +32,11 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> RecordingSc
         If the file is not TOML, has an unknown key, or a value outside its range; with the place.
     """
     path = Path(path)
-    scenario: RecordingScenario = validated(_ADAPTER, overridden(read_toml(path), settings), path)
+    scenario: Scenario = validated(_ADAPTER, overridden(read_toml(path), settings), path)
     return scenario
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of scenario files, for editors."""
+    result: dict[str, Any] = _ADAPTER.json_schema()
+    return result

@@ -79,6 +79,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         return adapter.validate_python(raw)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "top level"
+        loc = first["loc"][1:] if first["loc"][:1] == (raw.get("kind"),) else first["loc"]  # the kind is no table
+        place = ".".join(str(part) for part in loc) or "top level"
         found = "nothing" if first["type"] == "missing" else first["input"]
         raise InputFileError(path, place, found, first["msg"]) from error

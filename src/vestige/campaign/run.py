@@ -1,0 +1,191 @@
+"""Run a plan: chunks of epochs on workers, results into a store, at any time interruptible.
+
+The coordinator (this process) runs through the epochs in order, hands each chunk's inputs to a worker, and takes the
+results back in order. At most `IN_FLIGHT` chunks for each worker are handed out and not yet written, so memory does not
+grow with the length of the run. Which worker measures a chunk, and when, has no influence on any bit of the results.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import xarray
+
+from vestige.campaign.executors import local_executor, measure_chunk
+from vestige.campaign.plan import Plan, check_results
+from vestige.campaign.store import open_results, open_store
+from vestige.errors import VestigeError
+
+CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 20 small files), small against a run
+IN_FLIGHT = 3  # chunks for each worker: one runs, one waits, one may be held back by a slower neighbour
+
+ExecutorChoice = Literal["threads", "processes"] | Executor
+Results = Mapping[str, np.ndarray]  # columns by name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """How far a run is.
+
+    Attributes
+    ----------
+    epochs_done
+        Epochs in the store.
+    epochs_resumed
+        Those of them that were there when this run began.
+    elapsed_s
+        Since this run began.
+    """
+
+    epochs_done: int
+    epochs_total: int
+    epochs_resumed: int
+    elapsed_s: float
+
+    @property
+    def rate_epochs_per_s(self) -> float:
+        """Epochs measured in a second; NaN before the first."""
+        measured = self.epochs_done - self.epochs_resumed
+        return measured / self.elapsed_s if measured and self.elapsed_s > 0 else float("nan")
+
+    @property
+    def remaining_s(self) -> float:
+        """Time left at this rate, in s; NaN before the first chunk."""
+        left = self.epochs_total - self.epochs_done
+        return left / self.rate_epochs_per_s if left else 0.0
+
+
+def run(
+    plan: Plan,
+    store: Path | str,
+    *,
+    workers: int = 1,
+    executor: ExecutorChoice = "threads",
+    chunk_epochs: int = CHUNK_EPOCHS,
+    progress: Callable[[Progress], None] | None = None,
+) -> xarray.Dataset:
+    """Return the results of a plan, after measuring what is not in the store yet.
+
+    Parameters
+    ----------
+    store
+        A folder, made if it does not exist. If it holds a part of the same work, that part is kept.
+    workers
+        Threads or processes to start; with an executor of your own, how many calls it runs at the same time.
+    executor
+        `threads` where kernels release the GIL, `processes` where they do not, or any executor (see `cluster.connect`),
+        which is left open. `processes` import the main module anew: a script needs `if __name__ == "__main__":`.
+    chunk_epochs
+        Epochs in one call of `measure`, for a new store.
+    progress
+        Called at the beginning and after each chunk.
+
+    Raises
+    ------
+    InputFileError
+        If `store` is something else, or the store of another scenario, seed or version of vestige.
+    VestigeError
+        If workers are lost, or have another version of vestige.
+    KeyboardInterrupt
+        As raised by Ctrl-C. Like every exception from here it has a note (`__notes__`) that says how much is stored;
+        the same call continues there.
+    """
+    opened = open_store(store, plan, chunk_epochs=chunk_epochs)
+    finished = opened.finished(verify=True)
+    resumed = done = sum(len(opened.epochs(chunk)) for chunk in finished)
+    begin = time.monotonic()
+
+    def report() -> None:
+        if progress is not None:
+            elapsed_s = time.monotonic() - begin
+            progress(
+                Progress(epochs_done=done, epochs_total=plan.n_epochs, epochs_resumed=resumed, elapsed_s=elapsed_s)
+            )
+
+    try:
+        report()
+        chunks = measure_chunks(
+            plan, workers=workers, executor=executor, chunk_epochs=opened.chunk_epochs, skip=finished
+        )
+        with closing(chunks):
+            for chunk, results in chunks:
+                opened.write(chunk, results)
+                done += len(opened.epochs(chunk))
+                report()
+    except BrokenExecutor as error:
+        raise VestigeError(f"workers were lost ({error}); {_stored(opened.path, done, plan.n_epochs)}") from error
+    except BaseException as stop:
+        stop.add_note(_stored(opened.path, done, plan.n_epochs))
+        raise
+    return open_results(opened.path, verify=False)
+
+
+def measure_chunks(
+    plan: Plan,
+    *,
+    workers: int = 1,
+    executor: ExecutorChoice = "threads",
+    chunk_epochs: int = CHUNK_EPOCHS,
+    skip: Collection[int] = (),
+) -> Generator[tuple[int, Results]]:
+    """Yield number and results of each chunk, in order, whatever the workers.
+
+    A sweep that stops when it has seen enough closes this iterator: the epochs that it counts do not depend on the
+    number of workers.
+
+    Parameters
+    ----------
+    skip
+        Chunks that are not measured.
+
+    Raises
+    ------
+    ValueError
+        If the plan returns something else than its columns.
+    """
+    left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
+    if not left:
+        return
+    with nullcontext(executor) if isinstance(executor, Executor) else local_executor(executor, workers) as pool:
+        submitted = _submitted(plan, pool, chunk_epochs, left)
+        pending = deque(islice(submitted, IN_FLIGHT * workers))
+        try:
+            while pending:
+                chunk, count, future = pending[0]
+                results = future.result()
+                check_results(plan, results, count)
+                pending.popleft()
+                pending.extend(islice(submitted, 1))  # before the yield: workers go on while the results are written
+                yield chunk, results
+        finally:
+            for _, _, future in pending:
+                future.cancel()
+
+
+def _submitted(
+    plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
+) -> Iterator[tuple[int, int, Future[Results]]]:
+    """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
+    preparation = plan.prepare()
+    wanted = frozenset(chunks)
+    expected = version("vestige")
+    for chunk in range(chunks[-1] + 1):
+        first = chunk * chunk_epochs
+        count = min(chunk_epochs, plan.n_epochs - first)
+        inputs = preparation.advance(first, count)
+        if chunk in wanted:
+            yield chunk, count, pool.submit(measure_chunk, plan, first, inputs, expected)
+
+
+def _stored(path: Path, done: int, total: int) -> str:
+    return f"{done} of {total} epochs are stored in {path}; the same run again continues there"

@@ -1,0 +1,182 @@
+"""A campaign scenario as a plan: truth in order, banks and detection on any worker, both detectors on equal banks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vestige.acas_processor.detection_block import DetectionBlock, detect_block
+from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+from vestige.acas_processor.mitigation import Limits, status_block
+from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.campaign.plan import Column, Coord
+from vestige.receiver.simulation import SVID, Simulation
+from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.records import Status
+from vestige.scenario.campaign import CampaignScenario
+from vestige.signals.definitions import E6C
+
+_EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
+_TAPS, _RAYS, _FOUND = ("epoch", "satellite", "tap"), ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
+_FLAGS = {"flag_values": list(range(len(Status))), "flag_meanings": " ".join(status.name for status in Status)}
+
+# name: dims, dtype, units, meaning
+COLUMNS = {
+    name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS if name == "status" else {})
+    for name, dims, dtype, units, text in (
+        ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
+        ("taps", _TAPS, "complex64", "1", "correlator output"),
+        ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
+        ("tap_index", _FOUND, "int8", "1", "index of the detecting correlator, -1 for none"),
+        ("magnitude_sigma", _FOUND, "float32", "1", "magnitude of the detecting correlator in standard deviations"),
+        ("phase_rad", _FOUND, "float32", "rad", "phase of the detecting correlator"),
+        ("range_offset_m", _FOUND, "float32", "m", "measured minus predicted E6 range"),
+        ("status", _SATELLITE, "int8", "1", "verdict"),
+        ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
+        ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
+        ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
+        ("truth_iono_diff_m", _SATELLITE, "float64", "m", "differential ionosphere, E6 later"),
+        ("truth_e1_noise_m", _SATELLITE, "float64", "m", "noise of the E1 pseudorange"),
+        ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
+        ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
+        ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a ray"),
+        ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a ray over the line of sight, on E6"),
+        ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a ray over the line of sight, on E6"),
+    )
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioPlan:
+    """A campaign scenario, ready to run.
+
+    Attributes
+    ----------
+    scenario
+        The scenario with all defaults filled in.
+    """
+
+    scenario: CampaignScenario
+
+    @property
+    def simulation(self) -> Simulation:
+        """The receiver."""
+        return self.scenario.simulation()
+
+    @property
+    def n_epochs(self) -> int:
+        """How many epochs there are."""
+        return self.scenario.epochs
+
+    @property
+    def columns(self) -> Mapping[str, Column]:
+        """The variables of the results."""
+        return COLUMNS
+
+    @property
+    def coords(self) -> Mapping[str, Coord]:
+        """The axes other than `epoch`."""
+        simulation = self.simulation
+        offsets_m = simulation.processor.offsets_m
+        rays = np.arange(simulation.models.n_rays)
+        return {
+            "svid": Coord(dim="satellite", values=np.array([SVID]), units="1", long_name="satellite"),
+            "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
+            "detector": Coord(dim="detector", values=np.array(["early", "maximum"]), units="1", long_name="detector"),
+            "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
+        }
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """What identifies the work."""
+        text = self.scenario.model_dump_json()
+        processor = self.scenario.processor
+        return {
+            "scenario": text,
+            "scenario_digest": hashlib.sha256(text.encode()).hexdigest(),
+            "seed": self.scenario.seed,
+            "p_fa": processor.p_fa,
+            "threshold_sigma": float(threshold(processor.p_fa)),
+            "cn0_dbhz": self.scenario.receiver.cn0_dbhz,
+            "integration_s": self.simulation.n_chips / E6C.chip_rate_hz,
+            "fidelity": self.scenario.fidelity,
+        }
+
+    def prepare(self) -> _Preparation:
+        """Return the truth at its beginning."""
+        return _Preparation(self.simulation.truth())
+
+    def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
+        """Return every column for the epochs from `first` on."""
+        simulation, truth = self.simulation, inputs["truth"]
+        taps, noise_power = simulation.banks(self.scenario.fidelity, first, truth)
+        spacing = self.scenario.processor.spacing
+        detectors: dict[str, Detector] = {
+            "early": EarlyDetector(spacing=spacing),
+            "maximum": MaximumDetector(spacing=spacing),
+        }
+        found = {
+            name: detect_block(
+                taps,
+                noise_power,
+                simulation.processor.offsets_m,
+                detector=detector,
+                threshold_sigma=float(threshold(simulation.processor.p_fa)),
+            )
+            for name, detector in detectors.items()
+        }
+        values = _truth_columns(truth, simulation) | {
+            "taps": taps,
+            "noise_power": noise_power,
+            "tap_index": np.stack([block.tap for block in found.values()]),
+            "magnitude_sigma": np.stack([block.magnitude_sigma for block in found.values()]),
+            "phase_rad": np.stack([block.phase_rad for block in found.values()]),
+            "range_offset_m": np.stack([block.range_offset_m for block in found.values()]),
+            "status": self._status(simulation, found[self.scenario.processor.detector]),
+        }
+        return {name: _shaped(values[name], column) for name, column in COLUMNS.items()}
+
+    def _status(self, simulation: Simulation, found: DetectionBlock) -> np.ndarray:
+        processor = simulation.processor
+        expected_dbhz = simulation.cn0_e1_dbhz + processor.e6_over_e1_db
+        integration_s = simulation.n_chips / E6C.chip_rate_hz
+        predicted_pd = float(probability_of_detection(expected_dbhz, integration_s, processor.p_fa))
+        limits = Limits(budget=processor.budget, kappa=processor.kappa, min_pd=processor.min_pd)
+        return status_block(found.tap >= 0, found.range_offset_m, np.full(found.tap.size, predicted_pd), limits)
+
+
+class _Preparation:
+    """The truth, epoch after epoch, as inputs of `measure`."""
+
+    def __init__(self, truth: TruthProcess) -> None:
+        self._truth = truth
+
+    def advance(self, first: int, count: int) -> Mapping[str, Any]:
+        return {"truth": self._truth.advance(first, count)}
+
+
+def _truth_columns(truth: TruthBlock, simulation: Simulation) -> dict[str, np.ndarray]:
+    return {
+        "time_s": truth.time_s,
+        "truth_range_m": truth.range_m,
+        "truth_clock_m": truth.clock_m,
+        "truth_clock_drift_mps": truth.clock_drift_mps,
+        "truth_iono_diff_m": truth.iono_diff_m,
+        "truth_e1_noise_m": truth.e1_noise_m,
+        "truth_e1_multipath_m": simulation.e1_multipath_m(truth),
+        "truth_bias_m": truth.bias_m,
+        "truth_ray_delay_m": truth.rays.delay_m,
+        "truth_ray_amplitude": truth.rays.amplitude,
+        "truth_ray_doppler_hz": truth.rays.doppler_hz,
+    }
+
+
+def _shaped(values: np.ndarray, column: Column) -> np.ndarray:
+    """Return values in the column's dtype, with an axis for the one satellite."""
+    if "satellite" in column.dims:
+        values = np.expand_dims(values, column.dims.index("satellite"))
+    return np.ascontiguousarray(values, dtype=column.dtype)

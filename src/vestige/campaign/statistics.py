@@ -1,0 +1,217 @@
+"""Counts of a campaign and how sure they are.
+
+Every probability is estimated from k successes in n independent trials, with the exact interval of Clopper and Pearson
+(Biometrika 26, 1934, 404–413) and the two-sided test that belongs to it: the test rejects p at level α exactly if p
+lies outside the interval of confidence 1 − α, so the two never disagree. Independence is the campaign's business:
+epochs that share a slow error (an ionosphere with a time constant of hours) are fewer trials than they look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import betainc, betaincc, betaincinv
+
+if TYPE_CHECKING:
+    import xarray
+
+CONFIDENCE = 0.95
+CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m about the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
+PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # those that [WFO, Sec. VI-A] gives, and their mirrors
+BLOCK_EPOCHS = 10_000  # read at once, so that memory does not grow with the length of the campaign
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proportion:
+    """`successes` in `trials`, and the interval of the probability behind them, at `confidence`."""
+
+    successes: int
+    trials: int
+    low: float
+    high: float
+    confidence: float
+
+    @property
+    def value(self) -> float:
+        """The estimate; NaN without trials."""
+        return self.successes / self.trials if self.trials else float("nan")
+
+
+def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact interval of a probability after `successes` in `trials`.
+
+    Its ends are the p for which a count as large (or as small) as this has probability (1 − confidence)/2. It contains
+    the truth with at least this confidence; without trials it is (0, 1).
+
+    Raises
+    ------
+    ValueError
+        Unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
+    """
+    _check_counts(successes, trials)
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence {confidence} is not between 0 and 1")
+    tail = (1 - confidence) / 2
+    low = float(betaincinv(successes, trials - successes + 1, tail)) if successes > 0 else 0.0
+    high = float(betaincinv(successes + 1, trials - successes, 1 - tail)) if successes < trials else 1.0
+    return low, high
+
+
+def binomial_test(successes: int, trials: int, probability: float) -> float:
+    """Return the two-sided p-value of `successes` in `trials` of `probability`: twice the smaller tail, at most 1.
+
+    Raises
+    ------
+    ValueError
+        Unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
+    """
+    _check_counts(successes, trials)
+    if not 0 <= probability <= 1:
+        raise ValueError(f"probability {probability} is not between 0 and 1")
+    # P(K ≥ k) = I_p(k, n − k + 1) and P(K ≤ k) = 1 − I_p(k + 1, n − k)
+    at_least = float(betainc(successes, trials - successes + 1, probability)) if successes > 0 else 1.0
+    at_most = float(betaincc(successes + 1, trials - successes, probability)) if successes < trials else 1.0
+    return min(1.0, 2 * min(at_least, at_most))
+
+
+def proportion(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> Proportion:
+    """Return `successes` in `trials` with their exact interval."""
+    low, high = binomial_interval(successes, trials, confidence=confidence)
+    return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=confidence)
+
+
+def enough(successes: int, trials: int, wished_width: float, *, confidence: float = CONFIDENCE) -> bool:
+    """Return whether the interval after `successes` in `trials` is at most `wished_width` wide: a sweep may stop there.
+
+    To get the same answer from any number of workers, ask after each chunk in the order of the chunks, and leave out
+    the chunks after the one that was enough. Stopping on the width, which is a function of the estimate, makes the
+    interval's confidence nominal: a sequence stops a little more easily where the estimate is nearer to 0 or 1 than
+    the truth.
+
+    Raises
+    ------
+    ValueError
+        Unless 0 ≤ successes ≤ trials and wished_width > 0.
+    """
+    if not wished_width > 0:
+        raise ValueError(f"a width of {wished_width} is never reached")
+    low, high = binomial_interval(successes, trials, confidence=confidence)
+    return high - low <= wished_width
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What one detector did in a campaign.
+
+    Attributes
+    ----------
+    epochs
+        Epochs of the campaign.
+    detections
+        Of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
+        alarm if there is no signal.
+    misses
+        Decisions without a detection.
+    cluster
+        Detections whose range offset lies in `cluster_m`, of all detections.
+    cluster_m
+        The range in m, ends included.
+    range_offset_mean_m, range_offset_std_m
+        Of the detections; NaN without any.
+    percentiles_m
+        Percent to range offset in m, linear between detections.
+    """
+
+    detector: str
+    epochs: int
+    detections: Proportion
+    misses: int
+    cluster: Proportion
+    cluster_m: tuple[float, float]
+    range_offset_mean_m: float
+    range_offset_std_m: float
+    percentiles_m: dict[float, float]
+
+
+def summarise(
+    results: xarray.Dataset,
+    detector: str = "early",
+    *,
+    cluster_m: tuple[float, float] = CLUSTER_M,
+    percentiles: Sequence[float] = PERCENTILES,
+    confidence: float = CONFIDENCE,
+) -> Summary:
+    """Return what one detector did: detections, misses, and where the range offsets lie.
+
+    Parameters
+    ----------
+    results
+        With `tap_index` and `range_offset_m` over (detector, epoch, satellite). Where `noise_power` (epoch, satellite)
+        is NaN nothing was correlated and nothing is decided.
+
+    Raises
+    ------
+    ValueError
+        If the results do not have this detector.
+    """
+    if detector not in results["detector"].values:
+        raise ValueError(f"detector {detector!r}: the results have {list(results['detector'].values)}")
+    chosen = results[["tap_index", "range_offset_m", "noise_power"]].sel(detector=detector)
+    decisions, offsets = 0, []
+    for block in _blocks(chosen):
+        correlated = ~np.isnan(block["noise_power"].values)
+        detected = (block["tap_index"].values >= 0) & correlated
+        decisions += int(np.count_nonzero(correlated))
+        offsets.append(block["range_offset_m"].values[detected])
+    offset_m: Float[np.ndarray, " n"] = np.concatenate(offsets or [np.zeros(0)]).astype(np.float64)
+    detections = offset_m.size
+    in_cluster = int(np.count_nonzero((offset_m >= cluster_m[0]) & (offset_m <= cluster_m[1])))
+    at = np.percentile(offset_m, percentiles) if detections else np.full(len(percentiles), np.nan)
+    return Summary(
+        detector=detector,
+        epochs=results.sizes["epoch"],
+        detections=proportion(detections, decisions, confidence=confidence),
+        misses=decisions - detections,
+        cluster=proportion(in_cluster, detections, confidence=confidence),
+        cluster_m=cluster_m,
+        range_offset_mean_m=float(offset_m.mean()) if detections else float("nan"),
+        range_offset_std_m=float(offset_m.std()) if detections else float("nan"),
+        percentiles_m=dict(zip(map(float, percentiles), at.tolist(), strict=True)),
+    )
+
+
+def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
+    """Return how many taps exceed the threshold, of all taps: false alarms, if the campaign has no signal.
+
+    The threshold is the attribute `threshold_sigma`, in standard deviations of one dimension of the noise. Taps of one
+    epoch are correlated (they overlap by more than half a chip), so count one tap (`results.isel(tap=[i])`) where the
+    interval must be exact.
+
+    Parameters
+    ----------
+    results
+        With `taps` over (epoch, satellite, tap) and `noise_power` over (epoch, satellite); NaN where nothing was
+        correlated, which is no trial.
+    """
+    threshold_sigma = float(results.attrs["threshold_sigma"])
+    exceeding = trials = 0
+    for block in _blocks(results[["taps", "noise_power"]]):
+        sigma = np.sqrt(block["noise_power"].values.astype(np.float64) / 2)[..., None]
+        magnitude_sigma = np.abs(block["taps"].values.astype(np.complex128)) / sigma
+        exceeding += int(np.count_nonzero(magnitude_sigma > threshold_sigma))
+        trials += int(np.count_nonzero(~np.isnan(magnitude_sigma)))
+    return proportion(exceeding, trials, confidence=confidence)
+
+
+def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:
+    for first in range(0, results.sizes["epoch"], BLOCK_EPOCHS):
+        yield results.isel(epoch=slice(first, first + BLOCK_EPOCHS))
+
+
+def _check_counts(successes: int, trials: int) -> None:
+    if not 0 <= successes <= trials:
+        raise ValueError(f"{successes} successes in {trials} trials")

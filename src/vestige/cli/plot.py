@@ -1,0 +1,158 @@
+"""`vestige plot`: figures of the results of a campaign, each one command."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+FORMATS = ("png", "pdf", "svg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """A figure: what it shows, and which options choose something in it."""
+
+    help: str
+    of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
+    with_detector: bool = True
+
+
+KINDS = {
+    "detecting-correlator": Kind(help="magnitude, phase and detection against time"),
+    "waterfall": Kind(help="all correlators against time, as a landscape", with_detector=False),
+    "waterfall-map": Kind(help="all correlators against time, as a map", with_detector=False),
+    "magnitude-histogram": Kind(help="magnitude of the detecting correlator, split by detected or not"),
+    "range-histogram": Kind(help="range offset, in log scale"),
+    "range-offset": Kind(help="range offset against time"),
+    "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
+    "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
+    "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
+}
+_COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
+_ALL = "all"
+
+
+def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
+    """Return the number; a usage error if it is NaN or infinite, which no range excludes."""
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is not a finite number.", param=parameter)
+    return value
+
+
+_EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
+    [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep]
+    + [f"  {_ALL:21} each of these as PNG, into a folder"]
+    + ["KINDs of several campaigns that differ in C/N0, or of a CSV table of counts:"]
+    + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
+)
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
+@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg) or folder."
+)
+@click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
+@click.option("--svid", type=int, help="Satellite; needed if there are several.")
+@click.option(
+    "--width-cm",
+    type=click.FloatRange(4, 60),
+    default=8.0,
+    show_default=True,
+    callback=_finite,
+    help="Width of the figure.",
+)
+@click.option("--from", "start_s", type=float, callback=_finite, help="First time to show, in s after the start.")
+@click.option("--to", "stop_s", type=float, callback=_finite, help="Time before which to stop, in s after the start.")
+@click.option(
+    "--flank-from",
+    "flank_from_m",
+    type=float,
+    callback=_finite,
+    help="range-histogram: fit an exponential law beyond this offset, in m.",
+)
+def command(
+    kind: str,
+    results: tuple[Path, ...],
+    output: Path,
+    detector: str,
+    svid: int | None,
+    width_cm: float,
+    start_s: float | None,
+    stop_s: float | None,
+    flank_from_m: float | None,
+) -> None:
+    """Draw a figure of RESULTS, the store that `vestige run` writes, and print the name of the file written.
+
+    A campaign that has not ended is drawn as far as it has come.
+    """
+    names = [name for name in KINDS if not KINDS[name].of_sweep] if kind == _ALL else [kind]
+    files = [output / f"{name}.png" for name in names] if kind == _ALL else [output]
+    if kind != _ALL and output.suffix.lower().lstrip(".") not in FORMATS:
+        raise click.BadParameter(f"{output}: the suffix of a figure is one of .{', .'.join(FORMATS)}", param_hint="-o")
+    if kind == _ALL:
+        output.mkdir(parents=True, exist_ok=True)
+
+    from vestige import plots
+
+    if KINDS[names[0]].of_sweep:
+        sweep = _read_sweep(results, detector, svid, start_s, stop_s)
+        drawn = (plots.detection_curve(sweep, count=_COUNT[name]) for name in names)
+    else:
+        if len(results) > 1:
+            raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
+        campaign = _open(results[0], start_s, stop_s)
+        drawn = (_draw(name, results[0], campaign, detector, svid, flank_from_m) for name in names)
+    for file, axes in zip(files, drawn, strict=True):
+        plots.write(axes, file, width_cm=width_cm)
+        click.echo(str(file))
+
+
+def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
+    from vestige import plots
+    from vestige.campaign.store import open_results
+    from vestige.errors import VestigeError
+
+    results = open_results(path, partial=True)
+    if "epoch" in results.coords:
+        click.echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
+    try:
+        return plots.between(results, start_s, stop_s)
+    except VestigeError as error:
+        raise VestigeError(f"{path}: {error}") from error
+
+
+def _draw(
+    name: str, path: Path, results: xarray.Dataset, detector: str, svid: int | None, flank_from_m: float | None
+) -> Axes:
+    from vestige import plots
+    from vestige.errors import VestigeError
+
+    choice: dict[str, int | float | str | None] = {"svid": svid}
+    if KINDS[name].with_detector:
+        choice["detector"] = detector
+    if name == "range-histogram" and flank_from_m is not None:
+        choice["right_flank"] = flank_from_m
+    try:
+        return getattr(plots, name.replace("-", "_"))(results, **choice)
+    except VestigeError as error:
+        raise VestigeError(f"{path}: {error}") from error
+
+
+def _read_sweep(
+    paths: tuple[Path, ...], detector: str, svid: int | None, start_s: float | None, stop_s: float | None
+) -> xarray.Dataset:
+    from vestige import plots
+
+    if len(paths) == 1 and paths[0].suffix.lower() == ".csv":
+        return plots.read_sweep(paths[0])
+    return plots.sweep_of([_open(path, start_s, stop_s) for path in paths], detector=detector, svid=svid)

@@ -1,0 +1,90 @@
+"""The output of the correlator that detects the signal, against time [WFO, Sec. VI-A, first figure]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from vestige.plots.epochs import attribute, column, is_detected, is_missed, select, title_of
+from vestige.plots.figure import BLACK, BLUE, LEGEND, ORANGE, RED, dot_size_pt, dress, new_axes, time_label
+
+MAGNITUDE_SHARE = 0.66  # of the height, for flags and magnitude; the phase lies above, so that none covers another
+_BELOW = 0.06  # of the height, free below the flags
+_DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
+_FLAG_PT = 2.5  # a single miss in a long run is to be seen
+_CURVE_EPOCHS = 20_000  # beyond, a curve is a solid band, and dots show where it is dense
+
+
+def detecting_correlator(
+    results: xarray.Dataset, *, detector: str = "early", svid: int | None = None, ax: Axes | None = None
+) -> Axes:
+    """Return axes with magnitude (orange), phase (blue, right axis) and detection (red dots at 1 or 0) against time.
+
+    Where nothing is detected, magnitude and phase are not defined and the curves have a gap. Flags and magnitude share
+    the left axis: a magnitude lies above the threshold, so the flags stand free below it.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    ax
+        Axes to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the detector or the satellite.
+    """
+    shown = select(results, detector=detector, svid=svid)
+    time_s, magnitude = column(shown, "time_s"), column(shown, "magnitude_sigma")
+    flags = np.where(is_detected(shown), 1.0, np.where(is_missed(shown), 0.0, np.nan))
+    threshold = attribute(shown, "threshold_sigma")
+    ax = new_axes(height_cm=6.2) if ax is None else ax
+    size = dot_size_pt(time_s.size)
+
+    style = "-" if time_s.size <= _CURVE_EPOCHS else "none"
+    ax.plot(time_s, magnitude, linestyle=style, color=ORANGE, linewidth=0.5, markersize=size, **_DOTS)
+    ax.plot(time_s, flags, linestyle="none", color=RED, markersize=_FLAG_PT, **_DOTS)
+    if threshold is not None:
+        ax.axhline(threshold, color=BLACK, linewidth=0.6, linestyle="--")
+
+    top = max(np.nanmax(magnitude, initial=0.0), 1.5 * (threshold or 0.0), 2.0)
+    low, high = -_BELOW * top, top / MAGNITUDE_SHARE
+    ax.set_ylim(low, high)
+    ax.set_yticks([tick for tick in ax.get_yticks() if 0 <= tick <= top])
+    dress(ax, title=title_of("Detecting correlator", shown), x=time_label(ax.xaxis, time_s), y="magnitude (σ)")
+    ax.yaxis.label.set_y((top / 2 - low) / (high - low))
+    _draw_phase(ax, time_s, column(shown, "phase_rad"), above=(top - low) / (high - low))
+    _name_the_curves(ax, threshold)
+    return ax
+
+
+def _draw_phase(ax: Axes, time_s: Float[np.ndarray, " n"], phase_rad: Float[np.ndarray, " n"], above: float) -> None:
+    """Draw the phase in the part of the height that lies above the share `above`, with an axis on the right."""
+    right = ax.twinx()
+    size = dot_size_pt(time_s.size)
+    right.plot(time_s, phase_rad, linestyle="none", color=BLUE, markersize=size, **_DOTS)
+    end = 1.15 * np.pi  # keeps a little distance from the frame and from the magnitude
+    right.set_ylim(end - 2 * end / (1 - above), end)
+    right.set_yticks([-np.pi, 0, np.pi], ["−π", "0", "π"])
+    dress(right, title="", x="", y="phase (rad)")
+    right.yaxis.label.set_y((1 + above) / 2)
+
+
+def _name_the_curves(ax: Axes, threshold: float | None) -> None:
+    """Set a legend below the axes, with dots larger than those of a long run."""
+    dot: dict[str, Any] = {**_DOTS, "linestyle": "none", "markersize": 4.0}
+    names = [
+        Line2D([], [], color=ORANGE, linewidth=1.2, label="magnitude"),
+        Line2D([], [], color=BLUE, label="phase", **dot),
+        Line2D([], [], color=RED, label="detected 1, not 0", **dot),
+    ]
+    if threshold is not None:
+        names.append(Line2D([], [], color=BLACK, linewidth=0.6, linestyle="--", label=f"threshold {threshold:.2f} σ"))
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "frameon": False}
+    ax.legend(handles=names, ncols=len(names), **place, **LEGEND)

@@ -1,0 +1,135 @@
+"""What a figure shows of the results of a campaign: one satellite, one detector, a stretch of time."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray
+from jaxtyping import Bool, Float
+
+from vestige.errors import VestigeError
+
+# variables that figures read: kinds of numbers and axes
+VARIABLES = {
+    "time_s": ("fiu", "epoch"),
+    "taps": ("c", "epoch", "satellite", "tap"),
+    "noise_power": ("f", "epoch", "satellite"),
+    "tap_offset_m": ("fiu", "tap"),
+    "tap_index": ("i", "detector", "epoch", "satellite"),
+    "magnitude_sigma": ("f", "detector", "epoch", "satellite"),
+    "phase_rad": ("f", "detector", "epoch", "satellite"),
+    "range_offset_m": ("f", "detector", "epoch", "satellite"),
+    "svid": ("iu", "satellite"),
+    "detector": ("UOT", "detector"),
+}
+
+
+def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None = None) -> xarray.Dataset:
+    """Return one satellite and one detector of the results; what is large is not read yet.
+
+    Parameters
+    ----------
+    svid
+        None is the only satellite.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack a variable, the detector or the satellite, hold several satellites and `svid` is None, or
+        their times or taps do not ascend.
+    """
+    for name, (kinds, *dims) in VARIABLES.items():
+        expected = f"{name}({', '.join(dims)})"
+        if name not in results.variables:
+            raise VestigeError(f"results of a campaign: found no {name}, expected {expected}")
+        found = results[name]
+        if set(found.dims) != set(dims) or found.dtype.kind not in kinds:
+            raise VestigeError(f"results of a campaign: found {name}{found.dims} {found.dtype}, expected {expected}")
+    for name in ("time_s", "tap_offset_m"):
+        values = results[name].values
+        if not (values.size and np.all(np.isfinite(values)) and np.all(np.diff(values) > 0)):
+            raise VestigeError(f"results of a campaign: found {name} of {values.size}, expected ascending numbers")
+    detectors = [str(name) for name in results["detector"].values]
+    if detector not in detectors:
+        raise VestigeError(f"found no detector {detector}, expected {' or '.join(detectors)}")
+    svids = [int(one) for one in results["svid"].values]
+    if svid is None and len(svids) == 1:
+        svid = svids[0]
+    if svid not in svids:
+        asked = "no choice of satellite" if svid is None else f"no satellite {svid}"
+        raise VestigeError(f"found {asked}, expected one of {', '.join(map(str, svids))}")
+    return results.isel(detector=detectors.index(detector), satellite=svids.index(svid))
+
+
+def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
+    """Return the epochs with start ≤ time < stop, in s after the beginning of the scenario.
+
+    Raises
+    ------
+    VestigeError
+        If there is no such epoch.
+    """
+    if start_s is None and stop_s is None:
+        return results
+    if "time_s" not in results.variables or results["time_s"].dims != ("epoch",):
+        raise VestigeError("results of a campaign: found no time_s, expected time_s(epoch)")
+    time_s = results["time_s"].values
+    inside = np.full(time_s.shape, True)
+    if start_s is not None:
+        inside &= time_s >= start_s
+    if stop_s is not None:
+        inside &= time_s < stop_s
+    if not inside.any():
+        span = f"{time_s.min():g} to {time_s.max():g} s" if time_s.size else "no epoch"
+        asked = " ".join(f"{word} {at_s:g} s" for word, at_s in (("from", start_s), ("to", stop_s)) if at_s is not None)
+        raise VestigeError(f"results of a campaign: found {span}, expected an epoch {asked}")
+    return results.isel(epoch=np.flatnonzero(inside))
+
+
+def column(selected: xarray.Dataset, name: str) -> Float[np.ndarray, " n"]:
+    """Return the values of a variable with one axis; NaN in place of what is not finite."""
+    values = np.asarray(selected[name].values, dtype=np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_taps"]:
+    """Return |tap| in standard deviations of the noise per dimension; NaN where there is no correlation."""
+    magnitudes = np.abs(selected["taps"].transpose("epoch", "tap").values).astype(np.float64)
+    sigma = np.sqrt(_noise_power(selected) / 2)
+    return np.where(np.isfinite(magnitudes), magnitudes, np.nan) / sigma[:, None]
+
+
+def is_detected(selected: xarray.Dataset) -> Bool[np.ndarray, " n_epochs"]:
+    """Return whether the detector chose a tap."""
+    return np.asarray(selected["tap_index"].values >= 0)
+
+
+def is_missed(selected: xarray.Dataset) -> Bool[np.ndarray, " n_epochs"]:
+    """Return whether there was a correlation in which the detector chose no tap."""
+    return ~is_detected(selected) & np.isfinite(_noise_power(selected))
+
+
+def _noise_power(selected: xarray.Dataset) -> Float[np.ndarray, " n_epochs"]:
+    power = column(selected, "noise_power")
+    return np.where(power > 0, power, np.nan)
+
+
+def thinned(n: int, limit: int) -> slice:
+    """Return every k-th of `n` places, such that there are at most `limit`."""
+    return slice(None, None, max(1, -(-n // limit)))
+
+
+def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True) -> str:
+    """Return the title of a figure: what it shows, of which detector and satellite, at which C/N0."""
+    by_detector = [f"{selected['detector'].item()} detector"] if with_detector else []
+    parts = [what, *by_detector, f"E{int(selected['svid']):02d}"]
+    if (cn0_dbhz := attribute(selected, "cn0_dbhz")) is not None:
+        parts.append(f"{cn0_dbhz:g} dBHz")
+    return ", ".join(parts)
+
+
+def attribute(selected: xarray.Dataset, name: str) -> float | None:
+    """Return a number among the attributes of the results, None if it is not there or not finite."""
+    value = selected.attrs.get(name)
+    if isinstance(value, (int, float, np.number)) and np.isfinite(value):
+        return float(value)
+    return None

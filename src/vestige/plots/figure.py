@@ -1,0 +1,117 @@
+"""What all figures share: size, letters, colours, files.
+
+Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. They are drawn by
+the Agg canvas on a `Figure` of their own: no window, no state shared with somebody else's figures, no global setting
+touched. What has as many points as there are epochs is drawn as pixels also in a PDF or SVG.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure, SubFigure
+
+WIDTH_CM = 8.0  # [WFO], all figures
+HEIGHT_CM = 5.6
+CM_PER_INCH = 2.54
+DPI = 300
+LETTERS_PT = 7.0
+SMALL_LETTERS_PT = 6.0
+LEGEND: dict[str, Any] = {
+    "fontsize": SMALL_LETTERS_PT,
+    "handlelength": 1.4,
+    "handletextpad": 0.5,
+    "columnspacing": 1.0,
+    "labelspacing": 0.2,
+    "borderpad": 0.2,
+}
+_LONG_S = 10_000.0
+
+# Okabe and Ito, Color Universal Design (2008): told apart with any kind of colour vision, and in grey
+ORANGE, BLUE, RED, GREEN, BLACK, GREY = "#E69F00", "#0072B2", "#D55E00", "#009E73", "#000000", "#767676"
+COLOUR_MAP = "cividis"  # the same lightness for every kind of colour vision
+
+FORMATS = ("png", "pdf", "svg")
+
+
+def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projection: str | None = None) -> Axes:
+    """Return the axes of a new figure.
+
+    Parameters
+    ----------
+    projection
+        `3d` for the waterfall.
+    """
+    figure = Figure(figsize=(width_cm / CM_PER_INCH, height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
+    return figure.add_subplot(projection=projection)
+
+
+def figure_of(ax: Axes) -> Figure:
+    """Return the figure that the axes are part of, however deep."""
+    figure: Figure | SubFigure | None = ax.figure
+    while isinstance(figure, SubFigure):
+        figure = figure.figure
+    if figure is None:
+        raise ValueError("axes without a figure")
+    return figure
+
+
+def dress(ax: Axes, *, title: str, x: str, y: str) -> None:
+    """Set title and labels, and the letters and lines of the axes to the sizes of all figures."""
+    ax.set_title(title, fontsize=LETTERS_PT, pad=4)
+    ax.set_xlabel(x, fontsize=LETTERS_PT, labelpad=2)
+    ax.set_ylabel(y, fontsize=LETTERS_PT, labelpad=2)
+    ax.tick_params(which="both", labelsize=LETTERS_PT, pad=2)
+    ax.tick_params(which="major", width=0.5, length=2.5)
+    ax.tick_params(which="minor", width=0.4, length=1.5)
+    for spine in ax.spines.values():
+        spine.set_linewidth(0.5)
+
+
+def legend(ax: Axes, place: str = "best", columns: int = 1) -> None:
+    """Set a legend in small letters, if something has a label."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc=place, ncols=columns, framealpha=0.85, edgecolor="none", **LEGEND)  # type: ignore[call-overload]
+
+
+def dot_size_pt(n: int) -> float:
+    """Return the diameter of `n` dots in pt at which they neither vanish nor cover each other more than needed."""
+    return 2.2 if n <= 1000 else 1.6 if n <= 10_000 else 1.0
+
+
+def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
+    """Return the label of a time axis in s, or in 1000 s if the run is so long that the numbers would collide."""
+    if np.max(time_s, initial=0.0) < _LONG_S:
+        return "time (s)"
+    axis.set_major_formatter(lambda at_s, _: f"{at_s / 1000:g}")
+    return "time (1000 s)"
+
+
+def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
+    """Write the figure of `ax` to a file, its format by the suffix (`FORMATS`).
+
+    Parameters
+    ----------
+    width_cm
+        Width to which the figure is brought first, its proportions kept and its letters as they are.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is none of `FORMATS`.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower().lstrip(".") not in FORMATS:
+        raise ValueError(f"{path}: the suffix of a figure is one of {', '.join(FORMATS)}")
+    figure = figure_of(ax)
+    if width_cm is not None:
+        width_inches, height_inches = figure.get_size_inches()
+        figure.set_size_inches(width_cm / CM_PER_INCH, height_inches * width_cm / CM_PER_INCH / width_inches)
+    figure.savefig(path, dpi=DPI)

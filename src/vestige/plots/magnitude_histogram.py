@@ -1,0 +1,76 @@
+"""How strong the detecting correlator is, and the strongest one where none detects [WFO, Sec. VI-A, third figure]."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray
+from matplotlib.axes import Axes
+
+from vestige.acas_processor.marcum_q import marcum_q
+from vestige.acas_processor.thresholds import amplitude
+from vestige.plots.epochs import attribute, column, is_detected, is_missed, magnitudes_sigma, select, title_of
+from vestige.plots.figure import BLACK, BLUE, RED, dress, legend, new_axes
+from vestige.plots.histogram import bin_edges, log_counts, width_of
+
+BIN_SIGMA = 0.25
+
+
+def magnitude_histogram(
+    results: xarray.Dataset,
+    *,
+    detector: str = "early",
+    svid: int | None = None,
+    bin_sigma: float = BIN_SIGMA,
+    log: bool = True,
+    ax: Axes | None = None,
+) -> Axes:
+    """Return axes with the histogram of the detecting correlator's magnitude, split by detected or not.
+
+    Detections are cut off at the threshold, which is a border of two bins: below it the detecting correlator is not
+    defined. The epochs without a detection are counted by their strongest tap. The line is what theory expects of a
+    single correlator that is aligned with the signal, from C/N0 and integration time of the results: a Rice
+    distribution. The detecting one differs from it by misalignment, by multipath, and by being chosen.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    bin_sigma
+        Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600.
+    log
+        Whether counts are in log scale, without which some tens of misses in 100,000 cannot be seen.
+    ax
+        Axes to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the detector or the satellite.
+    """
+    shown = select(results, detector=detector, svid=svid)
+    threshold = attribute(shown, "threshold_sigma")
+    magnitude = column(shown, "magnitude_sigma")
+    magnitude = magnitude[is_detected(shown) & np.isfinite(magnitude)]
+    strongest = magnitudes_sigma(shown.isel(epoch=np.flatnonzero(is_missed(shown)))).max(axis=1, initial=0.0)
+    edges = bin_edges(np.concatenate([magnitude, strongest]), border=threshold or 0.0, width=bin_sigma)
+    edges = edges[edges >= 0]
+
+    ax = new_axes() if ax is None else ax
+    hits, misses = (np.histogram(values, edges)[0] for values in (magnitude, strongest))
+    ax.stairs(hits, edges, fill=True, color=BLUE, label=f"detected: {magnitude.size}")
+    ax.stairs(
+        misses, edges, fill=True, facecolor=RED, hatch="/////", edgecolor="white", linewidth=0,
+        label=f"not: {strongest.size}, strongest tap",
+    )  # fmt: skip
+    if threshold is not None:
+        ax.axvline(threshold, color=BLACK, linewidth=0.7, linestyle="--", label=f"threshold {threshold:.2f} σ")
+    cn0_dbhz, integration_s = attribute(shown, "cn0_dbhz"), attribute(shown, "integration_s")
+    if cn0_dbhz is not None and integration_s is not None:
+        signal = float(amplitude(cn0_dbhz, integration_s))
+        expected = -np.diff(marcum_q(np.full(edges.shape, signal), edges)) * (magnitude.size + strongest.size)
+        ax.plot((edges[:-1] + edges[1:]) / 2, expected, color=BLACK, linewidth=0.8, label=f"Rice, A = {signal:.2f} σ")
+    if log:
+        log_counts(ax, float(max(hits.max(), misses.max())))
+    dress(ax, title=title_of("Magnitude", shown), x="magnitude (σ)", y=f"epochs per {width_of(edges):g} σ")
+    legend(ax, "upper center", columns=2)
+    return ax

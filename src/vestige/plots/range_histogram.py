@@ -1,0 +1,122 @@
+"""How the range offset is distributed, in log scale [WFO, Sec. VI-A, fourth figure]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from vestige.plots.epochs import column, select, title_of
+from vestige.plots.figure import BLACK, BLUE, ORANGE, SMALL_LETTERS_PT, dress, legend, new_axes
+from vestige.plots.histogram import bin_edges, log_counts, width_of
+
+BIN_M = 0.5
+# Detections on the early flank gather there: the second tap before the prediction, and the root of the s-curve at its
+# limit of half a tap. With taps of 15 m it is −22.5 m, within 4.5 m [WFO, Sec. VI-A]
+CLUSTER_TAPS = -1.5
+CLUSTER_REACH_TAPS = 0.3
+_LEAST_M = 30.0  # shown on both sides, so that the cluster's place can be seen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RightFlank:
+    """An exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} of them lie beyond x.
+
+    Attributes
+    ----------
+    start_m
+        Offset in m from which the law holds.
+    scale_m
+        Mean distance beyond it in m.
+    events
+        Number of epochs beyond it.
+    """
+
+    start_m: float
+    scale_m: float
+    events: int
+
+    def __post_init__(self) -> None:
+        if not (self.scale_m > 0 and self.events > 0):
+            raise ValueError(f"{self.events} events with a scale of {self.scale_m} m")
+
+    @classmethod
+    def fitted(cls, offsets_m: Float[np.ndarray, " n"], start_m: float) -> RightFlank | None:
+        """Return the most likely law beyond `start_m`, whose scale is the mean excess; None if nothing lies there."""
+        excess_m = offsets_m[offsets_m > start_m] - start_m
+        if not excess_m.size:
+            return None
+        return cls(start_m=start_m, scale_m=float(np.mean(excess_m, dtype=np.float64)), events=excess_m.size)
+
+    def expected(self, x_m: Float[np.ndarray, " n"], bin_m: float) -> Float[np.ndarray, " n"]:
+        """Return the expected count of a narrow bin at each x."""
+        return self.events * bin_m / self.scale_m * np.exp(-(x_m - self.start_m) / self.scale_m)
+
+    def last_m(self, bin_m: float, count: float = 0.5) -> float:
+        """Return where the expected count of a bin has fallen to `count`, in m."""
+        return self.start_m + self.scale_m * float(np.log(max(self.events * bin_m / self.scale_m / count, 1.1)))
+
+
+def range_histogram(
+    results: xarray.Dataset,
+    *,
+    detector: str = "early",
+    svid: int | None = None,
+    bin_m: float = BIN_M,
+    mark_cluster: bool = True,
+    right_flank: RightFlank | float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Return axes with the histogram of the range offset in log scale.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    bin_m
+        Width of a bin in m, 0 m is the middle of one; wider if there were more than 600.
+    mark_cluster
+        Whether to mark where detections on the early flank gather if the detector's spacing is 1 tap: at −22.5 m for
+        taps of 15 m, with the number of epochs within 4.5 m.
+    right_flank
+        A law to draw over the right flank, a straight line in log scale; a number is where one is fitted from, in m.
+    ax
+        Axes to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the detector or the satellite.
+    """
+    shown = select(results, detector=detector, svid=svid)
+    offset_m = column(shown, "range_offset_m")
+    offset_m = offset_m[np.isfinite(offset_m)]
+    edges_m = bin_edges(np.append(offset_m, [-_LEAST_M, _LEAST_M]), border=-bin_m / 2, width=bin_m)
+    bin_m = width_of(edges_m)
+    if isinstance(right_flank, (int, float)):
+        right_flank = RightFlank.fitted(offset_m, right_flank)
+    ax = new_axes() if ax is None else ax
+    counts = np.histogram(offset_m, edges_m)[0]
+    ax.stairs(counts, edges_m, fill=True, color=BLUE, label=f"{offset_m.size} detections")
+    if mark_cluster and shown.sizes["tap"] > 1:
+        _mark_cluster(ax, offset_m, float(np.diff(column(shown, "tap_offset_m"))[0]))
+    if right_flank is not None:
+        x_m = np.array([right_flank.start_m, right_flank.last_m(bin_m)])
+        name = f"exponential, {right_flank.scale_m:.2f} m"
+        ax.plot(x_m, right_flank.expected(x_m, bin_m), color=BLACK, linewidth=1.0, label=name)
+    log_counts(ax, float(counts.max()))
+    dress(ax, title=title_of("Range offset", shown), x="range offset (m)", y=f"epochs per {bin_m:g} m")
+    legend(ax, "upper right")
+    return ax
+
+
+def _mark_cluster(ax: Axes, offset_m: Float[np.ndarray, " n"], tap_m: float) -> None:
+    centre_m, reach_m = CLUSTER_TAPS * tap_m, CLUSTER_REACH_TAPS * tap_m
+    count = int(np.sum(np.abs(offset_m - centre_m) <= reach_m))
+    ax.axvspan(centre_m - reach_m, centre_m + reach_m, color=ORANGE, alpha=0.3, linewidth=0, zorder=0)
+    text = f"early flank\n{centre_m:g} m: {count}".replace("-", "−")
+    size = SMALL_LETTERS_PT
+    ax.annotate(text, (centre_m, 0.86), xycoords=("data", "axes fraction"), ha="center", fontsize=size, color=BLACK)

@@ -1,0 +1,111 @@
+"""The correlation function against time, as a landscape and as a map [WFO, Sec. VI-A, second figure]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, title_of
+from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
+
+SLICES = 90  # epochs that a landscape shows: more are a thicket at this width
+COLUMNS = 1600  # epochs that a map shows: some two for each pixel
+_BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
+_VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left: time runs away from the reader
+
+
+def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
+    """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins in front.
+
+    Of a long run every k-th epoch is drawn, as it is: no mean, no maximum. An epoch without a correlation is a gap.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    ax
+        Axes with the projection `3d` to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the satellite.
+    ValueError
+        If `ax` is flat.
+    """
+    shown = _thin(select(results, svid=svid), SLICES)
+    offsets_m, time_s, magnitude = column(shown, "tap_offset_m"), column(shown, "time_s"), magnitudes_sigma(shown)
+    space: Any = new_axes(height_cm=6.2, projection="3d") if ax is None else ax
+    if not hasattr(space, "plot_surface"):
+        raise ValueError("a waterfall needs axes with the projection 3d")
+    space.plot_surface(
+        offsets_m[None, :] + 0 * time_s[:, None], time_s[:, None] + 0 * offsets_m[None, :], magnitude,
+        rstride=1, cstride=1, cmap=COLOUR_MAP, linewidth=0.15, edgecolor="#00000060", antialiased=True,
+    )  # fmt: skip
+    space.view_init(**_VIEW)
+    space.set_box_aspect(_BOX, zoom=0.9)  # room for the labels, which a layout does not see
+    title, time = title_of("Correlators", shown, with_detector=False), time_label(space.yaxis, time_s)
+    dress(space, title=title, x="tap offset (m)", y=time)
+    space.set_zlabel("magnitude (σ)", fontsize=LETTERS_PT)
+    for axis, label_pt in ((space.xaxis, -6), (space.yaxis, -6), (space.zaxis, -8)):
+        axis.labelpad = label_pt
+        axis.set_tick_params(pad=-3)
+    _ticks_at_taps(space.xaxis, offsets_m)
+    space.zaxis.set_major_locator(MaxNLocator(4))
+    return space
+
+
+def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
+    """Return axes with the magnitude of every tap as colours over time and tap offset.
+
+    Of a long run every k-th epoch is drawn, as it is. An epoch without a correlation is white.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    ax
+        Axes to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the satellite.
+    """
+    shown = _thin(select(results, svid=svid), COLUMNS)
+    ax = new_axes() if ax is None else ax
+    offsets_m, time_s = column(shown, "tap_offset_m"), column(shown, "time_s")
+    mesh = ax.pcolormesh(
+        _edges(time_s), _edges(offsets_m), magnitudes_sigma(shown).T,
+        cmap=COLOUR_MAP, vmin=0, rasterized=True,
+    )  # fmt: skip
+    title, time = title_of("Correlators", shown, with_detector=False), time_label(ax.xaxis, time_s)
+    dress(ax, title=title, x=time, y="tap offset (m)")
+    _ticks_at_taps(ax.yaxis, offsets_m)
+    bar = figure_of(ax).colorbar(mesh, ax=ax, pad=0.02, aspect=25)
+    dress(bar.ax, title="", x="", y="magnitude (σ)")
+    return ax
+
+
+def _ticks_at_taps(axis: Axis, offsets_m: Float[np.ndarray, " n"]) -> None:
+    """Set ticks at every second tap and at the prediction."""
+    if offsets_m.size > 1:
+        axis.set_major_locator(MultipleLocator(2 * float(offsets_m[1] - offsets_m[0])))
+
+
+def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
+    return shown.isel(epoch=thinned(shown.sizes["epoch"], limit))
+
+
+def _edges(centres: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n+1"]:
+    """Return the borders halfway between neighbours; the outermost are as far out as the next ones are in."""
+    if centres.size < 2:
+        return np.array([centres[0] - 0.5, centres[0] + 0.5])
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])

@@ -1,0 +1,133 @@
+"""The error that rays cause in an E1 delay lock loop: the root of its early-minus-late discriminator.
+
+Theory of operation
+-------------------
+With R the autocorrelation and rays of complex amplitude a_i and excess delay τ_i, a correlator that is x later than the
+line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same power:
+
+    D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
+
+It starts on the line of sight. D(0) < 0 means that the late correlator is stronger, and the loop moves later until D
+changes its sign; otherwise earlier. That first change of sign is searched in steps of d/8 and then located by the
+Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps are enough.
+
+The result is that of a loop which follows the rays at once: right for rays that turn slowly against its bandwidth.
+Front-end filtering is left out, as in the calibration of the multipath model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float, Int
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.signals.definitions import E1C
+from vestige.signals.pulse import BOC11, Pulse, autocorrelation
+
+REACH_CHIPS = 0.5  # a loop that went further would have lost the peak
+_STEPS_PER_SPACING = 8
+_FALSE_POSITIONS = 40
+_TOLERANCE_CHIPS = 1e-10  # 30 nm
+
+
+def e1_multipath_error_m(
+    delay_m: Float[np.ndarray, "n n_rays"],
+    amplitude: Complex128[np.ndarray, "n n_rays"],
+    *,
+    spacing_chips: float = 0.1,
+    pulse: Pulse = BOC11,
+    chip_rate_hz: float = E1C.chip_rate_hz,
+) -> Float[np.ndarray, " n"]:
+    """Return the error of the pseudorange in m, positive if it is too long; 0 without rays.
+
+    Parameters
+    ----------
+    delay_m
+        Excess delays τ_i in m.
+    amplitude
+        Complex amplitudes a_i on this carrier relative to the line of sight.
+    spacing_chips
+        d, distance of the early from the late correlator in chips.
+    pulse
+        Pulse of the signal and the replica.
+    chip_rate_hz
+        Chip rate in chips/s.
+    """
+    if not 0 < spacing_chips < 1:
+        raise ValueError(f"a spacing lies between 0 and 1 chip, found {spacing_chips}")
+    rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
+    error = np.zeros(delay_m.shape[0])
+    at_zero = rays.discriminator(error)
+    moving = np.flatnonzero(at_zero)
+    error[moving] = _settle(rays.part(moving), at_zero[moving])
+    return error * (SPEED_OF_LIGHT_MPS / chip_rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rays:
+    """Rays of some epochs as a loop sees them, in chips; rays along the first axis."""
+
+    delay: Float[np.ndarray, "n_rays n"]
+    amplitude: Complex128[np.ndarray, "n_rays n"]
+    half_spacing: float
+    pulse: Pulse
+
+    def part(self, chosen: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> _Rays:
+        """Return the rays of some of the epochs."""
+        return _Rays(self.delay[:, chosen], self.amplitude[:, chosen], self.half_spacing, self.pulse)
+
+    def discriminator(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return D(x), early minus late power."""
+        return self._power(x - self.half_spacing) - self._power(x + self.half_spacing)
+
+    def _power(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return |S(x)|²; R is even, so it is taken of |x|, to the same last bit on both sides."""
+        total = autocorrelation(self.pulse, np.abs(x)) + 0j
+        for delay, amplitude in zip(self.delay, self.amplitude, strict=True):
+            total += amplitude * autocorrelation(self.pulse, np.abs(x - delay))
+        return total.real**2 + total.imag**2
+
+
+def _settle(rays: _Rays, at_zero: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return where the loop settles in chips, for epochs with D(0) ≠ 0."""
+    direction = -np.sign(at_zero)
+    step = 2 * rays.half_spacing / _STEPS_PER_SPACING
+    settled = direction * REACH_CHIPS
+    walking = np.arange(at_zero.size)
+    here = at_zero
+    for k in range(int(REACH_CHIPS / step)):
+        before, x = direction[walking] * k * step, direction[walking] * (k + 1) * step
+        there = rays.discriminator(x)
+        crossed = there * at_zero[walking] <= 0
+        settled[walking[crossed]] = _false_position(
+            rays.part(crossed), (before[crossed], here[crossed]), (x[crossed], there[crossed])
+        )
+        walking, here, rays = walking[~crossed], there[~crossed], rays.part(~crossed)
+    return settled
+
+
+_Point = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
+
+
+def _false_position(rays: _Rays, before: _Point, after: _Point) -> Float[np.ndarray, " n"]:
+    """Return the roots of D between two points (x, D) of opposite sign, by the Illinois method.
+
+    Each epoch stops when its own estimate stands still, so that its root does not depend on its neighbours.
+    """
+    (a, value_a), (b, value_b) = before, after
+    root, open_ = b.copy(), np.arange(b.size)
+    for _ in range(_FALSE_POSITIONS):
+        if not open_.size:
+            break
+        x = b - value_b * (b - a) / (value_b - value_a)
+        value = rays.discriminator(x)
+        root[open_] = x
+        turned = value * value_b < 0
+        a, value_a = np.where(turned, b, a), np.where(turned, value_b, value_a / 2)
+        go_on = (value != 0) & (np.abs(x - b) > _TOLERANCE_CHIPS)
+        b, value_b = x, value
+        a, value_a, b, value_b = a[go_on], value_a[go_on], b[go_on], value_b[go_on]
+        open_, rays = open_[go_on], rays.part(go_on)
+    return root

@@ -1,0 +1,137 @@
+"""The truth of a simulated line of sight, epoch after epoch: every term of every error.
+
+Everything here has memory and is cheap, so it is drawn in order; how the epochs are cut into calls makes no difference.
+A model that is None is not there: its term is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.bias import BiasResiduals
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
+from vestige.receiver.error_process import named_streams
+from vestige.receiver.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
+from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.signal_generator.range_model import RangeModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorModels:
+    """The error models of a receiver; None where there is none [WFO, Sec. V].
+
+    Attributes
+    ----------
+    e1_multipath
+        Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
+    """
+
+    clock: TwoStateClock | None = None
+    ionosphere: HeavyTailedIonosphere | EmpiricalIonosphere | None = None
+    multipath: LmsLiteMultipath | None = None
+    e1_tracking: BetzTrackingNoise | None = None
+    bias: BiasResiduals | None = None
+    e1_multipath: bool = False
+
+    @property
+    def n_rays(self) -> int:
+        """Places for rays beside the line of sight; at least one, which then has no strength."""
+        return 1 if self.multipath is None else self.multipath.n_rays
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthBlock:
+    """The truth of a block of epochs of one satellite.
+
+    Attributes
+    ----------
+    time_s
+        Epoch in s after the scenario's start.
+    range_m, rate_mps, acceleration_mps2
+        Geometric range and its derivatives.
+    clock_m, clock_drift_mps
+        Receiver clock times c, and its rate.
+    iono_diff_m, bias_m
+        By how much E6 is later than E1 in truth and not in the prediction.
+    e1_noise_m, e1_rate_noise_mps
+        Noise of the pseudorange and of the range rate that E1 delivers.
+    rays
+        Rays beside the line of sight.
+    """
+
+    time_s: Float[np.ndarray, " n"]
+    range_m: Float[np.ndarray, " n"]
+    rate_mps: Float[np.ndarray, " n"]
+    acceleration_mps2: Float[np.ndarray, " n"]
+    clock_m: Float[np.ndarray, " n"]
+    clock_drift_mps: Float[np.ndarray, " n"]
+    iono_diff_m: Float[np.ndarray, " n"]
+    bias_m: Float[np.ndarray, " n"]
+    e1_noise_m: Float[np.ndarray, " n"]
+    e1_rate_noise_mps: Float[np.ndarray, " n"]
+    rays: RayBlock
+
+
+class TruthProcess:
+    """Runs through the epochs in order.
+
+    Parameters
+    ----------
+    models, line_of_sight
+        What is drawn, and the geometry.
+    cn0_e1_dbhz
+        C/N0 of E1-C, which the tracking noise depends on.
+    interval_s
+        Time between epochs.
+    seed, svid
+        Whose streams are used.
+    """
+
+    def __init__(
+        self,
+        models: ErrorModels,
+        line_of_sight: RangeModel,
+        *,
+        cn0_e1_dbhz: float,
+        interval_s: float,
+        seed: int,
+        svid: int,
+    ) -> None:
+        receiver, own = named_streams(seed), named_streams(seed, svid)
+        self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
+        self._clock = models.clock and models.clock.process(receiver)
+        self._ionosphere = models.ionosphere and models.ionosphere.process(own)
+        self._multipath = models.multipath and models.multipath.process(own)
+        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)
+        self._bias = models.bias and models.bias.process(own, receiver=receiver)
+
+    def advance(self, first: int, count: int) -> TruthBlock:
+        """Return the truth of epochs first … first + count − 1, which are the next ones."""
+        times_s = (first + np.arange(count)) * self._interval_s
+        zero = np.zeros(count)
+        clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
+        code_m, _, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
+        return TruthBlock(
+            time_s=times_s,
+            range_m=self._line_of_sight.range_m(times_s),
+            rate_mps=self._line_of_sight.rate_mps(times_s),
+            acceleration_mps2=self._line_of_sight.acceleration_mps2(times_s),
+            clock_m=clock_m,
+            clock_drift_mps=drift_mps,
+            iono_diff_m=self._ionosphere.advance(times_s) if self._ionosphere else zero,
+            bias_m=self._bias.advance(times_s) if self._bias else zero,
+            e1_noise_m=code_m,
+            e1_rate_noise_mps=-doppler_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
+            rays=self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays),
+        )
+
+
+def _no_rays(count: int, n_rays: int) -> RayBlock:
+    nothing = np.zeros((count, n_rays))
+    return RayBlock(delay_m=nothing, amplitude=nothing + 0j, amplitude_e1=nothing + 0j, doppler_hz=nothing)

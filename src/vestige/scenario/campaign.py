@@ -1,0 +1,156 @@
+"""A scenario of a campaign: many epochs of one receiver with its error models, and the processing that they go through.
+
+The tables of the file are the models themselves: `[receiver.clock]` with `kind = "two-state"` is a `TwoStateClock`. A
+model that is left out is not there.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.crypto.recs import LENGTHS
+from vestige.receiver.bias import BiasResiduals
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.multipath import LmsLiteMultipath
+from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.receiver.truth import ErrorModels
+from vestige.scenario.toml_file import Section
+from vestige.signal_generator.range_model import RangeModel
+from vestige.time import GalileoTime
+
+
+class ReceiverTable(Section):
+    """The receiver: signal strength, sampling, and its error models, each of which may be left out.
+
+    Attributes
+    ----------
+    cn0_dbhz, cn0_e1_dbhz
+        C/N0 of E6-C alone and of E1-C alone.
+    time_uncertainty_s
+        What the receiver believes of its clock.
+    e1_multipath
+        Whether the rays disturb E1 too.
+    """
+
+    cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
+    cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
+    sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
+    time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
+    clock: TwoStateClock | None = None
+    ionosphere: HeavyTailedIonosphere | None = None
+    multipath: LmsLiteMultipath | None = None
+    e1_tracking: BetzTrackingNoise | None = None
+    bias: BiasResiduals | None = None
+    e1_multipath: bool = False
+
+
+class RecsTable(Section):
+    """The RECS: length, and the subframe of the key (0 its own, 1 the next)."""
+
+    duration_ms: Literal[1, 2, 4, 8, 16] = 16
+    key_delay: Literal[0, 1] = 1
+
+
+class ProcessorTable(Section):
+    """The processing; both detectors are evaluated, `detector` gives the status."""
+
+    level: Literal[1] = 1
+    detector: Literal["early", "maximum"] = "early"
+    spacing: Annotated[int, Field(ge=1, le=20)] = 1
+    p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
+    n_taps: Annotated[int, Field(ge=3, le=63)] = 11
+    tap_spacing_m: Annotated[float, Field(ge=0.1, le=100)] = 15.0
+    budget: ErrorBudget = ErrorBudget.uncorrected()
+    kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
+    min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
+
+    def processor(self) -> AcasProcessor:
+        """Return the processor that the table describes."""
+        detectors: dict[str, Detector] = {
+            "early": EarlyDetector(spacing=self.spacing),
+            "maximum": MaximumDetector(spacing=self.spacing),
+        }
+        return AcasProcessor(
+            level=self.level,
+            detector=detectors[self.detector],
+            p_fa=self.p_fa,
+            n_taps=self.n_taps,
+            tap_spacing_m=self.tap_spacing_m,
+            budget=self.budget,
+            kappa=self.kappa,
+            min_pd=self.min_pd,
+        )
+
+
+class CampaignScenario(Section):
+    """A campaign.
+
+    Attributes
+    ----------
+    kind
+        `campaign`.
+    seed
+        Everything random follows from it.
+    start
+        Time of epoch 0, on a whole second.
+    epochs, interval_s
+        Number of RECS, and the time between them in s.
+    fidelity
+        `samples`, the reference, or `correlators`, the same distribution without samples.
+    """
+
+    kind: Literal["campaign"]
+    seed: Annotated[int, Field(ge=0)]
+    start: str
+    epochs: Annotated[int, Field(ge=1, le=100_000_000)]
+    interval_s: Annotated[float, Field(ge=0.1, le=3600, multiple_of=0.1)] = 1.0
+    fidelity: Fidelity = "samples"
+    line_of_sight: RangeModel = RangeModel()
+    recs: RecsTable = RecsTable()
+    receiver: ReceiverTable
+    processor: ProcessorTable = ProcessorTable()
+
+    @field_validator("start")
+    @classmethod
+    def _whole_second(cls, text: str) -> str:
+        if GalileoTime.parse(text).fraction:
+            raise ValueError("the start must be a whole second")
+        return text
+
+    @property
+    def start_time(self) -> GalileoTime:
+        """`start` as a time."""
+        return GalileoTime.parse(self.start)
+
+    def simulation(self) -> Simulation:
+        """Return the receiver that the scenario describes."""
+        receiver = self.receiver
+        return Simulation(
+            seed=self.seed,
+            start=self.start_time,
+            n_epochs=self.epochs,
+            interval_s=self.interval_s,
+            line_of_sight=self.line_of_sight,
+            models=ErrorModels(
+                clock=receiver.clock,
+                ionosphere=receiver.ionosphere,
+                multipath=receiver.multipath,
+                e1_tracking=receiver.e1_tracking,
+                bias=receiver.bias,
+                e1_multipath=receiver.e1_multipath,
+            ),
+            cn0_dbhz=receiver.cn0_dbhz,
+            cn0_e1_dbhz=receiver.cn0_e1_dbhz,
+            sample_rate_hz=receiver.sample_rate_hz,
+            time_uncertainty_s=receiver.time_uncertainty_s,
+            n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
+            key_delay=self.recs.key_delay,
+            processor=self.processor.processor(),
+        )

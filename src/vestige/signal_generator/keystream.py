@@ -1,0 +1,95 @@
+"""E6-C as it is encrypted in the simulation: a keystream that never repeats and can be entered at any chip.
+
+How Galileo encrypts E6-C is not published, and ACAS does not depend on it: the receiver gets the chips themselves, in
+its RECS. What counts is that nobody without the key can foretell a chip, and that no two stretches are alike. So chip
+number n since the start of Galileo time is bit n of the AES-256-CTR keystream of its satellite, most significant bit
+first, 0 as +1 and 1 as −1:
+
+    K_svid = SHA-256("vestige E6-C" || svid || key)        counter block = ⌊n / 128⌋, big-endian
+
+The chips replace primary and secondary code together: a random code times a public one is a random code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from cryptography.hazmat.primitives.ciphers import Cipher
+from cryptography.hazmat.primitives.ciphers.algorithms import AES
+from cryptography.hazmat.primitives.ciphers.modes import CTR
+from jaxtyping import Int8, Int64
+
+from vestige.records import ChipSequence
+from vestige.signal_generator.waveform import Component
+from vestige.signals.definitions import E6C
+from vestige.streams import stream_key
+from vestige.time import GalileoTime
+
+_CHIPS_PER_SECOND = round(E6C.chip_rate_hz)
+_BLOCK_CHIPS = 128  # one AES block
+_GRID_CHIPS = 1e-3  # a float64 fraction of a second is good to 1e-9 chip
+
+
+def encryption_key(seed: int) -> bytes:
+    """Return the secret of the simulated service, from which every satellite's key follows."""
+    return stream_key(seed, "E6-C encryption")
+
+
+def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
+    """Return the encrypted E6-C chips that a satellite sends from `transmit_time` on.
+
+    Parameters
+    ----------
+    key
+        The service's secret, any bytes.
+    svid
+        Satellite; each has a keystream of its own.
+    transmit_time
+        Satellite time of the first chip; a whole number of chips after the full second.
+    n_chips
+        Number of chips.
+
+    Raises
+    ------
+    ValueError
+        If `transmit_time` is not the start of a chip.
+    """
+    offset = transmit_time.fraction * E6C.chip_rate_hz
+    if abs(offset - round(offset)) > _GRID_CHIPS:
+        raise ValueError(f"{transmit_time} is not the start of an E6-C chip but {offset % 1:.3f} chips after one")
+    first = transmit_time.gst_seconds * _CHIPS_PER_SECOND + round(offset)
+    return ChipSequence(
+        svid=svid,
+        transmit_time=transmit_time,
+        chip_rate_hz=E6C.chip_rate_hz,
+        chips=_keystream(key, svid, first, n_chips),
+    )
+
+
+def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Component:
+    """Return encrypted E6-C as a component for waveforms, with chips counted from the whole second `reference`.
+
+    The chips between the first and the last number of a call are made, so a call should ask for one stretch.
+    """
+    if reference.fraction:
+        raise ValueError(f"the reference must be a whole second, not {reference}")
+    origin = reference.gst_seconds * _CHIPS_PER_SECOND
+
+    def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
+        if not index.size:
+            return np.empty(0, np.int8)
+        first = int(index.min())
+        return _keystream(key, svid, origin + first, int(index.max()) - first + 1)[index - first]
+
+    return Component(signal=E6C, chip=chip)
+
+
+def _keystream(key: bytes, svid: int, first: int, n: int) -> Int8[np.ndarray, " n"]:
+    """Return chips number `first` to `first + n − 1` since the start of Galileo time."""
+    satellite_key = hashlib.sha256(b"vestige E6-C" + bytes([svid]) + key).digest()
+    block, skip = divmod(first, _BLOCK_CHIPS)
+    encryptor = Cipher(AES(satellite_key), CTR(block.to_bytes(16, "big"))).encryptor()
+    stream = encryptor.update(bytes((skip + n + 7) // 8))
+    bits = np.unpackbits(np.frombuffer(stream, np.uint8), count=skip + n)[skip:].view(np.int8)
+    return np.int8(1) - (bits << np.int8(1))

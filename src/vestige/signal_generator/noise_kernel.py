@@ -1,0 +1,120 @@
+"""Sample noise as a pure function of key and sample number: standard normal numbers without a generator's state.
+
+Theory of operation
+-------------------
+One 64-bit hash of the sample number gives one pair of normal numbers by Box and Muller: 31 bits make the radius
+r = √(−2 ln U), 30 bits an angle within ±π/4, and three bits swap sine and cosine and set two signs, which unfolds the
+angle to the full circle. Nothing is looked up and nothing branches, so the compiler turns the loop into vector
+instructions; logarithm, sine and cosine are polynomials for the same reason. Because a pair depends on nothing but its
+key and number, any worker may make any part of an epoch and all get the same bits.
+
+    z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
+    x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ
+    ln(x / 2³¹) = ln(1 + m) + (e − 31) ln 2     x = (1 + m) 2^e, √½ ≤ 1 + m < √2
+
+Polynomials: Cephes, single precision [CEPHES]. Errors against float64: radius 1.1e-7 relative, sine and cosine 6e-8.
+
+Two keys that differ by a multiple of GOLD would give one sequence, shifted. So a key is itself a hash (`noise_key`).
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float32
+from numba import njit
+
+from vestige.signals.chip_window_kernel import bits_of, float_of
+
+GOLD = 0x9E3779B97F4A7C15  # 2^64 / golden ratio, odd: the counter's step [STEELE14]
+_MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)  # splitmix64's finaliser [STEELE14]
+_MASK = (1 << 64) - 1
+
+_GOLD, _M1, _M2 = np.uint64(GOLD), np.uint64(_MULTIPLIERS[0]), np.uint64(_MULTIPLIERS[1])
+_SQRT_HALF = np.int32(0x3F3504F3)  # bits of the float32 √½
+_LN2 = np.float32(np.log(2.0))
+_TURN = np.float32(2 * np.pi / 2**32)
+# ln(1 + m) = m − m²/2 + m³ P(m) [CEPHES, logf]; sine and cosine on ±π/4 [CEPHES, sinf and cosf]
+_P = tuple(
+    np.float32(c)
+    for c in (
+        7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1,
+        -1.6668057665e-1, 2.0000714765e-1, -2.4999993993e-1, 3.3333331174e-1,
+    )
+)  # fmt: skip
+_S = tuple(np.float32(c) for c in (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4))
+_C = tuple(np.float32(c) for c in (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5))
+
+
+def noise_key(seed: int, epoch: int, stream: int) -> np.uint64:
+    """Return the key of the noise of one epoch.
+
+    Parameters
+    ----------
+    seed
+        Seed of the scenario.
+    epoch
+        Number of the epoch.
+    stream
+        What the numbers are for: one constant for each band and purpose.
+    """
+    return np.uint64(_mix_int(_mix_int(seed + epoch * GOLD) + stream))
+
+
+def _mix_int(z: int) -> int:
+    z &= _MASK
+    z = (z ^ (z >> 30)) * _MULTIPLIERS[0] & _MASK
+    z = (z ^ (z >> 27)) * _MULTIPLIERS[1] & _MASK
+    return z ^ (z >> 31)
+
+
+@njit(inline="always")
+def _mix(z):
+    z = np.uint64((z ^ (z >> np.uint64(30))) * _M1)
+    z = np.uint64((z ^ (z >> np.uint64(27))) * _M2)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(inline="always")
+def _radius(x):
+    """Return √(−2 ln(x / 2³¹)) of a float32 in ½ … 2³¹."""
+    b = bits_of(x)
+    e = np.int32(np.int32(b - _SQRT_HALF) >> np.int32(23))
+    m = float_of(np.int32(b - np.int32(e << np.int32(23)))) - np.float32(1.0)
+    p = _P[0]
+    p = p * m + _P[1]
+    p = p * m + _P[2]
+    p = p * m + _P[3]
+    p = p * m + _P[4]
+    p = p * m + _P[5]
+    p = p * m + _P[6]
+    p = p * m + _P[7]
+    p = p * m + _P[8]
+    square = m * m
+    ln = m - np.float32(0.5) * square + square * m * p + np.float32(np.int32(e - np.int32(31))) * _LN2
+    return np.sqrt(np.float32(-2.0) * ln)
+
+
+@njit(cache=True, nogil=True)
+def fill_normals(key, first, scale, x):
+    """Fill float32[2 n] `x` with scale × the pairs number first, first + 1, …: real and imaginary parts in turn."""
+    for i in range(x.size // 2):
+        z = _mix(np.uint64(key + np.uint64(first + i) * _GOLD))
+        hi, lo = np.uint32(z >> np.uint64(32)), np.uint32(z)
+        r = scale * _radius(np.float32(np.int32(np.uint32(hi >> np.uint32(1)))) + np.float32(0.5))
+        a = np.float32(np.int32(np.int32(lo & np.uint32(0x3FFFFFFF)) - np.int32(0x20000000))) * _TURN
+        a2 = a * a
+        s = a + a * a2 * (_S[0] + a2 * (_S[1] + a2 * _S[2]))
+        c = np.float32(1.0) - np.float32(0.5) * a2 + a2 * a2 * (_C[0] + a2 * (_C[1] + a2 * _C[2]))
+        swap = np.uint32(lo & np.uint32(0x40000000)) != np.uint32(0)
+        u, v = (s, c) if swap else (c, s)
+        x[2 * i] = r * float_of(np.int32(bits_of(u) ^ np.int32(np.uint32(lo & np.uint32(0x80000000)))))
+        x[2 * i + 1] = r * float_of(np.int32(bits_of(v) ^ np.int32(np.uint32(hi << np.uint32(31)))))
+
+
+def normal_pairs(key: np.uint64, first: int, n: int) -> Float32[np.ndarray, "{n} 2"]:
+    """Return n pairs of independent standard normal numbers, from pair number `first` on."""
+    pairs = np.empty((n, 2), np.float32)
+    fill_normals(key, np.int64(first), np.float32(1.0), pairs.reshape(-1))
+    return pairs

@@ -1,0 +1,167 @@
+"""Samples of spread signals with rays, Doppler and noise, at any sampling rate: the fast sibling of `waveform`.
+
+Theory of operation
+-------------------
+Sample n is taken t_n after the start of the code, the moment at which the first chip would arrive by a ray without
+delay. A signal with Doppler f_d and Doppler rate ḟ_d on its carrier f_c adds, over its rays r,
+
+    x_n = Σ_r a_r · chip[⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
+    u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
+
+so the Doppler is on code and carrier alike, and the correlator at delay d_r of a hand-over with the same start and
+Doppler gives a_r. A ray's own Doppler f_r turns its phase only: a fading rate of 1 Hz moves its delay by 4 mm in 16 ms.
+What has another range rate, a spoofer for example, is another `ReceivedSignal`.
+
+**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
+amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
+
+**Band.** Nothing is filtered. Chips are rectangular, so the sampling rate must not be a small multiple of the chip rate
+(`vestige.receiver.front_end.commensurate_tread_m`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex64, Complex128, Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import ChipSequence
+from vestige.signal_generator.noise_kernel import fill_normals
+from vestige.signal_generator.synthesis_kernel import add_rays
+from vestige.signal_generator.waveform import Component
+from vestige.signals.chip_window_kernel import REACH_CHIPS, chip_windows
+from vestige.signals.definitions import E6C
+from vestige.signals.rotator_kernel import BLOCK
+from vestige.time import GalileoTime
+
+_SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivedSignal:
+    """One signal as it arrives: its chips, when they start, and the rays by which they come.
+
+    Attributes
+    ----------
+    chips
+        Rectangular (BPSK) chips; before the first and after the last there is nothing.
+    start_s
+        Time from sample 0 to the first chip by a ray without delay, in s; may be negative.
+    doppler_hz, doppler_rate_hz_per_s
+        Doppler at that moment and its rate of change, on the carrier.
+    delay_m
+        float64[n_rays], positive is later.
+    amplitude
+        complex128[n_rays], amplitude and phase at the start of the code.
+    ray_doppler_hz
+        float64[n_rays], Doppler of each ray over `doppler_hz`.
+    """
+
+    chips: ChipSequence
+    start_s: float
+    doppler_hz: float
+    doppler_rate_hz_per_s: float
+    delay_m: Float[np.ndarray, " n_rays"]
+    amplitude: Complex128[np.ndarray, " n_rays"]
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]
+
+
+def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:
+    """Return the amplitude √(C/N0 / f_s) of a component in noise of variance 1 a sample."""
+    return float(np.sqrt(10 ** (cn0_dbhz / 10) / sample_rate_hz))
+
+
+def synthesize(
+    signals: tuple[ReceivedSignal, ...],
+    *,
+    sample_rate_hz: float,
+    n_samples: int,
+    noise_key: np.uint64 | None,
+    first_sample: int = 0,
+    carrier_hz: float = E6C.carrier_hz,
+    center_frequency_hz: float = E6C.carrier_hz,
+) -> Complex64[np.ndarray, " n_samples"]:
+    """Return samples number `first_sample` to `first_sample + n_samples − 1`; the same bits however a stretch is cut.
+
+    Parameters
+    ----------
+    signals
+        All that is in the band.
+    sample_rate_hz
+        Complex sampling rate in Hz.
+    noise_key
+        Key of the noise (`noise_kernel.noise_key`); None for no noise.
+    carrier_hz
+        Carrier of all signals.
+    center_frequency_hz
+        Radio frequency that stands at 0 Hz in the samples.
+    """
+    skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on the cut
+    first = first_sample - skip
+    samples = np.empty(skip + n_samples, np.complex64)
+    x = samples.view(np.float32)
+    if noise_key is None:
+        x[:] = 0
+    else:
+        fill_normals(noise_key, np.int64(first), _SIGMA, x)
+    for signal in signals:
+        _add(x, signal, first / sample_rate_hz, sample_rate_hz, carrier_hz, carrier_hz - center_frequency_hz)
+    return samples[skip:]
+
+
+def open_chips(
+    component: Component, svid: int, *, reference: GalileoTime, transmit_time: GalileoTime, n_chips: int
+) -> ChipSequence:
+    """Return what a BPSK component sends from `transmit_time` on, chips times symbols, as one chip sequence.
+
+    Parameters
+    ----------
+    component
+        For example open E6-B; its chips and symbols are counted from `reference`.
+    reference
+        A whole second.
+    transmit_time
+        Satellite time of the first chip.
+    """
+    rate = component.signal.chip_rate_hz
+    if component.signal.pulse.levels != (1.0,):
+        raise ValueError(f"{component.signal.name} has no rectangular chips")
+    index = round((transmit_time - reference) * rate) + np.arange(n_chips)
+    chips = component.modulation((index + 0.5) / rate).astype(np.int8)
+    return ChipSequence(svid=svid, transmit_time=transmit_time, chip_rate_hz=rate, chips=chips)
+
+
+def _add(
+    x: Float[np.ndarray, " n"],
+    signal: ReceivedSignal,
+    first_s: float,
+    sample_rate_hz: float,
+    carrier_hz: float,
+    if_hz: float,
+) -> None:
+    """Add a signal to samples, group by group of rays that lie within one chip window."""
+    rate = signal.chips.chip_rate_hz
+    code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
+    code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
+    delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate
+    order = np.argsort(delay_chips, kind="stable")
+    windows = chip_windows(signal.chips.chips)
+    while order.size:
+        near = delay_chips[order] - delay_chips[order[0]] <= 2 * REACH_CHIPS
+        group, order = order[near], order[~near]
+        add_rays(
+            x,
+            signal.chips.chips,
+            windows,
+            delay_chips[group],
+            signal.amplitude[group],
+            signal.ray_doppler_hz[group],
+            first_s - signal.start_s,
+            1.0 / sample_rate_hz,
+            code_rate,
+            code_rate_rate,
+            if_hz + signal.doppler_hz,
+            signal.doppler_rate_hz_per_s,
+        )

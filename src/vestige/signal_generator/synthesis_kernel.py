@@ -1,0 +1,112 @@
+"""The compiled inner loops of sample synthesis: the rays of one signal, added to stored samples.
+
+All rays of a group share one look-up of chip windows a sample (`vestige.signals.chip_window_kernel`); a ray is then a
+rotator, the XOR of its chip into the sign bits, and an addition. Each ray has a rotator table of its own; its phase at
+the middle of every block comes from float64. The Doppler rate turns the sum of all rays inside the block, to second
+order of an angle that stays below 1e-3 rad at 100 Hz/s.
+
+No sum here depends on the order of vector lanes and nothing is contracted, so that a block has the same bits on every
+machine and wherever the samples are cut between blocks.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vestige.signals.chip_window_kernel import (
+    FRACTION_BITS,
+    bits_of,
+    fill_windows,
+    float_of,
+    interior,
+    window_delay,
+)
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+
+
+@njit(cache=True, nogil=True)
+def _add_ray(window, fraction, delay, cos, sin, a_re, a_im, s_re, s_im):
+    """Add amplitude × rotator × chip to the sum of the rays."""
+    for i in range(s_re.size):
+        shift = np.uint32(np.uint32(fraction[i] + delay) >> np.uint32(FRACTION_BITS))
+        sign = np.int32(np.uint32(np.uint32(window[i] << shift) & np.uint32(0x80000000)))
+        s_re[i] += float_of(np.int32(bits_of(a_re * cos[i] - a_im * sin[i]) ^ sign))
+        s_im[i] += float_of(np.int32(bits_of(a_re * sin[i] + a_im * cos[i]) ^ sign))
+
+
+@njit(cache=True, nogil=True)
+def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
+    """Add a ray where some samples meet no chip."""
+    for i in range(s_re.size):
+        j = np.int64(np.floor(u0 + i * step - delay))
+        if 0 <= j < chips.size:
+            s_re[i] += chips[j] * (a_re * cos[i] - a_im * sin[i])
+            s_im[i] += chips[j] * (a_re * sin[i] + a_im * cos[i])
+
+
+@njit(cache=True, nogil=True)
+def _add_turned(s_re, s_im, slope, curve, x):
+    """Add the rays, turned by the small angle slope · k + curve · k², to the interleaved samples."""
+    for i in range(s_re.size):
+        k = np.float32(i - MIDDLE)
+        turn = k * (slope + curve * k)
+        loss = np.float32(0.5) * turn * turn
+        x[2 * i] += s_re[i] - s_im[i] * turn - s_re[i] * loss
+        x[2 * i + 1] += s_im[i] + s_re[i] * turn - s_im[i] * loss
+
+
+@njit(cache=True, nogil=True)
+def add_rays(x, chips, windows, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+    """Add a group of rays of one signal to samples.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n_samples], real and imaginary parts in turn.
+    chips, windows
+        int8[n_chips] of ±1 and their `chip_windows`; there is no signal before and after.
+    delays
+        float64[n_rays] in chips, later is positive, within 2 · REACH_CHIPS of each other.
+    amplitudes, ray_hz
+        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each ray over that of the group.
+    t0, dt
+        Time of the first sample after the start of the code, and the sampling interval, in s.
+    code_rate, code_rate_rate
+        Received chips/s at the start of the code, and its rate of change in chips/s².
+    if_hz, doppler_rate
+        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
+    """
+    n_samples, n_rays = x.size // 2, delays.size
+    middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
+    cos, sin = np.empty((n_rays, BLOCK), np.float32), np.empty((n_rays, BLOCK), np.float32)
+    for r in range(n_rays):
+        rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
+    window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
+    chip = np.empty(BLOCK, np.int32)
+    s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+
+    for b0 in range(0, n_samples, BLOCK):
+        n = min(BLOCK, n_samples - b0)
+        t = t0 + b0 * dt
+        tm = t + MIDDLE * dt
+        step = (code_rate + code_rate_rate * tm) * dt
+        u0 = code_rate * t + 0.5 * code_rate_rate * t * t - middle
+        if u0 + step * n + reach < 0 or u0 - reach > chips.size:
+            continue
+        i0, i1 = interior(u0, step, reach, chips.size, n)
+        w, f = window[: i1 - i0], fraction[: i1 - i0]
+        if i1 > i0:
+            fill_windows(windows, u0 + i0 * step, step, w, f, chip[: i1 - i0])
+        s_re[:] = 0
+        s_im[:] = 0
+        for r in range(n_rays):
+            a = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
+            re, im, c, s, d = np.float32(a.real), np.float32(a.imag), cos[r], sin[r], delays[r] - middle
+            _add_ray(w, f, window_delay(d), c[i0:i1], s[i0:i1], re, im, s_re[i0:i1], s_im[i0:i1])
+            _add_edge_ray(chips, u0, step, d, c[:i0], s[:i0], re, im, s_re[:i0], s_im[:i0])
+            _add_edge_ray(chips, u0 + i1 * step, step, d, c[i1:n], s[i1:n], re, im, s_re[i1:n], s_im[i1:n])
+        slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
+        _add_turned(s_re[:n], s_im[:n], np.float32(slope), np.float32(curve), x[2 * b0 : 2 * (b0 + n)])

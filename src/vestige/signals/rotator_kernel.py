@@ -1,0 +1,39 @@
+"""The carrier over one block of samples, as a table.
+
+A block is turned by one table for its constant frequency; what belongs to the block, its phase and the frequency's
+rate of change, is worked out in float64 at the block's middle. The table is the product of a few coarse and fine steps,
+so that it costs 64 sines instead of 1024.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+BLOCK = 1024  # samples: a block's arrays stay in the first-level cache
+MIDDLE = BLOCK // 2
+_FINE = 32
+
+
+@njit(cache=True, nogil=True)
+def rotator_table(cycles_per_sample, cos, sin):
+    """Fill float32[BLOCK] cosine and sine of the angle from the block's middle, each right to float32's rounding."""
+    fine = np.empty(_FINE, np.complex128)
+    for b in range(_FINE):
+        angle = 2 * np.pi * cycles_per_sample * b
+        fine[b] = complex(np.cos(angle), np.sin(angle))
+    for a in range(0, BLOCK, _FINE):
+        angle = 2 * np.pi * cycles_per_sample * (a - MIDDLE)
+        coarse = complex(np.cos(angle), np.sin(angle))
+        for b in range(_FINE):
+            z = coarse * fine[b]
+            cos[a + b], sin[a + b] = z.real, z.imag
+
+
+@njit(cache=True, nogil=True)
+def turn_at(frequency_hz, rate_hz_per_s, t):
+    """Return exp(j2π(f t + ½ ḟ t²)); whole cycles are taken off first."""
+    phase = 2 * np.pi * ((frequency_hz * t) % 1.0 + (0.5 * rate_hz_per_s * t * t) % 1.0)
+    return complex(np.cos(phase), np.sin(phase))

@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from results_builder import RecordedPlan, campaign_results, stored
+from vestige.campaign.run import run as run_campaign
+from vestige.cli.plot import FORMATS, KINDS, command
+from vestige.errors import VestigeError
+from vestige.plots import figure
+
+OF_A_CAMPAIGN = [name for name, kind in KINDS.items() if not kind.of_sweep]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
+    return campaign_results(150, cn0_dbhz=32.0)
+
+
+@pytest.fixture(scope="module")
+def store(results: xarray.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return stored(results, tmp_path_factory.mktemp("store") / "harsh.zarr")
+
+
+def plot(*arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(argument) for argument in arguments])
+
+
+def refused(*arguments: object) -> str:
+    with pytest.raises(VestigeError) as caught:
+        CliRunner().invoke(command, [str(one) for one in arguments], standalone_mode=False, catch_exceptions=False)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("kind", OF_A_CAMPAIGN)
+def test_every_kind(kind: str, store: Path, tmp_path: Path) -> None:
+    file = tmp_path / "figure.png"
+    result = plot(kind, store, "-o", file, "--detector", "maximum", "--width-cm", 10, "--from", 20, "--to", 100)
+    assert (result.exit_code, result.stdout, result.stderr) == (0, f"{file}\n", "")
+    with Image.open(file) as image:
+        assert image.size[0] == pytest.approx(10 / 2.54 * 300, abs=1)
+
+
+def test_all(store: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "figures"
+    result = plot("all", store, "-o", folder)
+    assert result.exit_code == 0
+    files = [folder / f"{kind}.png" for kind in OF_A_CAMPAIGN]
+    assert result.stdout.splitlines() == [str(file) for file in files]
+    assert sorted(folder.iterdir()) == sorted(files)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_formats(store: Path, tmp_path: Path, suffix: str) -> None:
+    assert plot("range-offset", store, "-o", tmp_path / f"a.{suffix}").exit_code == 0
+    assert (tmp_path / f"a.{suffix}").exists()
+
+
+def test_formats_are_those_of_the_library() -> None:
+    assert FORMATS == figure.FORMATS
+
+
+def _drawn(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Return the points of every line of the figure that a command draws."""
+    lines = []
+
+    def keep(ax: figure.Axes, path: Path, *, width_cm: float) -> None:
+        lines.extend(tuple(tuple(np.asarray(values).tolist()) for values in line.get_data()) for line in ax.lines)
+
+    monkeypatch.setattr("vestige.plots.write", keep)
+    result = plot(*arguments)
+    assert result.exit_code == 0, result.output
+    return lines
+
+
+def test_the_figure_is_of_the_detector_the_satellite_and_the_time_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = campaign_results(50, svids=(4, 9), cn0_dbhz=50.0)
+    path = stored(results, tmp_path / "two.zarr")
+    chosen = ("--svid", 9, "--detector", "maximum", "--from", 10, "--to", 20)
+    lines = _drawn(monkeypatch, "range-offset", path, "-o", tmp_path / "a.png", *chosen)
+    expected = results["range_offset_m"].values[1, 10:20, 1].astype(float)
+    assert (tuple(range(10, 20)), tuple(expected.tolist())) in lines
+
+
+def test_a_flank_is_fitted(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ((x, _),) = _drawn(monkeypatch, "range-histogram", store, "-o", tmp_path / "a.png", "--flank-from", 2)
+    assert x[0] == 2.0
+
+
+def test_sweep_of_campaigns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    campaigns = {cn0: campaign_results(100, cn0_dbhz=cn0) for cn0 in (31.0, 29.0)}
+    paths = [stored(results, tmp_path / f"{cn0}.zarr") for cn0, results in campaigns.items()]
+    lines = _drawn(monkeypatch, "detection-curve", *paths, "-o", tmp_path / "a.png")
+    frequencies = tuple(float(np.mean(campaigns[cn0]["tap_index"].values[0] >= 0)) for cn0 in (29.0, 31.0))
+    assert ((29.0, 31.0), frequencies) in lines
+
+
+@pytest.mark.parametrize("kind", ["detection-curve", "miss-curve", "false-alarm-curve"])
+def test_sweep_from_a_table(kind: str, tmp_path: Path) -> None:
+    table = tmp_path / "sweep.csv"
+    table.write_text(
+        "cn0_dbhz,trials,detections,false_alarm_trials,false_alarms,integration_s,p_fa\n"
+        "30,1000,560,100000,9,0.016,1e-4\n32,1000,1000,100000,12,0.016,1e-4\n"
+    )
+    result = plot(kind, table, "-o", tmp_path / "a.png")
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'a.png'}\n")
+
+
+def test_a_campaign_that_has_not_ended(tmp_path: Path) -> None:
+    path = tmp_path / "half.zarr"
+    with pytest.raises(RuntimeError, match="in the middle"):
+        run_campaign(RecordedPlan(results=campaign_results(40), breaks_at=25), path, chunk_epochs=10)
+    result = plot("waterfall-map", path, "-o", tmp_path / "a.png")
+    assert result.exit_code == 0
+    assert "20 epochs" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path, results: xarray.Dataset) -> None:
+    out = tmp_path / "a.png"
+    no_store, text, two = (
+        tmp_path / "none.zarr",
+        tmp_path / "text",
+        stored(campaign_results(3, svids=(1, 2)), tmp_path / "2"),
+    )
+    text.write_text("hello")
+    foreign = stored(results.drop_vars("taps").drop_vars("tap_offset_m"), tmp_path / "foreign")
+    for path, more, message in (
+        (no_store, (), "expected the results of a campaign"),
+        (text, (), "expected the results of a campaign"),
+        (tmp_path, (), "expected the results of a campaign"),
+        (foreign, (), "found no taps"),
+        (two, (), "expected one of 1, 2"),
+        (store, ("--svid", 5), "no satellite 5, expected one of 11"),
+        (store, ("--from", 1000), "found 0 to 149 s, expected an epoch from 1000 s"),
+    ):
+        line = refused("range-offset", path, "-o", out, *more)
+        assert line.startswith(f"{path}: ")
+        assert message in line
+    assert str(tmp_path / "t.csv") in _missing_table(tmp_path)
+    assert not out.exists()
+
+
+def _missing_table(tmp_path: Path) -> str:
+    with pytest.raises(FileNotFoundError) as caught:
+        CliRunner().invoke(
+            command, ["detection-curve", str(tmp_path / "t.csv"), "-o", str(tmp_path / "a.png")],
+            standalone_mode=False, catch_exceptions=False,
+        )  # fmt: skip
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("landscape", "x.zarr", "-o", "a.png"),
+        ("waterfall", "-o", "a.png"),
+        ("waterfall", "x.zarr"),
+        ("waterfall", "x.zarr", "-o", "a.gif"),
+        ("waterfall", "x.zarr", "y.zarr", "-o", "a.png"),
+        ("waterfall", "x.zarr", "-o", "a.png", "--width-cm", "1"),
+        ("waterfall", "x.zarr", "-o", "a.png", "--width-cm", "nan"),
+        ("range-offset", "x.zarr", "-o", "a.png", "--from", "nan"),
+        ("range-offset", "x.zarr", "-o", "a.png", "--detector", "late"),
+    ],
+)
+def test_usage_errors(arguments: tuple[str, ...]) -> None:
+    result = plot(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+
+
+def test_help_names_every_kind_and_loads_nothing_heavy() -> None:
+    text = plot("--help").stdout
+    for name, kind in KINDS.items():
+        assert name in text
+        assert kind.help in text
+    code = "import sys, vestige.cli.plot; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
