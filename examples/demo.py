@@ -10,16 +10,19 @@ import os
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from vestige.cli.main import vestige
 from vestige.crypto.recs import decrypt, encrypt
 from vestige.recording.assistance import read_assistance
 from vestige.recording.assistance_writer import write_assistance
+from vestige.recording.recording import open_recording
+from vestige.recording.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Assistance
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDER = Path("build/demo")
+FOLDER, WRONG_KEY, LATE = Path("build/demo"), Path("build/demo_wrong_key"), Path("build/demo_late")
 
 
 def run(*arguments: object) -> None:
@@ -33,7 +36,8 @@ def run(*arguments: object) -> None:
 def main() -> None:
     """Run the demonstration."""
     os.chdir(ROOT)
-    shutil.rmtree(FOLDER, ignore_errors=True)
+    for folder in (FOLDER, WRONG_KEY, LATE):
+        shutil.rmtree(folder, ignore_errors=True)
     keys = ("--keys", FOLDER / "osnma" / "keys.csv", "--public-key", FOLDER / "osnma" / "public_key.pem")
 
     print("1. A recorder took 130 ms of E1 and E6 from five satellites.")
@@ -41,14 +45,15 @@ def main() -> None:
     print("\n2. The server published the E6-C chips of 16 ms, encrypted under a key that was still secret: the RECS.")
     run("recs", "make", "--from-recording", FOLDER, *keys, "-o", FOLDER / "assistance")
     print("\n3. The key has arrived over E1-B. Decrypt, correlate, compare with E1.")
-    run("process", FOLDER, "--calibrate")
+    run("process", FOLDER, "--calibrate", "--write-bias", FOLDER / "assistance")
 
     print("\n4. RECS under the key of the next subframe that claim to be under this one's: nothing correlates.")
-    _encrypt_under_the_next_key(FOLDER / "assistance", FOLDER / "wrong_key")
-    run("process", FOLDER, "--assistance", FOLDER / "wrong_key", "--hardware-bias-m", "-18")
+    _encrypt_under_the_next_key(FOLDER / "assistance", WRONG_KEY)
+    run("process", FOLDER, "--assistance", WRONG_KEY)
 
-    print("\n5. E6 50 m late against E1, as if replayed: the signal is there, but not where E1 says.")
-    run("process", FOLDER, "--hardware-bias-m", "-68")
+    print("\n5. E6 two samples (48 m) late against E1, as if replayed: the signal is there, but not where E1 says.")
+    _delay_e6(FOLDER, LATE, samples=2)
+    run("process", LATE, "--assistance", FOLDER / "assistance")
     print(
         "\n6. How often does it work? 20,000 RECS in the paper's harsh conditions: 35 dBHz, multipath, solar maximum."
     )
@@ -58,6 +63,20 @@ def main() -> None:
     print(
         f"Next: vestige inspect {FOLDER}; vestige theory --paper; vestige run scenarios/harsh.toml -o harsh.zarr -j 2"
     )
+
+
+def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
+    """Write a copy of a recording whose E6 is some samples late on the counter that both bands share."""
+    opened = open_recording(recording)
+    output.mkdir()
+    metas = []
+    for reader, delay in ((opened.e1, 0), (opened.e6, samples)):
+        batch = reader.read(0, reader.n_samples)
+        late = replace(batch, first_sample=delay, start=batch.start + delay / batch.sample_rate_hz)
+        metas.append(
+            write_sigmf(output / batch.band.value.lower(), [late], form=reader.file.form, time_uncertainty_s=1.0)
+        )
+    write_collection(output / "recording", metas)
 
 
 def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:

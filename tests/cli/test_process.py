@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.cli.process import command as process
@@ -19,6 +21,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance import read_assistance
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.receiver_corrections import read_hardware_bias
 from vestige.recording.recording import open_recording
 from vestige.recording.sample_format import SampleFormat
 from vestige.recording.sigmf_writer import write_collection, write_sigmf
@@ -194,6 +197,66 @@ def test_a_damaged_recs_file_costs_only_itself(folder: Path, tmp_path: Path) -> 
     assert isinstance(strict.exception, VestigeError)
 
 
+def test_a_certificate_means_that_unsigned_files_are_not_used(folder: Path, tmp_path: Path) -> None:
+    """Neither unsigned RECS nor corrections, which nobody can sign: a planted receiver.toml must not move the range."""
+    key = ec.generate_private_key(ec.SECP256R1()).public_key()
+    certificate = tmp_path / "server.pem"
+    certificate.write_bytes(key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    for path in (folder / "assistance").iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "receiver.toml").write_text("hardware_bias_e1_e6_m = 29.2\n")
+    result = _invoke(process, folder, "--assistance", tmp_path, "--certificate", certificate)
+    assert result.exception is None
+    assert "no verdict" in result.stdout
+    assert "hardware bias E6-E1 used: +0.0 m" in result.stdout
+    assert "receiver.toml" in result.stderr
+
+
+def test_keys_of_another_chain_are_refused(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.pem"
+    key = ec.generate_private_key(ec.SECP256R1()).public_key()
+    other.write_bytes(key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    result = _json(process, folder, "--public-key", other)
+    assert {one["status"] for one in result["verdicts"]} == {"NOT_AVAILABLE"}
+
+
+def test_what_was_taken_on_the_folders_word_is_said(folder: Path) -> None:
+    own = _json(process, folder)
+    assert any("own public key" in line for line in own["cautions"])
+    named = _json(process, folder, "--public-key", folder / "osnma" / "public_key.pem")
+    assert named["cautions"] == []
+    assert {one["status"] for one in named["verdicts"]} == {"AUTHENTIC"}
+
+
+def test_calibration_says_that_it_is_blind_and_can_be_kept(folder: Path, tmp_path: Path) -> None:
+    result = _json(process, folder, "--calibrate", "--write-bias", tmp_path)
+    assert result["calibrated_on_itself"] is True
+    written = read_hardware_bias(tmp_path / "receiver.toml")
+    assert written * SPEED_OF_LIGHT_MPS == pytest.approx(result["hardware_bias_m"], abs=1e-6)
+
+
+def test_four_milliseconds_have_half_the_amplitude(folder: Path, tmp_path: Path) -> None:
+    keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
+    made = ("--svids", "3,8,34", "--length-ms", "4", "--kdi", "1", "-o", tmp_path / "short")
+    _json(recs_make, "--from-recording", folder, *keys, *made)
+    settings = ("--hardware-bias-m", "-18", "--p-fa", "1e-6", "--taps", "9", "--kappa", "2")
+    paths = (tmp_path / "short", folder / "assistance")
+    short, long = (_json(process, folder, "--assistance", path, *settings) for path in paths)
+    for a, b in zip(short["verdicts"], long["verdicts"], strict=True):
+        assert a["magnitude_sigma"] == pytest.approx(b["magnitude_sigma"] / 2, abs=3.0)
+        assert a["threshold_sigma"] == pytest.approx(np.sqrt(-2 * np.log(1e-6)))
+        assert a["range_limit_m"] == pytest.approx(2 * 8.85, abs=0.01)
+        assert a["available_at"] > b["available_at"]
+
+
+@pytest.mark.parametrize(
+    "option", ["--hardware-bias-m", "--kappa", "--min-pd", "--p-fa", "--tap-spacing-m", "--time-uncertainty"]
+)
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_no_number_is_a_usage_error(folder: Path, option: str, value: str) -> None:
+    assert CliRunner().invoke(process, [str(folder), option, value]).exit_code == 2
+
+
 def test_make_refuses_to_overwrite_and_leaves_nothing_half(folder: Path, tmp_path: Path) -> None:
     keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
     with pytest.raises(InputFileError, match="already"):
@@ -219,7 +282,7 @@ def test_simulate_refuses_to_overwrite(folder: Path, tmp_path: Path) -> None:
     assert isinstance(result.exception, InputFileError)
 
 
-@pytest.mark.parametrize("svids", ["x", "0", "37", "5-", "1--3"])
+@pytest.mark.parametrize("svids", ["x", "0", "37", "5-", "1--3", "0-99999999999"])
 def test_bad_satellite_lists(folder: Path, tmp_path: Path, svids: str) -> None:
     result = CliRunner().invoke(
         recs_make, ["--from-recording", str(folder), "--keys", "k", "-o", str(tmp_path / "a"), "--svids", svids]

@@ -115,7 +115,7 @@ class AcasProcessor:
             front_end=snapshot.front_end,
         )
 
-    def _measure_satellite(
+    def _measure_satellite(  # noqa: PLR0911  (each return is a step that was not reached)
         self, snapshot: Snapshot, assistance: Assistance, observation: E1Observation
     ) -> SatelliteMeasurement:
         svid = observation.svid
@@ -145,6 +145,9 @@ class AcasProcessor:
         bank = snapshot.e6.correlate(handover, self.offsets_m)
         if bank is None:
             reason = f"the E6 samples do not hold the RECS expected at {handover.start_time}"
+            return SatelliteMeasurement(svid=svid, handover=handover, unavailable=reason, available_at=key.complete_at)
+        if not bank.noise_power > 0:
+            reason = "the E6 samples are all zero"
             return SatelliteMeasurement(svid=svid, handover=handover, unavailable=reason, available_at=key.complete_at)
         return SatelliteMeasurement(
             svid=svid,

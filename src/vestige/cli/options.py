@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     from vestige.time import GalileoTime
+
+
+class FiniteRange(click.FloatRange):
+    """A number between two bounds; NaN, which compares with nothing, is refused."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
 
 
 def parse_time(text: str | None) -> GalileoTime | None:
@@ -29,7 +41,8 @@ def parse_svids(text: str) -> tuple[int, ...]:
         ends = part.split("-")
         if len(ends) > 2 or not all(end.isdecimal() for end in ends):
             raise click.BadParameter(f"not a satellite or a range of them: {part!r}")
-        svids.extend(range(int(ends[0]), int(ends[-1]) + 1))
-    if any(not 1 <= svid <= MAX_SVID for svid in svids):
-        raise click.BadParameter(f"satellites are numbered 1 to {MAX_SVID}")
+        first, last = int(ends[0]), int(ends[-1])
+        if not 1 <= first <= last <= MAX_SVID:
+            raise click.BadParameter(f"satellites are numbered 1 to {MAX_SVID}, found {part!r}")
+        svids.extend(range(first, last + 1))
     return tuple(dict.fromkeys(svids))

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.options import FiniteRange
+
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.records import Assistance, Measurement
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
+MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
@@ -29,15 +32,16 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--level", type=click.Choice(["1"]), default="1", show_default=True, help="Mitigation level.")
 @click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
 @click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
-@click.option("--p-fa", type=click.FloatRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
+@click.option("--p-fa", type=FiniteRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
 @click.option("--taps", type=click.IntRange(3, 63), default=11, show_default=True, help="Number of correlators.")
-@click.option("--tap-spacing-m", type=click.FloatRange(0.1, 100), default=15.0, show_default=True)
+@click.option("--tap-spacing-m", type=FiniteRange(0.1, 100), default=15.0, show_default=True)
 @click.option("--budget", type=click.Choice(["uncorrected", "corrected"]), default="uncorrected", show_default=True)
-@click.option("--kappa", type=click.FloatRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
-@click.option("--min-pd", type=click.FloatRange(0, 1), default=0.9, show_default=True)
-@click.option("--hardware-bias-m", type=float, help="Delay of E6 minus E1 in the receiver, in m.")
+@click.option("--kappa", type=FiniteRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
+@click.option("--min-pd", type=FiniteRange(0, 1), default=0.9, show_default=True)
+@click.option("--hardware-bias-m", type=FiniteRange(-1e7, 1e7), help="Delay of E6 minus E1 in the receiver, in m.")
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
-@click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
+@click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
+@click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
 @click.option("--start", help="Time of the first sample, in place of the recording's own label.")
 @click.option("-o", "--output", type=_path, help="Write the verdicts to a CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -54,6 +58,8 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.cli.progress import progress
     from vestige.cli.verdicts import print_json, print_table, write_csv
     from vestige.recording.assistance import read_assistance
+    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.receiver_corrections import write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
 
@@ -70,8 +76,21 @@ def command(recording_path: Path, **options: Any) -> None:
         window=time_span(recording),
         strict=options["strict"],
     )
-    for line in (*recording.notes, *found.problems, *found.missing):
+    for line in (*recording.notes, *found.problems, *found.missing, *found.cautions):
         click.echo(f"warning: {line}", err=True)
+    uncertainty_s = options["time_uncertainty"] or recording.description.time_uncertainty_s
+    if recording.observations is None and uncertainty_s > LABEL_TOLERANCE_S:
+        click.echo(
+            "warning: without an observation file E1 tells time modulo 100 ms only: the recording's label must be "
+            f"right to {LABEL_TOLERANCE_S * 1e3:g} ms, or encrypted signals will not be found",
+            err=True,
+        )
+    if options["calibrate"]:
+        click.echo(
+            "warning: --calibrate takes the hardware bias from this recording itself: "
+            "a delay of E6 that is common to all satellites cannot be seen",
+            err=True,
+        )
     source = RecordingSource(
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
@@ -82,10 +101,18 @@ def command(recording_path: Path, **options: Any) -> None:
         measurements, bias_s = _measure(processor, replace(source, progress=report), calibrate=options["calibrate"])
     verdicts = [verdict for measurement in measurements for verdict in processor.decide(measurement)]
     unseen = _unseen(source, measurements)
+    if options["write_bias"]:
+        write_hardware_bias(options["write_bias"], bias_s)
     if options["output"]:
         write_csv(options["output"], verdicts, measurements)
     if options["as_json"]:
-        print_json(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+        print_json(
+            verdicts,
+            measurements,
+            hardware_bias_s=bias_s,
+            unseen=unseen,
+            remarks={"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)},
+        )
     else:
         print_table(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
 
@@ -105,6 +132,8 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
 
     if options["taps"] < 2 * options["spacing"] + 1:
         raise click.UsageError(f"--spacing {options['spacing']} needs at least {2 * options['spacing'] + 1} taps")
+    if options["taps"] * options["tap_spacing_m"] / 2 > MAX_REACH_M:
+        raise click.UsageError(f"--taps times --tap-spacing-m reach farther than {MAX_REACH_M:g} m on each side")
     spacing = options["spacing"]
     detectors: dict[str, Detector] = {
         "early": EarlyDetector(spacing=spacing),

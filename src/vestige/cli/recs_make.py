@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from vestige.cli.options import FiniteRange
+
 _path = click.Path(path_type=Path)
 
 
@@ -16,7 +18,14 @@ _path = click.Path(path_type=Path)
 @click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML).")
 @click.option("-o", "--output", required=True, type=_path, help="Assistance folder to write.")
 @click.option("--length-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="16", show_default=True)
-@click.option("--interval", "interval_s", type=float, default=30.0, show_default=True, help="Time between RECS in s.")
+@click.option(
+    "--interval",
+    "interval_s",
+    type=FiniteRange(0.1, 1e6),
+    default=30.0,
+    show_default=True,
+    help="Time between RECS in s.",
+)
 @click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
 @click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
 @click.option("--start", help="Time of the first sample, in place of the recording's own label.")

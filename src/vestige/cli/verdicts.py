@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +88,8 @@ def print_table(
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
     if not verdicts:
-        click.echo("no verdict: no satellite of the RECS is seen on E1 in this recording")
+        why = "no satellite of the RECS is seen on E1" if unseen else "no RECS is of this recording's time"
+        click.echo(f"no verdict: {why}; vestige inspect says what is there")
     counts = Counter(verdict.status.name for verdict in verdicts)
     click.echo(f"\nhardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
     if unseen:
@@ -97,7 +98,12 @@ def print_table(
 
 
 def print_json(
-    verdicts: Sequence[Verdict], measurements: Sequence[Measurement], *, hardware_bias_s: float, unseen: Sequence[int]
+    verdicts: Sequence[Verdict],
+    measurements: Sequence[Measurement],
+    *,
+    hardware_bias_s: float,
+    unseen: Sequence[int],
+    remarks: Mapping[str, Any],
 ) -> None:
     """Print the verdicts for a program: one JSON object, numbers in full precision."""
     entries = []
@@ -118,7 +124,7 @@ def print_json(
         "hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS,
         "not_seen_on_e1": list(unseen),
         "verdicts": entries,
-    }
+    } | dict(remarks)
     click.echo(json.dumps(result, allow_nan=False))
 
 

@@ -65,6 +65,15 @@ class AssistanceFolder:
     problems: tuple[VestigeError, ...]
     missing: tuple[str, ...]
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What the user should know before trusting a verdict: what was taken on the folder's own word."""
+        anchors = [file.path.name for file in self.files if file.kind in (Kind.PUBLIC_KEY, Kind.MERKLE_TREE)]
+        corrections = [file for file in self.files if file.kind in (Kind.RECEIVER, Kind.IONOSPHERE)]
+        trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "
+        trust += "name your own public key or Merkle tree"
+        return (*([trust] if anchors else []), *(f"{file.path}: {file.content}" for file in corrections))
+
 
 class _Problems:
     """Collects errors, or raises the first one."""
@@ -148,6 +157,13 @@ def read_assistance(
         reference=reference,
         window=window,
     )
+    if settings.server_keys:
+        for kind in (Kind.RECEIVER, Kind.IONOSPHERE):
+            problems.add(
+                InputFileError(path, "signature", "a correction, which nobody signs", "signed files only")
+                for path in by_kind[kind]
+            )
+            by_kind[kind] = []
     read: list[tuple[Path, Contents]] = []
     for kind, reader in READERS.items():
         for path in by_kind[kind]:

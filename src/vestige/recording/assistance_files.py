@@ -28,7 +28,6 @@ from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.public_key import PublicKey
 from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
 from vestige.crypto.recs_name import parse_name
-from vestige.crypto.tesla import fill_gaps
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording import test_vector_csv
 from vestige.recording.navigation_pages import read_pages
@@ -208,11 +207,7 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
         receiver.process(page)
     receiver.finish()
     report = receiver.report()
-    keys = report.keys
-    for chain in receiver.chains:
-        keys = fill_gaps(keys, chain)
-    withheld = {key.time for key in report.withheld}
-    keys = tuple(key for key in keys if key.time not in withheld)
+    keys = receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",
         keys=keys,

@@ -21,7 +21,7 @@ from vestige.time import GalileoTime
 
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
 MEDIAN_TRAVEL_TIME_S = 0.086  # Galileo, 29,600 km orbits: 77.5 ms at the zenith, 95 ms at 5° elevation
-LABEL_TOLERANCE_S = 0.05  # half the secondary code period, less the spread of the median
+LABEL_TOLERANCE_S = 0.04  # half the secondary code period, less 9 ms by which a median travel time may differ from 86
 MIN_SECONDARY_MARGIN_DB = 1.0  # CS25's own second-best phase is 5.6 dB down; noise eats the rest
 
 

@@ -177,6 +177,8 @@ def _segments_of(
     progress: Callable[[int, int], None] | None,
 ) -> tuple[EncryptedSegment, ...]:
     """Return the RECS that fit into the recording and have a key."""
+    if abs(interval_s * 10 - round(interval_s * 10)) > 1e-9:
+        raise VestigeError(f"interval between RECS: found {interval_s} s, expected a multiple of 0.1 s")
     reader = recording.e6
     if reader is None:
         raise VestigeError(f"{recording.description.path}: no E6 samples, so no RECS can be made for it")

@@ -2,10 +2,11 @@
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the code, the moment at which the first chip would arrive by a ray without
-delay. A signal with Doppler f_d and Doppler rate ḟ_d on its carrier f_c adds, over its rays r,
+Sample n is taken t_n after the start of the segment, the moment at which chip number L would arrive by a ray without
+delay; L chips are on air before it. A signal with Doppler f_d and Doppler rate ḟ_d on its carrier f_c adds, over its
+rays r,
 
-    x_n = Σ_r a_r · chip[⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
+    x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
 so the Doppler is on code and carrier alike, and the correlator at delay d_r of a hand-over with the same start and
@@ -48,15 +49,17 @@ class ReceivedSignal:
     chips
         Rectangular (BPSK) chips; before the first and after the last there is nothing.
     start_s
-        Time from sample 0 to the first chip by a ray without delay, in s; may be negative.
+        Time from sample 0 to chip number `lead_chips` by a ray without delay, in s; may be negative.
     doppler_hz, doppler_rate_hz_per_s
         Doppler at that moment and its rate of change, on the carrier.
     delay_m
         float64[n_rays], positive is later.
     amplitude
-        complex128[n_rays], amplitude and phase at the start of the code.
+        complex128[n_rays], amplitude and phase at that moment.
     ray_doppler_hz
         float64[n_rays], Doppler of each ray over `doppler_hz`.
+    lead_chips
+        Chips before the segment, for the samples there and for late rays.
     """
 
     chips: ChipSequence
@@ -66,6 +69,7 @@ class ReceivedSignal:
     delay_m: Float[np.ndarray, " n_rays"]
     amplitude: Complex128[np.ndarray, " n_rays"]
     ray_doppler_hz: Float[np.ndarray, " n_rays"]
+    lead_chips: int = 0
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:
@@ -145,7 +149,7 @@ def _add(
     rate = signal.chips.chip_rate_hz
     code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
     code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
-    delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate
+    delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips
     order = np.argsort(delay_chips, kind="stable")
     windows = chip_windows(signal.chips.chips)
     while order.size:

@@ -130,6 +130,15 @@ def test_samples_must_be_older_than_the_disclosure(uncertainty_s: float, allowed
         assert "disclosure" in verdict.reason
 
 
+def test_a_dead_front_end_is_no_alarm() -> None:
+    snapshot, assistance = _world()
+    assert isinstance(snapshot.e6, CorrelatableSamples)
+    dead = replace(snapshot.e6.batch, samples=np.zeros_like(snapshot.e6.batch.samples))
+    verdict = _verdict(replace(snapshot, e6=CorrelatableSamples(dead)), assistance)
+    assert verdict.status is Status.NOT_AVAILABLE
+    assert "zero" in verdict.reason
+
+
 def test_exactly_at_the_disclosure_is_too_late() -> None:
     snapshot, assistance = _world()
     verdict = _verdict(replace(snapshot, received_at=_key().disclosed_at, time_uncertainty_s=0.0), assistance)

@@ -26,6 +26,7 @@ def signal_of(
     delay_m: tuple[float, ...] = (0.0,),
     amplitudes: tuple[complex, ...] = (1.0,),
     ray_hz: tuple[float, ...] | None = None,
+    lead_chips: int = 0,
 ) -> ReceivedSignal:
     return ReceivedSignal(
         chips=random_chips(np.random.default_rng(seed), n_chips),
@@ -35,6 +36,7 @@ def signal_of(
         delay_m=np.array(delay_m),
         amplitude=np.array(amplitudes, np.complex128),
         ray_doppler_hz=np.zeros(len(delay_m)) if ray_hz is None else np.array(ray_hz),
+        lead_chips=lead_chips,
     )
 
 
@@ -46,6 +48,7 @@ def plain(signal: ReceivedSignal, fs: float, first: int, n: int, if_hz: float) -
     x, near_edge = np.zeros(n, complex), np.zeros(n, bool)
     for delay_m, a, own_hz in zip(signal.delay_m, signal.amplitude, signal.ray_doppler_hz, strict=True):
         u = RATE * ((1 + f / E6_CARRIER_HZ) * t + 0.5 * rate / E6_CARRIER_HZ * t**2) - delay_m / CHIP_M
+        u += signal.lead_chips
         j = np.floor(u).astype(int)
         inside = (j >= 0) & (j < chips.size)
         cycles = (if_hz + f + own_hz) * t + 0.5 * rate * t**2
@@ -74,7 +77,8 @@ rays = st.lists(
     start_s=st.floats(-2e-3, 1e-3),
     doppler_hz=st.floats(-5000, 5000),
     rate=st.sampled_from([0.0, 0.7, -100.0]),
-    first=st.sampled_from([0, 700, 1024, 3000]),
+    first=st.sampled_from([-50, 0, 700, 1024, 3000]),
+    lead=st.sampled_from([0, 33, 6000]),
     if_hz=st.sampled_from([0.0, 2e6]),
 )
 def test_equals_the_definition_at_every_sample(
@@ -86,10 +90,11 @@ def test_equals_the_definition_at_every_sample(
     doppler_hz: float,
     rate: float,
     first: int,
+    lead: int,
     if_hz: float,
 ) -> None:
     delay_m, amplitudes, ray_hz = zip(*rays, strict=True) if rays else ((), (), ())
-    signal = signal_of(seed, n_chips, start_s, doppler_hz, rate, delay_m, amplitudes, ray_hz)
+    signal = signal_of(seed, n_chips, start_s, doppler_hz, rate, delay_m, amplitudes, ray_hz, lead)
     n = int(3e-3 * fs)
     x = synthesize(
         (signal,),
@@ -117,14 +122,14 @@ def test_signals_and_noise_add() -> None:
     assert parts[2] == pytest.approx(normal_pairs(key, 0, 9000) @ [1, 1j] * np.sqrt(0.5), rel=5e-7)
 
 
-@given(cut=st.integers(0, 12_000), seed=st.integers(0, 50))
+@given(cut=st.integers(0, 12_000), begin=st.sampled_from([-3000, -7, 0, 5000]), seed=st.integers(0, 50))
 @settings(max_examples=30)
-def test_same_bits_wherever_the_samples_are_cut(cut: int, seed: int) -> None:
+def test_same_bits_wherever_the_samples_are_cut(cut: int, begin: int, seed: int) -> None:
     signal = signal_of(seed, 6000, 2e-5, 1234.5, -3.0, (0.0, 35.0), (0.02, 0.01j), (0.0, 2.0))
     common = {"sample_rate_hz": 12.5e6, "noise_key": noise_key(seed, 1, 1)}
-    whole = synthesize((signal,), n_samples=12_000, **common)
-    left = synthesize((signal,), n_samples=cut, **common)
-    right = synthesize((signal,), n_samples=12_000 - cut, first_sample=cut, **common)
+    whole = synthesize((signal,), n_samples=12_000, first_sample=begin, **common)
+    left = synthesize((signal,), n_samples=cut, first_sample=begin, **common)
+    right = synthesize((signal,), n_samples=12_000 - cut, first_sample=begin + cut, **common)
     assert np.array_equal(np.concatenate([left, right]), whole)
 
 
