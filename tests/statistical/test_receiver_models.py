@@ -2,7 +2,7 @@
 
 Error budget: a distribution is refused at p < 1e-4 of a Kolmogorov-Smirnov test (14 of them); counts, variances and
 correlations at 4.4 standard deviations, 1e-5 each (about 50). So a correct model fails this file with a probability of
-0.2 % for a new seed; the seeds are fixed. The reference tables for multipath are printed with two or three digits and are
+0.2 % for a new seed; the seeds are fixed. The reference tables for multipath have two or three digits and are
 statistics themselves: 2 % on an rms, 5 % on a quantile of 1e-3.
 """
 

@@ -47,7 +47,7 @@ class GaussMarkovProcess:
         self._last_s = float(times_s[-1])
         if self._tau_s == 0:
             return drive
-        keep, gain = np.exp(-steps / self._tau_s), np.sqrt(-np.expm1(-steps / self._tau_s))
+        keep, gain = np.exp(-steps / self._tau_s), np.sqrt(-np.expm1(-2 * steps / self._tau_s))
         if first:
             keep[0], gain[0] = 0.0, 1.0
         z = self._z

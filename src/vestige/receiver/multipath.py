@@ -157,7 +157,6 @@ class _Renewal:
         fresh = lives < self._rate_hz * steps[:, None] if np.isfinite(self._rate_hz) else np.ones((n, width), bool)
         if self._held is None:
             self._held = candidates[:, 0]
-            fresh[0] = True
         known = np.concatenate((self._held[:, None], candidates), axis=1)
         last = np.maximum.accumulate(np.where(fresh, np.arange(1, n + 1)[:, None], 0), axis=0)
         values = known[:, last, np.arange(width)]
