@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -84,3 +86,15 @@ class ToyPlan:
             "tap_index": found.astype(np.int8),
             "range_offset_m": offset.astype(np.float32),
         }
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadlyPlan(ToyPlan):
+    """Kills the process that measures `deadly_epoch`; apart from that the same work."""
+
+    deadly_epoch: int
+
+    def measure(self, first: int, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        if first <= self.deadly_epoch < first + len(inputs["clock_m"]):
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().measure(first, inputs)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from functools import partial
 from importlib import import_module
 from typing import Any, ParamSpec, TypeVar
 
@@ -38,8 +39,9 @@ class ClusterExecutor(Executor):
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
         """Return the future of a call; its outcome is `BrokenExecutor` if the cluster could not finish it."""
         outer: Future[R] = Future()
-        # pure: equal calls would share a result, and to find them every input would be hashed
-        inner = self._client.submit(fn, *args, **kwargs, pure=False)
+        # One object, because dask looks for its own futures inside of arguments. Not pure, because equal calls would
+        # share a result, and to find them dask hashes everything.
+        inner = self._client.submit(partial(fn, *args, **kwargs), pure=False)
         inner.add_done_callback(lambda done: _pass_on(done, outer))
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         return outer

@@ -132,7 +132,7 @@ def open_results(path: Path | str, *, partial: bool = False, verify: bool = True
         Whether a campaign that has not ended is accepted. Then the dataset holds the finished epochs only, and its
         coordinate `epoch` says which ones they are.
     verify
-        Whether all values are read once and compared with their hashes, which takes about 1 s for 300 MB.
+        Whether all values are read once and compared with their hashes; a million epochs take some seconds.
 
     Raises
     ------

@@ -1,18 +1,37 @@
-"""The antenna to the samples: all satellites of a band, noise, sampling.
+"""The antenna to the samples: all satellites of a band, noise, filter, gain control, quantisation.
 
-Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has amplitude
-√(C/N0 / f_s).
+Theory of operation
+-------------------
+**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
+amplitude √(C/N0 / f_s).
+
+**Filter.** A band limit of two-sided width B is a windowed sinc of odd length, even, so that its group delay is a whole
+number of samples and is taken off. Its taps have Σh² = 1: the noise keeps variance 1, in a narrower band, and signals
+in the pass band grow by √(f/B), f being the filter's own rate; C/N0 is what it was. A filter *behind* the sampler
+cannot mend what sampling did: sidelobes fold back before it, and the staircase below stays. So the samples may be made
+at a multiple of the front end's rate; they are filtered there and then thinned out.
+
+**Gain and quantiser.** The gain control brings the rms of what it gets, over the snapshot, to where the quantiser loses
+least. With q the quantiser's output for a Gaussian input x, the loss of a weak signal is (E xq)² / (E x² E q²): 1.96,
+0.55, 0.17 dB for 1, 2, 3 bits (Thompson, Emerson and Schwab 2007). Without gain control the gain is right for noise
+alone, and a jammer saturates the quantiser.
+
+**Staircase.** If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases, and the sampled
+correlation function has treads of 1/p chip: correlators closer than that all see the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import erfc, inf
 
 import numpy as np
-from jaxtyping import Complex64
+from jaxtyping import Complex64, Float32
+from scipy import fft
 
-from vestige.records import Band
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Band, FrontEndStatus
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import Component
 from vestige.signals.definitions import CARRIER_HZ
@@ -54,3 +73,194 @@ def sample_band(
             amplitude = np.sqrt(10 ** (one.cn0_dbhz / 10) / sample_rate_hz)
             samples += amplitude * one.component.received(t, one.pseudorange.range_m(t), CARRIER_HZ[band])
         yield samples.astype(np.complex64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantiser:
+    """A uniform quantiser of each dimension.
+
+    Attributes
+    ----------
+    step_sigma
+        Step that loses least, in standard deviations of a Gaussian input.
+    outermost
+        Largest output.
+    zero
+        Whether 0 is an output (levels …, −1, 0, 1, …), or not (levels …, −3, −1, 1, 3, …, two a step).
+    full_scale_sigma
+        Where it clips, in the same unit as `step_sigma`; one bit never does.
+    """
+
+    step_sigma: float
+    outermost: int
+    zero: bool
+    full_scale_sigma: float
+
+    def quantise(self, x: Float32[np.ndarray, " n"]) -> Float32[np.ndarray, " n"]:
+        """Return the outputs for inputs in steps."""
+        values = np.rint(x) if self.zero else 2 * np.floor(x) + 1
+        return np.clip(values, -self.outermost, self.outermost)
+
+
+# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1); 8 bits: 16 steps a σ lose 0.001 dB, leave 18 dB.
+QUANTISERS = {
+    1: Quantiser(step_sigma=1.0, outermost=1, zero=False, full_scale_sigma=inf),
+    2: Quantiser(step_sigma=0.996, outermost=3, zero=False, full_scale_sigma=2 * 0.996),
+    3: Quantiser(step_sigma=0.586, outermost=7, zero=False, full_scale_sigma=4 * 0.586),
+    8: Quantiser(step_sigma=1 / 16, outermost=127, zero=True, full_scale_sigma=127.5 / 16),
+}
+_CLIPPING = 2.0, 1e-3  # saturated: clips more than twice as often as for a Gaussian, and one sample in a thousand more
+_STOP_BAND_DB = 60.0
+_KAISER_BETA = 0.1102 * (_STOP_BAND_DB - 8.7)  # Kaiser 1974
+_FFT_LENGTH = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontEnd:
+    """One band's front end; without bandwidth and bits it is the identity.
+
+    Attributes
+    ----------
+    sample_rate_hz
+        Rate of the samples that come out.
+    bandwidth_hz
+        Two-sided bandwidth between the −6 dB points; None for no filter.
+    bits
+        1, 2, 3 or 8 bits a dimension; None for no quantiser, and then no gain.
+    agc
+        Whether the gain follows the power of the snapshot. Without it the gain is that of noise alone.
+    oversampling
+        Samples come in at this multiple of `sample_rate_hz`.
+    transition_hz
+        Width of the filter's edge, from pass to stop band; None for a tenth of the bandwidth.
+    """
+
+    sample_rate_hz: float
+    bandwidth_hz: float | None = None
+    bits: int | None = None
+    agc: bool = True
+    oversampling: int = 1
+    transition_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.bits is not None and self.bits not in QUANTISERS:
+            raise ValueError(f"a front end has {', '.join(map(str, QUANTISERS))} bits or None, not {self.bits}")
+        if self.bandwidth_hz is not None and not 0 < self.bandwidth_hz < self.input_rate_hz:
+            raise ValueError(f"bandwidth {self.bandwidth_hz} Hz is not between 0 and {self.input_rate_hz} Hz")
+        if self.oversampling < 1 or (self.oversampling > 1 and self.bandwidth_hz is None):
+            raise ValueError("samples can only be thinned out behind a filter")
+        if self.transition_hz is not None and not self.transition_hz > 0:
+            raise ValueError(f"transition band {self.transition_hz} Hz is not positive")
+
+    @property
+    def input_rate_hz(self) -> float:
+        """Rate of the samples that come in."""
+        return self.sample_rate_hz * self.oversampling
+
+    @property
+    def margin_samples(self) -> int:
+        """Samples that must come in before the first one that comes out, and after the last."""
+        if self.bandwidth_hz is None:
+            return 0
+        transition = (self.transition_hz or self.bandwidth_hz / 10) / self.input_rate_hz
+        return int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * transition) / 2))  # Kaiser 1974
+
+    def input_samples(self, n_samples: int) -> int:
+        """Return how many samples must come in for `n_samples` to come out, the margins on both sides included."""
+        return (n_samples - 1) * self.oversampling + 1 + 2 * self.margin_samples
+
+    def filter_taps(self) -> Float32[np.ndarray, " n_taps"]:
+        """Return the impulse response, even, of unit energy."""
+        if self.bandwidth_hz is None:
+            return np.ones(1, np.float32)
+        n = np.arange(-self.margin_samples, self.margin_samples + 1)
+        taps = np.sinc(self.bandwidth_hz / self.input_rate_hz * n) * np.kaiser(n.size, _KAISER_BETA)
+        return (taps / np.sqrt(np.sum(taps**2))).astype(np.float32)
+
+    def process(
+        self, samples: Complex64[np.ndarray, " n_input"]
+    ) -> tuple[Complex64[np.ndarray, " n_samples"], FrontEndStatus]:
+        """Return the samples that come out, and what the front end says of itself.
+
+        Sample k of the output is at the time of sample `margin_samples + k · oversampling` of the input. Behind a
+        quantiser the samples are its integer levels.
+
+        Parameters
+        ----------
+        samples
+            Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at both ends. Powers are
+            relative to that noise.
+        """
+        if self.bandwidth_hz is not None:
+            samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])
+        power = 2 * float(np.mean(np.square(samples.view(np.float32))))  # of both dimensions
+        power_db = float(10 * np.log10(power)) if power > 0 else -inf
+        if self.bits is None:
+            return samples, FrontEndStatus(agc_gain_db=0.0, total_power_db=power_db, saturated=False)
+        gain_db = -power_db if self.agc and power > 0 else 0.0
+        quantiser = QUANTISERS[self.bits]
+        steps = np.float32(10 ** (gain_db / 20) * np.sqrt(2) / quantiser.step_sigma) * samples.view(np.float32)
+        clipped = np.mean(np.abs(steps) > quantiser.full_scale_sigma / quantiser.step_sigma)
+        saturated = clipped > _CLIPPING[0] * erfc(quantiser.full_scale_sigma / np.sqrt(2)) + _CLIPPING[1]
+        status = FrontEndStatus(agc_gain_db=gain_db, total_power_db=power_db, saturated=bool(saturated))
+        return quantiser.quantise(steps).view(np.complex64), status
+
+
+def _convolve(
+    x: Complex64[np.ndarray, " n_input"], taps: Float32[np.ndarray, " n_taps"]
+) -> Complex64[np.ndarray, " n_output"]:
+    """Return the part of the convolution that needs no sample beyond the ends, by overlapping blocks."""
+    n_output = x.size - taps.size + 1
+    if n_output <= 0:
+        raise ValueError(f"{x.size} samples are fewer than the filter's {taps.size} taps")
+    length = max(_FFT_LENGTH, fft.next_fast_len(4 * taps.size))
+    fresh = length - taps.size + 1
+    n_blocks = -(-n_output // fresh)
+    padded = np.zeros((n_blocks - 1) * fresh + length, np.complex64)
+    padded[: x.size] = x
+    blocks = np.lib.stride_tricks.sliding_window_view(padded, length)[::fresh]
+    spectrum = fft.fft(taps.astype(np.complex64), length)
+    return fft.ifft(fft.fft(blocks, axis=1) * spectrum, axis=1)[:, taps.size - 1 :].reshape(-1)[:n_output]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Staircase:
+    """A rate that makes the correlation a staircase of `tread_m`; `good_rate_hz` is the next one that does not."""
+
+    tread_m: float
+    good_rate_hz: float
+
+
+_LARGEST_P = 16  # treads of 1/16 chip, 3.7 m on E6, do no harm
+_NEAR = 1e-3  # the phases then drift through a tread within 16 ms
+_GRID_HZ = 1e5  # good rates are named in 0.1 MHz
+
+
+def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
+    """Return the treads that sampling rectangular chips at this rate gives the correlation function; None if none.
+
+    f_s/R_c lies within 1e-3 of p/q, q ≤ p ≤ 16: the tread is 1/p chip. The rate to be looked at is the one at which the
+    signal is sampled unfiltered, `FrontEnd.input_rate_hz`.
+
+    Parameters
+    ----------
+    sample_rate_hz
+        Sampling rate, at least the chip rate less 1e-3.
+    chip_rate_hz
+        Chip rate.
+    """
+    p = _phases(sample_rate_hz / chip_rate_hz)
+    if p is None:
+        return None
+    good = np.floor(sample_rate_hz / _GRID_HZ) + 1
+    while _phases(good * _GRID_HZ / chip_rate_hz) is not None:
+        good += 1
+    return Staircase(tread_m=SPEED_OF_LIGHT_MPS / chip_rate_hz / p, good_rate_hz=float(good * _GRID_HZ))
+
+
+def _phases(ratio: float) -> int | None:
+    """Return the smallest p ≤ 16 of a fraction p/q ≥ 1 near `ratio`."""
+    for p in range(1, _LARGEST_P + 1):
+        if any(abs(ratio - p / q) < _NEAR for q in range(1, p + 1)):
+            return p
+    return None

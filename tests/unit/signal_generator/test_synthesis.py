@@ -111,6 +111,14 @@ def test_equals_the_definition_at_every_sample(
     assert np.max(error[~near_edge], initial=0.0) < 5e-7
 
 
+def test_doppler_rate_over_a_whole_segment() -> None:
+    """At the end of 16 ms, 100 Hz/s turn a block of 0.3 ms by 3 mrad: more than a first order would do."""
+    signal = signal_of(n_chips=81_840, doppler_hz=500.0, rate=-100.0, start_s=1e-7)
+    x = synthesize((signal,), sample_rate_hz=3e6, n_samples=48_000, noise_key=None)
+    expected, near_edge = plain(signal, 3e6, 0, 48_000, 0.0)
+    assert np.max(np.abs(x - expected)[~near_edge]) < 5e-7
+
+
 def test_signals_and_noise_add() -> None:
     """Two signals in noise are the sum of three calls, to float32's rounding."""
     a, b = signal_of(seed=1, delay_m=(0.0, 40.0), amplitudes=(1.0, 0.3j)), signal_of(seed=2, doppler_hz=-800.0)

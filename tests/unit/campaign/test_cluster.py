@@ -1,0 +1,110 @@
+"""A local dask cluster of worker processes: the same bits, also when workers are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from toy_plan import DeadlyPlan, ToyPlan
+from vestige.campaign.cluster import ClusterExecutor, connect
+from vestige.campaign.run import Progress, run
+from vestige.errors import UnsupportedError, VestigeError
+
+distributed = pytest.importorskip("distributed")
+
+# dask leaves sockets and log lines behind when its processes are killed
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+
+PLAN = ToyPlan(n_epochs=300)
+TRUTH = PLAN.measure(0, PLAN.prepare().advance(0, 300))
+
+
+def started(**options: Any) -> Any:
+    return distributed.LocalCluster(
+        threads_per_worker=1, dashboard_address=":0", protocol="tcp", silence_logs="CRITICAL", **options
+    )
+
+
+@pytest.fixture(scope="module")
+def local_cluster() -> Iterator[Any]:
+    with started(processes=True, n_workers=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def cluster(local_cluster: Any) -> Iterator[ClusterExecutor]:
+    with connect(local_cluster.scheduler_address) as executor:
+        yield executor
+
+
+def assert_right(results: Any) -> None:
+    for name, values in TRUTH.items():
+        assert results[name].values.tobytes() == values.tobytes(), name
+
+
+def test_the_same_bits(tmp_path: Path, cluster: ClusterExecutor) -> None:
+    assert cluster.workers == 2
+    assert_right(run(PLAN, tmp_path / "a.zarr", chunk_epochs=20, executor=cluster, workers=cluster.workers))
+
+
+def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path, cluster: ClusterExecutor) -> None:
+    killed: list[int] = []
+
+    def kill(progress: Progress) -> None:
+        if progress.epochs_done >= 60 and not killed:
+            killed.append(cluster.submit(os.getpid).result())
+            os.kill(killed[0], signal.SIGKILL)
+
+    slow = ToyPlan(n_epochs=300, pause_s=1e-3)
+    assert_right(run(slow, tmp_path / "a.zarr", chunk_epochs=20, executor=cluster, workers=2, progress=kill))
+    assert killed
+
+
+def test_a_chunk_that_kills_every_worker(tmp_path: Path, local_cluster: Any, cluster: ClusterExecutor) -> None:
+    local_cluster.scheduler.allowed_failures = 0
+    deadly = DeadlyPlan(n_epochs=300, deadly_epoch=100)
+    with pytest.raises(VestigeError, match=r"workers were lost .* of 300 epochs are stored"):
+        run(deadly, tmp_path / "a.zarr", chunk_epochs=50, executor=cluster)
+    assert_right(run(PLAN, tmp_path / "a.zarr", executor=cluster))
+
+
+def test_an_error_of_the_plan_is_raised_here(cluster: ClusterExecutor) -> None:
+    with pytest.raises(ValueError, match="invalid literal"):
+        cluster.submit(int, "seven").result()
+
+
+def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
+    slow = ToyPlan(n_epochs=300, pause_s=1e-3)
+    with started(processes=False, n_workers=1) as other, connect(other.scheduler_address) as executor:
+
+        def leave(progress: Progress) -> None:
+            if progress.epochs_done == 60:
+                other.close()
+
+        with pytest.raises(VestigeError, match="workers were lost"):
+            run(slow, tmp_path / "a.zarr", chunk_epochs=20, executor=executor, progress=leave)
+    assert_right(run(PLAN, tmp_path / "a.zarr"))
+
+
+def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vestige.campaign.cluster.CONNECT_S", 0.2)
+    for address in ("tcp://127.0.0.1:9", "nonsense"):
+        with pytest.raises(VestigeError, match=f"{address}: no dask scheduler answers"):
+            connect(address)
+
+
+def test_no_workers() -> None:
+    with started(processes=False, n_workers=0) as empty, pytest.raises(VestigeError, match="no workers"):
+        connect(empty.scheduler_address)
+
+
+def test_distributed_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UnsupportedError, match=r"pip install 'vestige\[distributed\]'"):
+        connect("tcp://127.0.0.1:9")

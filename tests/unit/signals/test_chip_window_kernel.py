@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from builders import random_chips
+from vestige.signals.chip_window_kernel import (
+    FRACTION_BITS,
+    REACH_CHIPS,
+    chip_windows,
+    fill_windows,
+    interior,
+    window_delay,
+)
+
+
+def chips_met(chips: np.ndarray, u0: float, step: float, delays: list[float], n: int) -> np.ndarray:
+    """The chip of every sample at every delay, through windows and shifts."""
+    window, fraction, chip = np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.int32)
+    fill_windows(chip_windows(chips), u0, step, window, fraction, chip)
+    assert np.array_equal(chip, np.floor(u0 + step * np.arange(n)).astype(int))
+    shifts = [(fraction.astype(np.uint64) + int(window_delay(d))) >> np.uint64(FRACTION_BITS) for d in delays]
+    assert np.max(shifts) < 32
+    return np.array([1 - 2 * ((window << s.astype(np.uint32)) >> np.uint32(31)).astype(int) for s in shifts])
+
+
+@given(
+    seed=st.integers(0, 99),
+    n_chips=st.integers(100, 3000),
+    u0=st.floats(20.3, 40.7),
+    delays=st.lists(st.floats(-REACH_CHIPS, REACH_CHIPS), min_size=1, max_size=4),
+)
+def test_windows_give_the_chip_at_every_delay(seed: int, n_chips: int, u0: float, delays: list[float]) -> None:
+    chips = random_chips(np.random.default_rng(seed), n_chips).chips
+    u = u0 + 0.4092 * np.arange(100)  # up to 81.3 chips
+    expected = [chips[np.floor(u - d).astype(int)] for d in delays]
+    off_edge = [np.abs(u - d - np.round(u - d)) > 2.0**-26 for d in delays]
+    met = chips_met(chips, u0, 0.4092, delays, 100)
+    assert np.array_equal(met[off_edge], np.array(expected)[off_edge])
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_edge_is_met_within_half_a_micrometre(side: int) -> None:
+    """Code phases 2^-26 chip before and after an edge, at 200 delays, 1000 samples into a block."""
+    rng = np.random.default_rng(1)
+    chips = random_chips(rng, 1000).chips
+    for delay in rng.uniform(-REACH_CHIPS, REACH_CHIPS, 200):
+        step = 0.409_217_3
+        u0 = 500 + delay + side * 2.0**-26 - 999 * step
+        met = chips_met(chips, u0, step, [delay], 1000)[0, -1]
+        assert met == chips[500 if side > 0 else 499]
+
+
+@given(st.floats(-500, 3000), st.floats(0.05, 1.5), st.floats(0, 15), st.integers(0, 2000), st.integers(1, 1024))
+def test_interior_is_all_but_a_sample_at_each_end(u0: float, step: float, reach: float, n_chips: int, n: int) -> None:
+    i0, i1 = interior(u0, step, reach, n_chips, n)
+    u = u0 + step * np.arange(n)
+    inside = np.flatnonzero((u - reach >= 0) & (u + reach < n_chips))
+    assert 0 <= i0 <= i1 <= n
+    assert set(range(i0, i1)) <= set(inside.tolist())
+    assert i1 - i0 >= inside.size - 4
