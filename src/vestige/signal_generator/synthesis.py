@@ -167,5 +167,5 @@ def _add(
             code_rate,
             code_rate_rate,
             if_hz + signal.doppler_hz,
-            signal.doppler_rate_hz_per_s,
+            float(signal.doppler_rate_hz_per_s),
         )
