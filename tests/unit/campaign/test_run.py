@@ -180,7 +180,7 @@ def test_worker_processes_leave_ctrl_c_to_the_coordinator() -> None:
 
 
 def test_what_is_no_executor(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="fibres"):
-        run(PLAN, tmp_path / "a.zarr", executor="fibres")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="fibres"), local_executor("fibres", 1):
+        pass
     with pytest.raises(ValueError, match="0 workers"):
         run(PLAN, tmp_path / "a.zarr", workers=0)
