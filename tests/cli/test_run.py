@@ -28,6 +28,12 @@ def test_text_and_json_say_the_same(tmp_path: Path) -> None:
     assert found["p_d_theory"] == pytest.approx(0.99999565, abs=1e-8)
 
 
+def test_json_when_nothing_is_detected(tmp_path: Path) -> None:
+    settings = ("--set", "epochs=50", "--set", "receiver.cn0_dbhz=0")
+    found = json.loads(_invoke(QUICK, "-o", tmp_path / "a", *settings, "--json").stdout)
+    assert found["detectors"]["early"]["range_offset_mean_m"] is None
+
+
 def test_samples_and_workers(tmp_path: Path) -> None:
     settings = ("--set", "epochs=60", "--fidelity", "samples")
     for name, workers in (("one", ()), ("two", ("-j", 2, "--threads"))):

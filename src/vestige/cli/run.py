@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,7 +63,7 @@ def command(
         ScenarioPlan(scenario=loaded), output, workers=workers, executor=executor, progress=_bar(f"{scenario.stem}")
     )
     if as_json:
-        click.echo(json.dumps(_summary(results), allow_nan=False))
+        click.echo(json.dumps(_without_nan(_summary(results)), allow_nan=False))
     else:
         _print(results, output)
 
@@ -80,6 +81,15 @@ def _bar(name: str) -> Any:
         click.echo(text + end, err=True, nl=False)
 
     return report
+
+
+def _without_nan(value: Any) -> Any:
+    """Return nested results with None for what is not a number, which JSON does not have."""
+    if isinstance(value, dict):
+        return {str(key): _without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _summary(results: xarray.Dataset) -> dict[str, Any]:

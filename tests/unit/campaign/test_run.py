@@ -18,6 +18,7 @@ import xarray
 
 from toy_plan import DeadlyPlan, ToyPlan
 from vestige.campaign.executors import local_executor
+from vestige.campaign.plan import Coord
 from vestige.campaign.run import IN_FLIGHT, Progress, measure_chunks, run
 from vestige.campaign.store import open_results
 from vestige.errors import InputFileError, VestigeError
@@ -41,6 +42,23 @@ def test_any_chunks(tmp_path: Path, chunk_epochs: int) -> None:
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_any_workers(tmp_path: Path, executor: Any) -> None:
     assert_right(run(PLAN, tmp_path / "a.zarr", chunk_epochs=20, workers=2, executor=executor))
+
+
+def test_an_axis_without_places(tmp_path: Path) -> None:
+    """Without multipath there are no rays; the axis stays."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class NoTaps(ToyPlan):
+        @property
+        def coords(self) -> Mapping[str, Coord]:
+            return {**super().coords, "tap_offset_m": Coord(dim="tap", values=np.zeros(0), units="m", long_name="none")}
+
+        def measure(self, first: int, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+            results = super().measure(first, inputs)
+            return results | {"taps": results["taps"][..., :0]}
+
+    for _ in range(2):
+        assert run(NoTaps(n_epochs=230), tmp_path / "a.zarr", chunk_epochs=100)["taps"].shape == (230, 2, 0)
 
 
 def test_an_executor_of_one_s_own_is_left_open(tmp_path: Path) -> None:
