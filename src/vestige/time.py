@@ -17,6 +17,7 @@ from datetime import UTC, datetime, timedelta
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
 GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
+LAST_YEAR = 9000  # calendars end with 9999, and times are added to
 
 # (first UTC day on which it holds, GST - UTC in seconds) [IERS Bulletin C]
 LEAP_SECONDS = (
@@ -94,6 +95,8 @@ class GalileoTime:
     @classmethod
     def from_calendar(cls, moment: datetime) -> GalileoTime:
         """Return the time of a calendar date and time that is read in GST (its time zone is not looked at)."""
+        if moment.year > LAST_YEAR:
+            raise ValueError(f"year {moment.year} is too late, expected {LAST_YEAR} at most")
         elapsed = moment.replace(tzinfo=UTC) - GST_EPOCH
         seconds = elapsed.days * 86_400 + elapsed.seconds
         if seconds < 0:

@@ -73,3 +73,4 @@ def test_bad_files_and_options_are_errors(folder: Path) -> None:
     with pytest.raises(InputFileError):
         run(str(folder / "l6.bin"))
     assert CliRunner().invoke(command, [str(folder), "--start", "noon"]).exit_code == 2
+    assert CliRunner().invoke(command, [str(folder), "--start", "9999-12-31T23:59:59"]).exit_code == 2

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -129,5 +130,7 @@ def test_a_start_time_can_be_given(folder: Path) -> None:
 def test_usage_and_bad_files(folder: Path) -> None:
     assert run(folder, "pages.csv").exit_code == 2
     assert run(folder, "pages.csv", "--public-key", "key.pem", "--start", "yesterday").exit_code == 2
-    for file in ("absent", "key.pem"):
+    assert run(folder, "pages.csv", "--public-key", "key.pem", "-o", str(folder)).exit_code == 2
+    os.mkfifo(folder / "pipe.sbf")  # nobody will ever write to it
+    for file in ("absent", "key.pem", "pipe.sbf"):
         assert isinstance(run(folder, file, "--public-key", "key.pem").exception, InputFileError)

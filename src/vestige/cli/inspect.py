@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.options import time_option
+
 if TYPE_CHECKING:
     from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
 
@@ -17,7 +19,9 @@ _path = click.Path(path_type=Path)
 
 @click.command()
 @click.argument("path", type=_path)
-@click.option("--start", help="Time of the earliest sample, in place of the recording's own label.")
+@click.option(
+    "--start", callback=time_option, help="Time of the earliest sample, in place of the recording's own label."
+)
 @click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
 @click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
 @click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
@@ -31,12 +35,11 @@ def command(path: Path, **options: Any) -> None:
     """
     import json
 
-    from vestige.cli.options import parse_time
     from vestige.recording.inspection import inspect_recording
 
     found = inspect_recording(
         path,
-        start=parse_time(options["start"]),
+        start=options["start"],
         time_uncertainty_s=options["time_uncertainty"],
         assistance=options["assistance"],
         public_key=options["public_key"],

@@ -22,7 +22,7 @@ class FiniteRange(click.FloatRange):
         return number
 
 
-def parse_time(text: str | None) -> GalileoTime | None:
+def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
     """Return the time that an option names, None without one; a usage error if it is none."""
     from vestige.time import GalileoTime
 

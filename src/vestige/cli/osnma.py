@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.options import time_option
+
 if TYPE_CHECKING:
     from vestige.crypto.osnma_report import OsnmaReport
     from vestige.recording.sbf import SbfCounts
@@ -18,15 +20,6 @@ _PROBLEMS_SHOWN = 12
 _path = click.Path(path_type=Path)
 
 
-def _time(_ctx: click.Context, _parameter: click.Parameter, value: str | None) -> GalileoTime | None:
-    from vestige.time import GalileoTime
-
-    try:
-        return None if value is None else GalileoTime.parse(value)
-    except (ValueError, OverflowError) as error:
-        raise click.BadParameter(str(error)) from error
-
-
 @click.group()
 def command() -> None:
     """Verify OSNMA messages and extract validated keys."""
@@ -36,10 +29,15 @@ def command() -> None:
 @click.argument("file", type=_path)
 @click.option("--public-key", type=_path, help="OSNMA public key: XML of the GSC, or PEM.")
 @click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, XML of the GSC; its root is trusted.")
-@click.option("-o", "--output", type=_path, help="CSV file for the validated keys.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="CSV file for the validated keys."
+)
 @click.option("--fill-gaps", is_flag=True, help="Write the keys of lost subframes too: they follow from later keys.")
 @click.option(
-    "--start", callback=_time, metavar="TIME", help="Start of a test-vector CSV; default: as its navigation data says."
+    "--start",
+    callback=time_option,
+    metavar="TIME",
+    help="Start of a test-vector CSV; default: as its navigation data says.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def verify(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
@@ -42,7 +42,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
-@click.option("--start", help="Time of the first sample, in place of the recording's own label.")
+@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
 @click.option("-o", "--output", type=_path, help="Write the verdicts to a CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")
@@ -54,7 +54,6 @@ def command(recording_path: Path, **options: Any) -> None:
     """
     from dataclasses import replace
 
-    from vestige.cli.options import parse_time
     from vestige.cli.progress import progress
     from vestige.cli.verdicts import print_json, print_table, write_csv
     from vestige.recording.assistance import read_assistance
@@ -63,7 +62,7 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
 
-    recording = open_recording(recording_path, start=parse_time(options["start"]))
+    recording = open_recording(recording_path, start=options["start"])
     folder = (
         options["assistance_path"]
         or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"

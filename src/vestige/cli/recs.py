@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import parse_time
+from vestige.cli.options import time_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,13 +37,11 @@ class _Group(click.Group):
         return importlib.import_module(module).command
 
 
-def _time(_ctx: click.Context, _parameter: click.Parameter, value: str | None) -> GalileoTime | None:
-    return parse_time(value)
-
-
 _path = click.Path(path_type=Path)
 _reference = click.option(
-    "--reference", callback=_time, help="A time within 39 years of the RECS; resolves the 12-bit week of unitary files."
+    "--reference",
+    callback=time_option,
+    help="A time within 39 years of the RECS; resolves the 12-bit week of unitary files.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 

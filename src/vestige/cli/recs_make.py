@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import FiniteRange, time_option
 
 _path = click.Path(path_type=Path)
+
+if TYPE_CHECKING:
+    from vestige.time import GalileoTime
 
 
 @click.command()
@@ -28,7 +32,7 @@ _path = click.Path(path_type=Path)
 )
 @click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
 @click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
-@click.option("--start", help="Time of the first sample, in place of the recording's own label.")
+@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(
     recording_path: Path,
@@ -40,7 +44,7 @@ def command(
     interval_s: float,
     kdi: int,
     svids: str,
-    start: str | None,
+    start: GalileoTime | None,
     as_json: bool,
 ) -> None:
     """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
@@ -49,12 +53,12 @@ def command(
     """
     import json
 
-    from vestige.cli.options import parse_svids, parse_time
+    from vestige.cli.options import parse_svids
     from vestige.cli.progress import progress
     from vestige.recording.made_recs import make_assistance
     from vestige.recording.recording import open_recording
 
-    recording = open_recording(recording_path, start=parse_time(start))
+    recording = open_recording(recording_path, start=start)
     wanted = parse_svids(svids)
     with progress() as report:
         made = make_assistance(

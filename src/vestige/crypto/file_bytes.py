@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
+from typing import BinaryIO
 
 from vestige.errors import InputFileError
 
@@ -22,12 +25,28 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
     InputFileError
         If there is no such file, it is not a regular file, it cannot be read, or it is longer than `at_most`.
     """
+    with open_file(path) as file:
+        try:
+            size = os.fstat(file.fileno()).st_size
+            if at_most is not None and size > at_most:
+                raise InputFileError(path, "length", f"{size} bytes", f"at most {at_most} bytes")
+            return file.read()
+        except OSError as error:
+            raise InputFileError(path, "file", _reason(error), "a readable file") from error
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Return the regular file `path`, open for reading; a pipe or device, which may never end, is refused.
+
+    Raises
+    ------
+    InputFileError
+        If there is no such file, it is not a regular file, or it cannot be read.
+    """
     try:
-        if path.exists() and not path.is_file():  # a pipe or device would block or never end
+        if not stat.S_ISREG(path.stat().st_mode):
             raise InputFileError(path, "file", "something else", "a regular file")
-        if at_most is not None and path.stat().st_size > at_most:
-            raise InputFileError(path, "length", f"{path.stat().st_size} bytes", f"at most {at_most} bytes")
-        return path.read_bytes()
+        return path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         raise InputFileError(path, "file", _reason(error), "a readable file") from error
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
 
 from vestige.crypto import group_delay, recs_file
-from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.file_bytes import open_file, read_bytes
 from vestige.crypto.file_signature import SignatureStatus, verify_data
 from vestige.crypto.key_file import read_key_file
 from vestige.crypto.merkle_tree import MerkleTree
@@ -28,7 +28,7 @@ from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.public_key import PublicKey
 from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
 from vestige.crypto.recs_name import parse_name
-from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.errors import AuthenticationError, VestigeError
 from vestige.recording import test_vector_csv
 from vestige.recording.navigation_pages import read_pages
 from vestige.recording.receiver_corrections import (
@@ -165,11 +165,8 @@ def kind_of(path: Path) -> Kind | None:
     candidates = [(kind, test) for ending, kind, test in _BY_HEAD if ending == suffix]
     if not candidates:
         return None
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputFileError(path, "file", error.strerror or str(error), "a readable file") from error
+    with open_file(path) as file:
+        head = file.read(_HEAD_BYTES)
     return next((kind for kind, test in candidates if test(head)), None)
 
 

@@ -22,7 +22,8 @@ from vestige.recording.observations import ObservationFile, kind_of, open_observ
 from vestige.recording.recording import describe_recording, find_observations, find_recording
 from vestige.recording.samples import SampleReader, open_samples
 from vestige.recording.snapshots import TRAVEL_TIME_S
-from vestige.records import Band, EncryptedSegment
+from vestige.records import Assistance, Band, EncryptedSegment
+from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
 FEW_VALUES = 16  # distinct values of a front end of at most 4 bits, whose outermost values are no clipping
@@ -220,6 +221,8 @@ def _missing(
             yield f"no observations of this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
         if not assistance.assistance.segments and any(file.kind is Kind.RECS for file in assistance.files):
             yield f"no RECS of this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
+        if description is not None and description.time_uncertainty_s < SUBFRAME_S:
+            yield from _missing_margin(description.time_uncertainty_s, assistance.assistance)
     yield from assistance.missing
 
 
@@ -229,3 +232,19 @@ def _missing_time(uncertainty_s: float) -> Iterator[str]:
         yield f"no time uncertainty: the bound on the receiver clock's error is not stated; {rule}"
     elif uncertainty_s >= SUBFRAME_S:
         yield f"no sure time: the receiver clock may be wrong by {uncertainty_s:g} s; {rule}"
+
+
+def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[str]:
+    """Yield a line if the clock is too uncertain to prove, for some RECS, reception before the key's disclosure."""
+    disclosed = {key.time: key.disclosed_at for key in assistance.keys}
+    margins_s = [
+        disclosed[segment.key_time] - segment.transmit_time - TRAVEL_TIME_S[1] - segment.n_chips / E6C.chip_rate_hz
+        for segment in assistance.segments
+        if segment.key_time in disclosed
+    ]
+    late = [margin for margin in margins_s if margin <= uncertainty_s]
+    if late:
+        yield (
+            f"no sure time for {len(late)} of {len(margins_s)} RECS: the key is on air {min(late):.1f} s after it or "
+            f"later, and the receiver clock may be wrong by {uncertainty_s:g} s"
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from vestige.crypto.file_bytes import open_file
 from vestige.crypto.inav import InavPage
 from vestige.errors import InputFileError
 from vestige.recording import sbf, test_vector_csv
@@ -32,11 +33,8 @@ def read_pages(
     InputFileError
         If the file is neither, or is damaged in a way that leaves nothing to read.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputFileError(path, "file", error.strerror or str(error), "a readable file") from None
+    with open_file(path) as file:
+        head = file.read(_HEAD_BYTES)
     if head.startswith(test_vector_csv.HEADER.encode()):
         yield from test_vector_csv.read_test_vector(path, start)
     elif sbf.SYNC in head:

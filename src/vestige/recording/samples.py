@@ -7,12 +7,14 @@ same moments, and read in pieces or at once the samples are the same bits.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex64
 
+from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
 from vestige.recording.exact_time import samples_later
@@ -149,11 +151,8 @@ def open_samples(file: BandFile) -> SampleReader:
     InputFileError
         If the file cannot be read or has no sample.
     """
-    try:
-        with file.path.open("rb"):
-            size = file.path.stat().st_size
-    except OSError as error:
-        raise InputFileError(file.path, "file", error.strerror or "an error", "a file of samples") from error
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
     count, rest = divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
     if count < 1:
         expected = f"at least one sample of {file.form.sample_bytes} bytes"

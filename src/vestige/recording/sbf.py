@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from vestige.constants import MAX_SVID
+from vestige.crypto.file_bytes import open_file
 from vestige.crypto.inav import PAGE_S, InavPage
 from vestige.errors import InputFileError
 from vestige.time import GalileoTime
@@ -81,11 +82,7 @@ def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
         If the file cannot be read, or holds no GALRawINAV block of E1-B.
     """
     counts = SbfCounts() if counts is None else counts
-    try:
-        file = path.open("rb")
-    except (OSError, ValueError) as error:
-        raise InputFileError(path, "file", str(error), "a readable file") from None
-    with file:
+    with open_file(path) as file:
         for block in _blocks(path, file, counts):
             page = _page(block, counts)
             if page is not None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
 
 LONGEST = 1 << 16  # bytes; a RINEX line with every Galileo signal has under 1000
@@ -22,10 +21,8 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
         If the file cannot be read, a line is too long for text, or the last line has no end: then the file was cut
         off, and the last number in it may lack digits.
     """
-    try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116  (Path.is_file lets some errors through)
-            raise InputFileError(path, "file", "something else", "a regular file")
-        with path.open("rb") as stream:
+    with open_file(path) as stream:
+        try:
             number = 0
             while raw := stream.readline(LONGEST):
                 number += 1
@@ -35,5 +32,5 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
                 if number == 1:
                     raw = raw.removeprefix(BYTE_ORDER_MARK)
                 yield number, raw.decode("latin-1").rstrip("\r\n")
-    except OSError as error:
-        raise InputFileError(path, "file", error.strerror or "an error", "a readable file") from error
+        except OSError as error:
+            raise InputFileError(path, "file", error.strerror or "an error", "a readable file") from error

@@ -4,10 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from vestige.constants import SUBFRAME_S
 from vestige.crypto import recs, recs_file
+from vestige.crypto.key_file import write_key_file
+from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.csv_observations import write_csv_observations
 from vestige.recording.inspection import Inspection, inspect_recording
@@ -107,6 +111,20 @@ def test_recs_of_another_time_do_not_help(tmp_path: Path) -> None:
     other = inspect_recording(tmp_path, start=START + 30)
     assert len(other.recorded_segments) == 1
     assert not said(other, "no RECS")
+
+
+@pytest.mark.parametrize(("uncertainty", "proven"), [(20.0, True), (28.0, False)])
+def test_the_clock_must_be_sure_before_each_key_is_on_air(tmp_path: Path, uncertainty: float, proven: bool) -> None:
+    chain = make_chain(bytes(32), START, 4)
+    key = next(key for key in chain.validated_keys() if key.time == START.subframe + SUBFRAME_S)
+    write_band(tmp_path, Band.E6, uncertainty=uncertainty)
+    start = START + 10.0
+    write_recs(tmp_path, start + 0.1)
+    write_key_file(tmp_path / "keys.csv", [key], [chain.root])
+    pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    (tmp_path / "public_key.pem").write_bytes(pem)
+    assert 21.0 < key.disclosed_at - start < 27.0
+    assert said(inspect_recording(tmp_path, start=start), "no sure time for 1 of 1 RECS") is not proven
 
 
 def test_a_time_must_be_told(tmp_path: Path) -> None:
