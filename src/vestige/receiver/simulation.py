@@ -16,27 +16,25 @@ comes its excess delay later.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.recs import encrypt, key_time
-from vestige.crypto.simulated_chain import make_chain
 from vestige.receiver.correlator_model import CorrelatorModel
 from vestige.receiver.e1_multipath import e1_multipath_error_m
+from vestige.receiver.sampled_epoch import carrier, e6_samples, observation, osnma_keys, received_signal
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
-from vestige.records import Assistance, Band, E1Observation, SampleBatch, Snapshot, ValidatedKey
+from vestige.records import Assistance, Snapshot, ValidatedKey
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeModel
-from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
-from vestige.signals.definitions import E6C
-from vestige.streams import stream, stream_key
+from vestige.signal_generator.synthesis import amplitude
+from vestige.streams import stream
 from vestige.time import GalileoTime
 
 Fidelity = Literal["samples", "correlators"]
@@ -44,7 +42,6 @@ Banks = tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]
 
 SVID = 11  # the paper's single line of sight needs a name
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
-_MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays and errors
 _E6_NOISE = 6  # stream number of the E6 noise
 
 
@@ -130,7 +127,7 @@ class Simulation:
         delay_m = np.concatenate([error_m, error_m + truth.rays.delay_m], axis=1)
         strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude], axis=1)
         doppler_hz = np.concatenate([los_doppler_hz, los_doppler_hz + truth.rays.doppler_hz], axis=1)
-        carrier = _carrier(truth.range_m + truth.clock_m + truth.iono_diff_m + truth.bias_m)[:, None]
+        phasor = carrier(truth.range_m + truth.clock_m + truth.iono_diff_m + truth.bias_m)[:, None]
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
         for block in range(first // DRAW_BLOCK, (first + n - 1) // DRAW_BLOCK + 1):
@@ -141,7 +138,7 @@ class Simulation:
                 model.draws(stream(self.seed, "correlators", block), DRAW_BLOCK).part(low - start, high - start),
                 cn0_dbhz=self.cn0_dbhz,
                 delay_m=delay_m[part],
-                amplitude=carrier[part] * strength[part],
+                amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
             )
         return taps, noise_power
@@ -172,96 +169,28 @@ class Simulation:
         sent = GalileoTime(sent.week, sent.second, round(sent.fraction, 1) % 1.0)
         chips = encrypted_chips(encryption_key(self.seed), SVID, sent, self.n_chips)
         key = self._key(sent)
-        received = self._received(row, truth)
-        samples_from = int(np.floor((received.start_s - _MARGIN_S) * self.sample_rate_hz))
-        n_samples = int(np.ceil((self.n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * self.sample_rate_hz))
-        signal = ReceivedSignal(
-            chips=chips,
-            start_s=received.start_s - samples_from / self.sample_rate_hz,
-            doppler_hz=received.doppler_hz,
-            doppler_rate_hz_per_s=received.doppler_rate_hz_per_s,
-            delay_m=np.concatenate([[0.0], truth.rays.delay_m[row]]),
-            amplitude=received.amplitude * np.concatenate([[1.0], truth.rays.amplitude[row]]),
-            ray_doppler_hz=np.concatenate([[0.0], truth.rays.doppler_hz[row]]),
+        signal = received_signal(
+            chips, self.line_of_sight, truth, row, amplitude=amplitude(self.cn0_dbhz, self.sample_rate_hz)
         )
-        samples = synthesize(
+        batch = e6_samples(
             (signal,),
+            sent,
+            arrival_s=signal.start_s,
+            n_chips=self.n_chips,
             sample_rate_hz=self.sample_rate_hz,
-            n_samples=n_samples,
             noise_key=noise_key(self.seed, epoch, _E6_NOISE),
         )
-        batch = SampleBatch(
-            band=Band.E6,
-            samples=samples,
-            sample_rate_hz=self.sample_rate_hz,
-            center_frequency_hz=E6_CARRIER_HZ,
-            first_sample=samples_from,
-            start=sent + samples_from / self.sample_rate_hz,
-        )
+        error_m = float(truth.e1_noise_m[row]) + e1_multipath_m
         snapshot = Snapshot(
             index=epoch,
             time=sent,
-            received_at=batch.start + n_samples / self.sample_rate_hz,
+            received_at=batch.start + batch.samples.size / self.sample_rate_hz,
             time_uncertainty_s=self.time_uncertainty_s,
-            observations={SVID: self._observation(row, truth, e1_multipath_m)},
+            observations={SVID: observation(SVID, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
             e6=CorrelatableSamples(batch),
         )
         return snapshot, Assistance(segments=(encrypt(chips, key.data, key_delay=self.key_delay),), keys=(key,))
 
-    def _observation(self, row: int, truth: TruthBlock, e1_multipath_m: float) -> E1Observation:
-        """Return what E1 tracking says at the time of transmission on the receiver's clock."""
-        to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-        rate_mps = truth.rate_mps[row] + truth.clock_drift_mps[row] + truth.e1_rate_noise_mps[row]
-        error_m = truth.e1_noise_m[row] + e1_multipath_m
-        return E1Observation(
-            svid=SVID,
-            pseudorange_m=float(truth.range_m[row] + truth.clock_m[row] + error_m),
-            carrier_phase_cycles=float("nan"),
-            doppler_hz=float(to_hz * rate_mps),
-            doppler_rate_hz_per_s=float(to_hz * truth.acceleration_mps2[row]),
-            cn0_dbhz=self.cn0_e1_dbhz,
-        )
-
-    def _received(self, row: int, truth: TruthBlock) -> _Arrival:
-        """Return when and how the line of sight arrives: the solution of t = t_sent + P6(t)/c."""
-        t0, late_m = truth.time_s[row], truth.clock_m[row] + truth.iono_diff_m[row] + truth.bias_m[row]
-        dt = 0.0
-        for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
-            at = np.array([t0 + dt])
-            pseudorange_m = float(self.line_of_sight.range_m(at)[0]) + late_m + truth.clock_drift_mps[row] * dt
-            dt = pseudorange_m / SPEED_OF_LIGHT_MPS
-        at = np.array([t0 + dt])
-        to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-        return _Arrival(
-            start_s=dt,
-            doppler_hz=to_hz * float(self.line_of_sight.rate_mps(at)[0] + truth.clock_drift_mps[row]),
-            doppler_rate_hz_per_s=to_hz * float(self.line_of_sight.acceleration_mps2(at)[0]),
-            amplitude=amplitude(self.cn0_dbhz, self.sample_rate_hz) * complex(_carrier(np.array([pseudorange_m]))[0]),
-        )
-
     def _key(self, sent: GalileoTime) -> ValidatedKey:
         subframes = int(self.n_epochs * self.interval_s / SUBFRAME_S) + 3
-        return _keys(self.seed, self.start, subframes)[key_time(sent, self.key_delay)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Arrival:
-    """The line of sight in E6: time after transmission, Doppler and its rate, complex amplitude at that moment."""
-
-    start_s: float
-    doppler_hz: float
-    doppler_rate_hz_per_s: float
-    amplitude: complex
-
-
-def _carrier(pseudorange_m: Float[np.ndarray, " n"]) -> Complex128[np.ndarray, " n"]:
-    """Return e^{−j2π f6 P/c}."""
-    cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * pseudorange_m
-    return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
-
-
-@lru_cache(maxsize=2)
-def _keys(seed: int, start: GalileoTime, subframes: int) -> dict[GalileoTime, ValidatedKey]:
-    """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
-    chain = make_chain(stream_key(seed, "OSNMA chain"), start, subframes)
-    return {key.time: key for key in chain.validated_keys()}
+        return osnma_keys(self.seed, self.start, subframes)[key_time(sent, self.key_delay)]
