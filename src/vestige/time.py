@@ -137,7 +137,10 @@ class GalileoTime:
         year, month, day, hour, minute, second = (int(match[key]) for key in ("y", "mo", "d", "h", "mi", "s"))
         moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
         make = cls.from_calendar if (match["scale"] or default_scale) == "GST" else cls.from_utc
-        return make(moment) + float(match["f"] or 0.0)
+        try:
+            return make(moment) + float(match["f"] or 0.0)
+        except OverflowError:
+            raise ValueError(f"{text} is beyond the end of the calendar") from None
 
     @property
     def calendar(self) -> datetime:

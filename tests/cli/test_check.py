@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -39,3 +40,26 @@ def test_garbage(tmp_path: Path, text: str) -> None:
     result = CliRunner().invoke(command, [str(bad)], standalone_mode=False)
     assert isinstance(result.exception, InputFileError)
     assert "\n" not in str(result.exception)
+
+
+def test_schema() -> None:
+    result = CliRunner().invoke(command, ["--schema"], standalone_mode=False)
+    assert result.exception is None
+    found = json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert {"CampaignScenario", "RecordingScenario"} <= found["$defs"].keys()
+
+
+@pytest.mark.parametrize("arguments", [[], ["--schema", str(SCENARIOS[0])]])
+def test_files_or_the_schema(arguments: list[str]) -> None:
+    assert isinstance(CliRunner().invoke(command, arguments, standalone_mode=False).exception, click.UsageError)
+
+
+def test_a_staircase_is_cautioned_against_on_stderr(tmp_path: Path) -> None:
+    path = tmp_path / "stairs.toml"
+    harsh = next(path for path in SCENARIOS if path.stem == "harsh").read_text()
+    path.write_text(harsh.replace("12.5e6", "10.23e6"))
+    result = CliRunner().invoke(command, [str(path), "--json"], standalone_mode=False)
+    assert json.loads(result.stdout).keys() == {str(path)}
+    (line,) = result.stderr.splitlines()
+    assert "29.3 m" in line
+    assert "10.3 MHz" in line

@@ -39,8 +39,7 @@ def test_about_52_misses(harsh: xarray.Dataset) -> None:
 
 def test_almost_none_without_multipath_and_ionosphere(tmp_path: Path) -> None:
     """E1 noise of 0.8 m on a 15 m grid: 1 to 8 by theory, 15 at most."""
-    off = ("receiver.multipath.power_db=-inf", "receiver.ionosphere.core_sigma_m=0")
-    results = _run(tmp_path / "results", *off, "receiver.ionosphere.tail_probability=0")
+    results = _run(tmp_path / "results", "receiver.multipath=none", "receiver.ionosphere=none")
     assert summarise(results, "early").misses <= 15
 
 

@@ -16,17 +16,20 @@ from vestige.acas_processor.thresholds import probability_of_detection, threshol
 from vestige.campaign.plan import Column, Coord
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
-from vestige.records import Status
+from vestige.records import FrontEndStatus, Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.signals.definitions import E6C
 
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _TAPS, _RAYS, _FOUND = ("epoch", "satellite", "tap"), ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
-_FLAGS = {"flag_values": list(range(len(Status))), "flag_meanings": " ".join(status.name for status in Status)}
+_FLAGS = {
+    "status": {"flag_values": list(range(len(Status))), "flag_meanings": " ".join(status.name for status in Status)},
+    "e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"},
+}
 
 # name: dims, dtype, units, meaning
 COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS if name == "status" else {})
+    name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS.get(name, {}))
     for name, dims, dtype, units, text in (
         ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
         ("taps", _TAPS, "complex64", "1", "correlator output"),
@@ -36,6 +39,9 @@ COLUMNS = {
         ("phase_rad", _FOUND, "float32", "rad", "phase of the detecting correlator"),
         ("range_offset_m", _FOUND, "float32", "m", "measured minus predicted E6 range"),
         ("status", _SATELLITE, "int8", "1", "verdict"),
+        ("e6_total_power_db", _EPOCH, "float32", "dB", "power of the E6 samples over that of noise alone"),
+        ("e6_agc_gain_db", _EPOCH, "float32", "dB", "gain of the E6 front end over that for noise alone"),
+        ("e6_saturated", _EPOCH, "int8", "1", "whether the E6 quantiser clips"),
         ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
         ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
         ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
@@ -113,7 +119,7 @@ class ScenarioPlan:
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on."""
         simulation, truth = self.simulation, inputs["truth"]
-        taps, noise_power = simulation.banks(self.scenario.fidelity, first, truth)
+        taps, noise_power, front_end = simulation.banks(self.scenario.fidelity, first, truth)
         spacing = self.scenario.processor.spacing
         detectors: dict[str, Detector] = {
             "early": EarlyDetector(spacing=spacing),
@@ -129,15 +135,19 @@ class ScenarioPlan:
             )
             for name, detector in detectors.items()
         }
-        values = _truth_columns(truth, simulation) | {
-            "taps": taps,
-            "noise_power": noise_power,
-            "tap_index": np.stack([block.tap for block in found.values()]),
-            "magnitude_sigma": np.stack([block.magnitude_sigma for block in found.values()]),
-            "phase_rad": np.stack([block.phase_rad for block in found.values()]),
-            "range_offset_m": np.stack([block.range_offset_m for block in found.values()]),
-            "status": self._status(simulation, found[self.scenario.processor.detector]),
-        }
+        values = (
+            _truth_columns(truth, simulation)
+            | _front_end_columns(front_end, truth.time_s.size)
+            | {
+                "taps": taps,
+                "noise_power": noise_power,
+                "tap_index": np.stack([block.tap for block in found.values()]),
+                "magnitude_sigma": np.stack([block.magnitude_sigma for block in found.values()]),
+                "phase_rad": np.stack([block.phase_rad for block in found.values()]),
+                "range_offset_m": np.stack([block.range_offset_m for block in found.values()]),
+                "status": self._status(simulation, found[self.scenario.processor.detector]),
+            }
+        )
         return {name: _shaped(values[name], column) for name, column in COLUMNS.items()}
 
     def _status(self, simulation: Simulation, found: DetectionBlock) -> np.ndarray:
@@ -172,6 +182,18 @@ def _truth_columns(truth: TruthBlock, simulation: Simulation) -> dict[str, np.nd
         "truth_ray_delay_m": truth.rays.delay_m,
         "truth_ray_amplitude": truth.rays.amplitude,
         "truth_ray_doppler_hz": truth.rays.doppler_hz,
+    }
+
+
+def _front_end_columns(statuses: tuple[FrontEndStatus, ...] | None, n: int) -> dict[str, np.ndarray]:
+    """Return what the front end said in each of `n` epochs; nothing at the fidelity without samples."""
+    if statuses is None:
+        unknown = np.full(n, np.nan)
+        return {"e6_total_power_db": unknown, "e6_agc_gain_db": unknown, "e6_saturated": np.full(n, -1)}
+    return {
+        "e6_total_power_db": np.array([status.total_power_db for status in statuses]),
+        "e6_agc_gain_db": np.array([status.agc_gain_db for status in statuses]),
+        "e6_saturated": np.array([status.saturated for status in statuses]),
     }
 
 

@@ -12,9 +12,10 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="One JSON object with the resolved scenarios.")
-def command(files: tuple[Path, ...], as_json: bool) -> None:
+@click.option("--schema", "as_schema", is_flag=True, help="Print the JSON schema of scenario files, for editors.")
+def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print what each of them will do.
 
     Every file is checked; if one is bad, the exit code is 1 and its error is printed after the good ones.
@@ -22,8 +23,14 @@ def command(files: tuple[Path, ...], as_json: bool) -> None:
     import json
 
     from vestige.errors import VestigeError
-    from vestige.scenario.load import load_scenario
+    from vestige.scenario.cautions import cautions
+    from vestige.scenario.load import load_scenario, schema
 
+    if bool(files) == as_schema:
+        raise click.UsageError("expected scenario FILES, or --schema alone")
+    if as_schema:
+        click.echo(json.dumps(schema(), indent=2, allow_nan=False))
+        return
     resolved: dict[str, object] = {}
     errors: list[VestigeError | OSError] = []
     for path in files:
@@ -32,6 +39,8 @@ def command(files: tuple[Path, ...], as_json: bool) -> None:
         except (VestigeError, OSError) as error:
             errors.append(error)
             continue
+        for caution in cautions(scenario):
+            click.echo(f"vestige: {path}: {caution}", err=True)
         resolved[str(path)] = scenario.model_dump(mode="json", by_alias=True)
         if not as_json:
             click.echo("\n".join(_lines(path, scenario)))
@@ -57,11 +66,13 @@ def _lines(path: Path, scenario: Scenario) -> list[str]:
                 for one in scenario.satellites
             ),
         ]
+    front_end = scenario.receiver.front_end.front_end(receiver.sample_rate_hz)
     models = ("clock", "ionosphere", "multipath", "e1_tracking", "bias")
     return [
         f"{path}: campaign, {scenario.epochs} epochs of {scenario.interval_s:g} s from {scenario.start_time}, "
         f"{scenario.recs.duration_ms} ms each, C/N0 {scenario.receiver.cn0_dbhz:g} dBHz, {scenario.fidelity}, "
         f"seed {scenario.seed}",
+        f"  front_end: {'none' if front_end.transparent else front_end}",
         *(f"  {name}: {getattr(scenario.receiver, name) or 'none'}" for name in models),
         f"  processing: {scenario.processor}",
     ]

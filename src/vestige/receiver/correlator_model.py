@@ -10,7 +10,8 @@ ray r of amplitude a_r, delay τ_r after the hand-over's prediction and residual
 
 A_d is the self-noise of a random code: linear interpolation between whole chips is exact for rectangular chips. The
 outputs are normalised so that the line of sight alone, on a tap, gives 1. It is the limit of continuous time without a
-front-end filter: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that.
+front end: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that. Behind a
+filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
 The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
 """
@@ -23,23 +24,28 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.front_end import FrontEnd
+from vestige.receiver.front_end_correlation import noise_correlation, signal_correlation, spread
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
 _SELF_NOISE_LAGS = 16  # chips: rays may be as far as this from a tap
+_STEPS_PER_CHIP = 64  # of the table behind a front end: linear interpolation is good to 3e-4 of the peak at 20 MHz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What is random in a block of banks: self-noise of the code, noise of σ = 1 in the taps, scatter of the floor."""
+    """What is random in a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
 
-    self_noise: Float[np.ndarray, "n_epochs n_lags"]
+    correlation: Float[np.ndarray, "n_epochs n_lags"]
     noise: Complex128[np.ndarray, "n_epochs n_taps"]
     floor: Float[np.ndarray, " n_epochs"]
 
     def part(self, first: int, last: int) -> Draws:
         """Return the draws of some of the epochs."""
-        return Draws(self_noise=self.self_noise[first:last], noise=self.noise[first:last], floor=self.floor[first:last])
+        return Draws(
+            correlation=self.correlation[first:last], noise=self.noise[first:last], floor=self.floor[first:last]
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,15 +58,23 @@ class CorrelatorModel:
         Offsets of the taps in m.
     n_chips
         Chips of a RECS.
+    front_end
+        What the samples went through; without filter and quantiser it makes no difference.
     """
 
     offsets_m: tuple[float, ...]
     n_chips: int
+    front_end: FrontEnd | None = None
 
     @property
     def integration_s(self) -> float:
         """Coherent integration time in s."""
         return self.n_chips / E6C.chip_rate_hz
+
+    @property
+    def _shaping(self) -> FrontEnd | None:
+        """The front end if it changes anything."""
+        return None if self.front_end is None or self.front_end.transparent else self.front_end
 
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
         """Return L for σ = 1.
@@ -74,7 +88,11 @@ class CorrelatorModel:
         lags = np.subtract.outer(chips, chips)
         if np.min(np.abs(lags[~np.eye(chips.size, dtype=bool)]), initial=1.0) < 1e-6:
             raise ValueError("two correlators have the same offset")
-        return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
+        if self._shaping is None:
+            return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
+        covariance = noise_correlation(self._shaping, lags.ravel()).reshape(lags.shape)
+        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter close taps are as good as dependent
+        return vectors * np.sqrt(np.maximum(power, 0.0))
 
     def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
         """Return everything random of `n_epochs` banks."""
@@ -83,7 +101,9 @@ class CorrelatorModel:
         self_noise[:, 0] = 1.0
         z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)
         floor = 1.0 + rng.standard_normal(n_epochs) / np.sqrt(self.n_chips)
-        return Draws(self_noise=self_noise, noise=z @ self.noise_factor().T, floor=floor)
+        if self._shaping is not None:
+            self_noise = self_noise @ spread(self._shaping, _SELF_NOISE_LAGS + 2, _STEPS_PER_CHIP)
+        return Draws(correlation=self_noise, noise=z @ self.noise_factor().T, floor=floor)
 
     def banks(
         self,
@@ -113,13 +133,22 @@ class CorrelatorModel:
         taps = draws.noise * np.sqrt(variance)
         turns = doppler_hz * self.integration_s
         strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
-        scale = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
+        steps = 1 if self._shaping is None else _STEPS_PER_CHIP
+        scale = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS * steps
         rows = np.arange(delay_m.shape[0])[:, None]
         for ray in range(delay_m.shape[1]):
             distance = np.abs(delay_m[:, ray, None] - np.asarray(self.offsets_m)) * scale
-            lag = np.minimum(distance.astype(np.int64), _SELF_NOISE_LAGS)
+            lag = np.minimum(distance.astype(np.int64), _SELF_NOISE_LAGS * steps)
             part = np.minimum(distance - lag, 1.0)
-            correlation = (1 - part) * draws.self_noise[rows, lag] + part * draws.self_noise[rows, lag + 1]
+            correlation = (1 - part) * draws.correlation[rows, lag] + part * draws.correlation[rows, lag + 1]
             taps += strength[:, ray, None] * correlation
-        noise_power = variance * draws.floor + np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
+        peak, noise = self._levels()
+        noise_power = variance * noise * draws.floor + peak**2 * np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
         return taps, noise_power
+
+    def _levels(self) -> tuple[float, float]:
+        """Return R_h(0) and R_n(0)."""
+        if self._shaping is None:
+            return 1.0, 1.0
+        at = np.zeros(1)
+        return float(signal_correlation(self._shaping, at)[0]), float(noise_correlation(self._shaping, at)[0])

@@ -8,16 +8,11 @@ amplitude √(C/N0 / f_s).
 **Filter.** A band limit of two-sided width B is a windowed sinc of odd length, even, so that its group delay is a whole
 number of samples and is taken off. Its taps have Σh² = 1: the noise keeps variance 1, in a narrower band, and signals
 in the pass band grow by √(f/B), f being the filter's own rate; C/N0 is what it was. A filter *behind* the sampler
-cannot mend what sampling did: sidelobes fold back before it, and the staircase below stays. So the samples may be made
-at a multiple of the front end's rate; they are filtered there and then thinned out.
+cannot mend what sampling did: sidelobes fold back before it, and a staircase (`staircase.py`) stays. So the samples may
+be made at a multiple of the front end's rate; they are filtered there and then thinned out.
 
 **Gain and quantiser.** The gain control brings the rms of what it gets, over the snapshot, to where the quantiser loses
-least. With q the quantiser's output for a Gaussian input x, the loss of a weak signal is (E xq)² / (E x² E q²): 1.96,
-0.55, 0.17 dB for 1, 2, 3 bits (Thompson, Emerson and Schwab 2007). Without gain control the gain is right for noise
-alone, and a jammer saturates the quantiser.
-
-**Staircase.** If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases, and the sampled
-correlation function has treads of 1/p chip: correlators closer than that all see the same.
+least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the quantiser.
 """
 
 from __future__ import annotations
@@ -30,7 +25,7 @@ import numpy as np
 from jaxtyping import Complex64, Float32
 from scipy import fft
 
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.quantiser import QUANTISERS
 from vestige.records import Band, FrontEndStatus
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import Component
@@ -75,40 +70,6 @@ def sample_band(
         yield samples.astype(np.complex64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quantiser:
-    """A uniform quantiser of each dimension.
-
-    Attributes
-    ----------
-    step_sigma
-        Step that loses least, in standard deviations of a Gaussian input.
-    outermost
-        Largest output.
-    zero
-        Whether 0 is an output (levels …, −1, 0, 1, …), or not (levels …, −3, −1, 1, 3, …, two a step).
-    full_scale_sigma
-        Where it clips, in the same unit as `step_sigma`; one bit never does.
-    """
-
-    step_sigma: float
-    outermost: int
-    zero: bool
-    full_scale_sigma: float
-
-    def quantise(self, x: Float32[np.ndarray, " n"]) -> Float32[np.ndarray, " n"]:
-        """Return the outputs for inputs in steps."""
-        values = np.rint(x) if self.zero else 2 * np.floor(x) + 1
-        return np.clip(values, -self.outermost, self.outermost)
-
-
-# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1); 8 bits: 16 steps a σ lose 0.001 dB, leave 18 dB.
-QUANTISERS = {
-    1: Quantiser(step_sigma=1.0, outermost=1, zero=False, full_scale_sigma=inf),
-    2: Quantiser(step_sigma=0.996, outermost=3, zero=False, full_scale_sigma=2 * 0.996),
-    3: Quantiser(step_sigma=0.586, outermost=7, zero=False, full_scale_sigma=4 * 0.586),
-    8: Quantiser(step_sigma=1 / 16, outermost=127, zero=True, full_scale_sigma=127.5 / 16),
-}
 _CLIPPING = 2.0, 1e-3  # saturated: clips more than twice as often as for a Gaussian, and one sample in a thousand more
 _STOP_BAND_DB = 60.0
 _KAISER_BETA = 0.1102 * (_STOP_BAND_DB - 8.7)  # Kaiser 1974
@@ -156,6 +117,11 @@ class FrontEnd:
     def input_rate_hz(self) -> float:
         """Rate of the samples that come in."""
         return self.sample_rate_hz * self.oversampling
+
+    @property
+    def transparent(self) -> bool:
+        """Whether samples come out as they come in."""
+        return self.bandwidth_hz is None and self.bits is None
 
     @property
     def margin_samples(self) -> int:
@@ -221,46 +187,3 @@ def _convolve(
     blocks = np.lib.stride_tricks.sliding_window_view(padded, length)[::fresh]
     spectrum = fft.fft(taps.astype(np.complex64), length)
     return fft.ifft(fft.fft(blocks, axis=1) * spectrum, axis=1)[:, taps.size - 1 :].reshape(-1)[:n_output]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Staircase:
-    """A rate that makes the correlation a staircase of `tread_m`; `good_rate_hz` is the next one that does not."""
-
-    tread_m: float
-    good_rate_hz: float
-
-
-_LARGEST_P = 16  # treads of 1/16 chip, 3.7 m on E6, do no harm
-_NEAR = 1e-3  # the phases then drift through a tread within 16 ms
-_GRID_HZ = 1e5  # good rates are named in 0.1 MHz
-
-
-def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
-    """Return the treads that sampling rectangular chips at this rate gives the correlation function; None if none.
-
-    f_s/R_c lies within 1e-3 of p/q, q ≤ p ≤ 16: the tread is 1/p chip. The rate to be looked at is the one at which the
-    signal is sampled unfiltered, `FrontEnd.input_rate_hz`.
-
-    Parameters
-    ----------
-    sample_rate_hz
-        Sampling rate, at least the chip rate less 1e-3.
-    chip_rate_hz
-        Chip rate.
-    """
-    p = _phases(sample_rate_hz / chip_rate_hz)
-    if p is None:
-        return None
-    good = np.floor(sample_rate_hz / _GRID_HZ) + 1
-    while _phases(good * _GRID_HZ / chip_rate_hz) is not None:
-        good += 1
-    return Staircase(tread_m=SPEED_OF_LIGHT_MPS / chip_rate_hz / p, good_rate_hz=float(good * _GRID_HZ))
-
-
-def _phases(ratio: float) -> int | None:
-    """Return the smallest p ≤ 16 of a fraction p/q ≥ 1 near `ratio`."""
-    for p in range(1, _LARGEST_P + 1):
-        if any(abs(ratio - p / q) < _NEAR for q in range(1, p + 1)):
-            return p
-    return None

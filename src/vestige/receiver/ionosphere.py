@@ -19,8 +19,9 @@ NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. 1 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -150,6 +151,17 @@ class HeavyTailedIonosphere:
             further = self.exceedance(middle) > upper
             low, high = np.where(further, middle, low), np.where(further, high, middle)
         return 0.5 * (low + high)
+
+
+# by the name that a scenario file gives
+PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
+    {
+        "2014": HeavyTailedIonosphere.solar_maximum_2014,
+        "2017": HeavyTailedIonosphere.average_2017,
+        "2014-high": HeavyTailedIonosphere.solar_maximum_2014_high,
+        "2017-high": HeavyTailedIonosphere.average_2017_high,
+    }
+)
 
 
 class IonosphereProcess:

@@ -21,8 +21,10 @@ of the presets is calibrated to the one number that [WFO] gives: 52 misses in 10
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -32,6 +34,7 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.error_process import Streams, steps_s
 
 MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # longest echo of the measured channel [STEINGASS04]
+MAX_RAYS, MAX_POWER_DB = 10_000, 60.0
 _POWER_DB_AT_5_DEG, _POWER_DB_AT_30_DEG = -14.0, -18.0  # about the calibrated −15.8 dB, as the echoes of low satellites
 
 
@@ -96,12 +99,18 @@ class LmsLiteMultipath:
     kind: Literal["lms-lite"] = "lms-lite"
 
     def __post_init__(self) -> None:
+        if self.n_rays > MAX_RAYS or (self.mean_rays or 0.0) > MAX_RAYS or self.power_db > MAX_POWER_DB:
+            raise ValueError(f"at most {MAX_RAYS} rays and {MAX_POWER_DB:g} dB")
         if self.n_rays < 1 or (self.mean_rays is not None and not self.mean_rays > 0):
             raise ValueError("there must be at least one ray; for no multipath the power is -inf dB")
+        if not self.slope_db_per_us >= 0:
+            raise ValueError("later rays are not stronger: the loss with delay is not negative")
         if not (self.mean_excess_m > 0 and self.max_excess_m > 0):
             raise ValueError("mean and largest excess delay must be positive")
         if not (self.speed_mps >= 0 and self.mean_life_m >= 0 and self.mean_life_s >= 0):
             raise ValueError("speed and life of a ray are not negative")
+        if self.mean_life_m == 0 and 0 < self.mean_life_s < inf:
+            raise ValueError("with mean_life_m = 0 every epoch has its own rays: mean_life_s has nothing to say")
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
@@ -131,6 +140,12 @@ class LmsLiteMultipath:
     def process(self, streams: Streams) -> MultipathProcess:
         """Return a realisation for one satellite from its streams."""
         return MultipathProcess(self, streams)
+
+
+# by the name that a scenario file gives
+PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
+    {"elevation-5-30": LmsLiteMultipath.elevation_5_30, "open-sky": LmsLiteMultipath.open_sky}
+)
 
 
 class _Renewal:

@@ -17,8 +17,9 @@ from jaxtyping import Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.simulated_chain import make_chain
+from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
-from vestige.records import Band, ChipSequence, E1Observation, SampleBatch, ValidatedKey
+from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch, ValidatedKey
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
@@ -70,41 +71,46 @@ def e6_samples(
     *,
     arrival_s: float,
     n_chips: int,
-    sample_rate_hz: float,
+    front_end: FrontEnd,
     noise_key: np.uint64,
-) -> SampleBatch:
-    """Return the E6 samples of an epoch.
+) -> tuple[SampleBatch, FrontEndStatus]:
+    """Return the E6 samples of an epoch, and what the front end says of itself.
 
     Parameters
     ----------
     signals
-        All that is in the band; `start_s` counts from `sent`.
+        All that is in the band, at the front end's input rate; `start_s` counts from `sent`.
     sent
         Time of transmission of the RECS.
     arrival_s
         Where the samples lie: from a little before `sent + arrival_s` to a little after the RECS has passed.
     n_chips
         Length of the RECS.
-    sample_rate_hz
-        Complex sampling rate.
+    front_end
+        What they go through.
     noise_key
         Key of the noise.
     """
-    first = int(np.floor((arrival_s - _MARGIN_S) * sample_rate_hz))
-    samples = synthesize(
-        tuple(replace(signal, start_s=signal.start_s - first / sample_rate_hz) for signal in signals),
-        sample_rate_hz=sample_rate_hz,
-        n_samples=int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * sample_rate_hz)),
+    rate_hz = front_end.sample_rate_hz
+    first = int(np.floor((arrival_s - _MARGIN_S) * rate_hz))
+    n_samples = int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * rate_hz))
+    at_antenna = synthesize(
+        tuple(replace(signal, start_s=signal.start_s - first / rate_hz) for signal in signals),
+        sample_rate_hz=front_end.input_rate_hz,
+        n_samples=front_end.input_samples(n_samples),
         noise_key=noise_key,
+        first_sample=-front_end.margin_samples,
     )
-    return SampleBatch(
+    samples, status = front_end.process(at_antenna)
+    batch = SampleBatch(
         band=Band.E6,
         samples=samples,
-        sample_rate_hz=sample_rate_hz,
+        sample_rate_hz=rate_hz,
         center_frequency_hz=E6_CARRIER_HZ,
         first_sample=first,
-        start=sent + first / sample_rate_hz,
+        start=sent + first / rate_hz,
     )
+    return batch, status
 
 
 def observation(svid: int, truth: TruthBlock, row: int, *, error_m: float, cn0_dbhz: float) -> E1Observation:

@@ -16,7 +16,7 @@ comes its excess delay later.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex128, Float
@@ -24,11 +24,13 @@ from jaxtyping import Complex128, Float
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.recs import encrypt, key_time
+from vestige.errors import VestigeError
 from vestige.receiver.correlator_model import CorrelatorModel
 from vestige.receiver.e1_multipath import e1_multipath_error_m
+from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.sampled_epoch import carrier, e6_samples, observation, osnma_keys, received_signal
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
-from vestige.records import Assistance, Snapshot, ValidatedKey
+from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot, ValidatedKey
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -38,11 +40,18 @@ from vestige.streams import stream
 from vestige.time import GalileoTime
 
 Fidelity = Literal["samples", "correlators"]
-Banks = tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]
 
 SVID = 11  # the paper's single line of sight needs a name
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
+
+
+class Banks(NamedTuple):
+    """The correlator banks of a block of epochs; `front_end` is None at the fidelity that has no samples."""
+
+    taps: Complex128[np.ndarray, "n n_taps"]
+    noise_power: Float[np.ndarray, " n"]
+    front_end: tuple[FrontEndStatus, ...] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +70,10 @@ class Simulation:
         Range against time, and the receiver's error models.
     cn0_dbhz, cn0_e1_dbhz
         C/N0 of E6-C and of E1-C, each alone.
-    sample_rate_hz, time_uncertainty_s
-        Of the receiver.
+    front_end
+        Of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`.
+    time_uncertainty_s
+        What the receiver believes of its clock.
     n_chips, key_delay
         Length of a RECS and its KDI.
     processor
@@ -77,7 +88,7 @@ class Simulation:
     models: ErrorModels
     cn0_dbhz: float
     cn0_e1_dbhz: float
-    sample_rate_hz: float
+    front_end: FrontEnd
     time_uncertainty_s: float
     n_chips: int
     key_delay: int
@@ -113,13 +124,19 @@ class Simulation:
         if fidelity == "correlators":
             return self._drawn_banks(first, truth)
         e1_multipath_m = self.e1_multipath_m(truth)
-        banks = [
+        epochs = [
             self._correlated(first + row, row, truth, float(e1_multipath_m[row])) for row in range(truth.time_s.size)
         ]
-        return np.array([taps for taps, _ in banks]), np.array([noise_power for _, noise_power in banks])
+        return Banks(
+            np.array([bank.taps for bank, _ in epochs]),
+            np.array([bank.noise_power for bank, _ in epochs]),
+            tuple(status for _, status in epochs),
+        )
 
     def _drawn_banks(self, first: int, truth: TruthBlock) -> Banks:
-        model = CorrelatorModel(offsets_m=tuple(self.processor.offsets_m.tolist()), n_chips=self.n_chips)
+        model = CorrelatorModel(
+            offsets_m=tuple(self.processor.offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end
+        )
         n = truth.time_s.size
         error_m = (truth.iono_diff_m + truth.bias_m - truth.e1_noise_m - self.e1_multipath_m(truth))[:, None]
         rate_error_mps = truth.e1_rate_noise_mps[:, None]
@@ -141,17 +158,20 @@ class Simulation:
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
             )
-        return taps, noise_power
+        return Banks(taps, noise_power, None)
 
     def _correlated(
         self, epoch: int, row: int, truth: TruthBlock, e1_multipath_m: float
-    ) -> tuple[Complex128[np.ndarray, " n_taps"], float]:
-        """Return the bank that the real processor makes of one epoch's samples."""
+    ) -> tuple[CorrelatorBank, FrontEndStatus]:
+        """Return the bank that the real processor makes of one epoch's samples, and the state of the front end."""
         snapshot, assistance = self.snapshot(epoch, row, truth, e1_multipath_m)
         (satellite,) = self.processor.measure(snapshot, assistance).satellites
         if satellite.bank is None:
-            raise ValueError(f"epoch {epoch} cannot be correlated: {satellite.unavailable}")
-        return satellite.bank.taps, satellite.bank.noise_power
+            raise VestigeError(
+                f"epoch {epoch}: the errors that the scenario asks for put the hand-over beyond the recorded samples "
+                f"({satellite.unavailable})"
+            )
+        return satellite.bank, snapshot.front_end[Band.E6]
 
     def snapshot(self, epoch: int, row: int, truth: TruthBlock, e1_multipath_m: float) -> tuple[Snapshot, Assistance]:
         """Return what the receiver hands to the processor for one epoch, and the assistance for it.
@@ -169,25 +189,25 @@ class Simulation:
         sent = GalileoTime(sent.week, sent.second, round(sent.fraction, 1) % 1.0)
         chips = encrypted_chips(encryption_key(self.seed), SVID, sent, self.n_chips)
         key = self._key(sent)
-        signal = received_signal(
-            chips, self.line_of_sight, truth, row, amplitude=amplitude(self.cn0_dbhz, self.sample_rate_hz)
-        )
-        batch = e6_samples(
+        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz)
+        signal = received_signal(chips, self.line_of_sight, truth, row, amplitude=strength)
+        batch, status = e6_samples(
             (signal,),
             sent,
             arrival_s=signal.start_s,
             n_chips=self.n_chips,
-            sample_rate_hz=self.sample_rate_hz,
+            front_end=self.front_end,
             noise_key=noise_key(self.seed, epoch, _E6_NOISE),
         )
         error_m = float(truth.e1_noise_m[row]) + e1_multipath_m
         snapshot = Snapshot(
             index=epoch,
             time=sent,
-            received_at=batch.start + batch.samples.size / self.sample_rate_hz,
+            received_at=batch.start + batch.samples.size / batch.sample_rate_hz,
             time_uncertainty_s=self.time_uncertainty_s,
             observations={SVID: observation(SVID, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
             e6=CorrelatableSamples(batch),
+            front_end={Band.E6: status},
         )
         return snapshot, Assistance(segments=(encrypt(chips, key.data, key_delay=self.key_delay),), keys=(key,))
 

@@ -35,6 +35,17 @@ PulseName = Literal["BOC(1,1)", "MBOC", "BPSK"]
 SHARES: Mapping[PulseName, Mapping[Pulse, float]] = MappingProxyType(
     {"BOC(1,1)": {BOC11: 1.0}, "MBOC": MBOC, "BPSK": {BPSK: 1.0}}
 )
+# of what a receiver could be
+_RANGES = {
+    "chip_rate_hz": (1e5, 1e8),
+    "carrier_hz": (1e8, 1e11),
+    "bandwidth_hz": (1e5, 1e9),
+    "spacing_chips": (1e-3, 1.0),
+    "loop_bandwidth_hz": (1e-12, 1e3),
+    "pll_bandwidth_hz": (1e-12, 1e3),
+    "fll_bandwidth_hz": (1e-12, 1e3),
+    "integration_s": (1e-4, 100.0),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +88,9 @@ class BetzTrackingNoise:
         bandwidths = (self.loop_bandwidth_hz, self.pll_bandwidth_hz, self.fll_bandwidth_hz)
         if not (self.integration_s > 0 and all(0 < b * self.integration_s < 2 for b in bandwidths)):
             raise ValueError("a loop of bandwidth B that is updated every T needs 0 < BT < 2")
+        for name, (low, high) in _RANGES.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} lies between {low:g} and {high:g}")
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of the pseudorange in m at C/N0 in dBHz; 0 without noise, at +inf."""

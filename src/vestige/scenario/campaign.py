@@ -6,24 +6,63 @@ model that is left out is not there.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import LENGTHS
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.front_end import FrontEnd
+from vestige.receiver.ionosphere import PRESETS as IONOSPHERES
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.multipath import PRESETS as MULTIPATHS
 from vestige.receiver.multipath import LmsLiteMultipath
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS
+from vestige.scenario.empirical import EmpiricalIonosphereTable
+from vestige.scenario.limits import check_clock, check_length, check_motion, check_weak_signal
+from vestige.scenario.preset import Presets
 from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
+from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
+
+Ionosphere = Annotated[
+    Annotated[HeavyTailedIonosphere, Presets(IONOSPHERES)] | EmpiricalIonosphereTable, Field(discriminator="kind")
+]
+Multipath = Annotated[LmsLiteMultipath, Presets(MULTIPATHS, LmsLiteMultipath.at_elevation)]
+
+
+_LAST_WEEK = 9999  # year 2191: no end of a run is beyond the calendar
+
+
+class FrontEndTable(Section):
+    """The E6 front end; what is left out is not there. The sampling rate is the receiver's, see `FrontEnd`."""
+
+    bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
+    bits: Literal[1, 2, 3, 8] | None = None
+    agc: bool = True
+    oversampling: Annotated[int, Field(ge=1, le=16)] = 1
+    transition_hz: Annotated[float, Field(ge=1e4, le=200e6)] | None = None
+
+    def front_end(self, sample_rate_hz: float) -> FrontEnd:
+        """Return the front end at a sampling rate."""
+        return FrontEnd(
+            sample_rate_hz=sample_rate_hz,
+            bandwidth_hz=self.bandwidth_hz,
+            bits=self.bits,
+            agc=self.agc,
+            oversampling=self.oversampling,
+            transition_hz=self.transition_hz,
+        )
 
 
 class ReceiverTable(Section):
@@ -43,12 +82,20 @@ class ReceiverTable(Section):
     cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
+    front_end: FrontEndTable = FrontEndTable()
     clock: TwoStateClock | None = None
-    ionosphere: HeavyTailedIonosphere | None = None
-    multipath: LmsLiteMultipath | None = None
+    ionosphere: Ionosphere | None = None
+    multipath: Multipath | None = None
     e1_tracking: BetzTrackingNoise | None = None
     bias: BiasResiduals | None = None
     e1_multipath: bool = False
+
+    @field_validator("front_end")
+    @classmethod
+    def _at_this_rate(cls, table: FrontEndTable, info: ValidationInfo) -> FrontEndTable:
+        if "sample_rate_hz" in info.data:
+            table.front_end(info.data["sample_rate_hz"])  # raises if there is no such front end
+        return table
 
 
 class RecsTable(Section):
@@ -70,6 +117,15 @@ class ProcessorTable(Section):
     budget: ErrorBudget = ErrorBudget.uncorrected()
     kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
     min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        processor = self.processor()
+        reach_m = float(np.max(np.abs(processor.offsets_m)))
+        limit_m = REACH_CHIPS * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
+        if reach_m > limit_m:
+            raise ValueError(f"a bank that reaches {reach_m:g} m from its middle; {limit_m:.0f} m is the limit")
+        return self
 
     def processor(self) -> AcasProcessor:
         """Return the processor that the table describes."""
@@ -120,9 +176,23 @@ class CampaignScenario(Section):
     @field_validator("start")
     @classmethod
     def _whole_second(cls, text: str) -> str:
-        if GalileoTime.parse(text).fraction:
+        time = GalileoTime.parse(text)
+        if time.fraction:
             raise ValueError("the start must be a whole second")
+        if time.week > _LAST_WEEK:
+            raise ValueError(f"the start must not be later than week {_LAST_WEEK}")
         return text
+
+    @model_validator(mode="after")
+    def _within_limits(self) -> Self:
+        duration_s, front_end = self.epochs * self.interval_s, self.receiver.front_end
+        check_length(self.fidelity, duration_s)
+        if self.fidelity == "correlators":
+            check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
+        else:
+            check_motion(self.line_of_sight, duration_s)
+            check_clock(self.receiver.clock, duration_s)
+        return self
 
     @property
     def start_time(self) -> GalileoTime:
@@ -131,7 +201,7 @@ class CampaignScenario(Section):
 
     def simulation(self) -> Simulation:
         """Return the receiver that the scenario describes."""
-        receiver = self.receiver
+        receiver, ionosphere = self.receiver, self.receiver.ionosphere
         return Simulation(
             seed=self.seed,
             start=self.start_time,
@@ -140,7 +210,7 @@ class CampaignScenario(Section):
             line_of_sight=self.line_of_sight,
             models=ErrorModels(
                 clock=receiver.clock,
-                ionosphere=receiver.ionosphere,
+                ionosphere=ionosphere.model() if isinstance(ionosphere, EmpiricalIonosphereTable) else ionosphere,
                 multipath=receiver.multipath,
                 e1_tracking=receiver.e1_tracking,
                 bias=receiver.bias,
@@ -148,7 +218,7 @@ class CampaignScenario(Section):
             ),
             cn0_dbhz=receiver.cn0_dbhz,
             cn0_e1_dbhz=receiver.cn0_e1_dbhz,
-            sample_rate_hz=receiver.sample_rate_hz,
+            front_end=receiver.front_end.front_end(receiver.sample_rate_hz),
             time_uncertainty_s=receiver.time_uncertainty_s,
             n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
             key_delay=self.recs.key_delay,

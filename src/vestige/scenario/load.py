@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,5 +39,16 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
 
 def schema() -> dict[str, Any]:
     """Return the JSON schema of scenario files, for editors."""
-    result: dict[str, Any] = _ADAPTER.json_schema()
-    return result
+    result: dict[str, Any] = _without_infinities(_ADAPTER.json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "vestige scenario"} | result
+
+
+def _without_infinities(schema: Any) -> Any:
+    """Return a schema without defaults that JSON cannot write."""
+    if isinstance(schema, dict):
+        return {
+            key: _without_infinities(value)
+            for key, value in schema.items()
+            if not (key == "default" and isinstance(value, float) and not math.isfinite(value))
+        }
+    return [_without_infinities(value) for value in schema] if isinstance(schema, list) else schema

@@ -11,11 +11,30 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from vestige.errors import InputFileError, VestigeError
 
+NOTHING = "none"  # as the value of a setting
+LARGEST_NUMBER = 1e15
+
 
 class Section(BaseModel):
     """A table of a scenario file; an unknown key in it is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MisfitError(ValueError):
+    """Values that do not fit together.
+
+    Parameters
+    ----------
+    place
+        The key to look at, from the table that is being checked: `receiver.clock`.
+    found, expected
+        What it amounts to and what it should.
+    """
+
+    def __init__(self, place: str, found: object, expected: str) -> None:
+        super().__init__(f"{place}: {found}, expected {expected}")
+        self.place, self.found, self.expected = place, found, expected
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -30,25 +49,24 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a TOML file") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # tomllib's own errors, integers of 5000 digits, endless brackets
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 
 def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Return the tables with values replaced: each setting is `table.key=value`, the value in TOML.
 
+    TOML has no word for nothing. So the bare word `none`, which is no TOML value, removes a key or a whole table:
+    `receiver.multipath=none`. What is left out has its default, and a model that is left out is not there.
+
     Raises
     ------
     VestigeError
-        If a setting has not this form.
+        If a setting has not this form, or there is nothing to remove.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:
         name, equals, text = setting.partition("=")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError as error:
-            raise VestigeError(f"--set {setting}: found {text!r}, expected a TOML value ({error})") from error
         *tables, key = name.strip().split(".")
         if not equals or not key:
             raise VestigeError(f"--set {setting}: expected table.key=value")
@@ -57,8 +75,24 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
             place = place.setdefault(table, {})
             if not isinstance(place, dict):
                 raise VestigeError(f"--set {setting}: {table} is not a table")
-        place[key] = value
+        if text.strip() != NOTHING:
+            place[key] = _value(setting, text)
+        elif key in place:
+            del place[key]
+        else:
+            raise VestigeError(f"--set {setting}: there is no {name.strip()} to remove")
     return result
+
+
+def _value(setting: str, text: str) -> Any:
+    """Return what `text` says in TOML: one value, nothing behind it."""
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError) as error:
+        raise VestigeError(f"--set {setting}: found {text!r}, expected a TOML value ({error})") from error
+    if parsed.keys() != {"value"}:
+        raise VestigeError(f"--set {setting}: found {text!r}, expected one TOML value")
+    return parsed["value"]
 
 
 def _copy(value: Any) -> Any:
@@ -75,11 +109,43 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
     InputFileError
         For an unknown key, a missing one, or a value outside its range.
     """
+    _check_numbers(raw, "", path)
     try:
-        return adapter.validate_python(raw)
+        return adapter.validate_python(raw, context={"folder": path.parent})
     except ValidationError as error:
         first = error.errors()[0]
-        loc = first["loc"][1:] if first["loc"][:1] == (raw.get("kind"),) else first["loc"]  # the kind is no table
-        place = ".".join(str(part) for part in loc) or "top level"
+        place = _place(raw, first["loc"])
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, MisfitError):
+            place = ".".join(part for part in (place, cause.place) if part)
+            raise InputFileError(path, place, cause.found, cause.expected) from error
+        if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
+            place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
+            raise InputFileError(path, place, first["ctx"].get("tag", "nothing"), kinds or "a kind") from error
         found = "nothing" if first["type"] == "missing" else first["input"]
-        raise InputFileError(path, place, found, first["msg"]) from error
+        expected = first["msg"].removeprefix("Value error, ")
+        raise InputFileError(path, place or "top level", found, expected) from error
+
+
+def _check_numbers(value: Any, place: str, path: Path) -> None:
+    """Raise if a number is not finite or beyond all reason; no key takes one, and arithmetic would choke on it."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_numbers(inner, f"{place}.{key}" if place else key, path)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            _check_numbers(inner, f"{place}.{index}", path)
+    elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
+        raise InputFileError(path, place, value, f"a number of at most {LARGEST_NUMBER:g}")
+
+
+def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
+    """Return the dotted keys of a place, without the names of kinds that the validator puts between them."""
+    parts = []
+    for part in loc:
+        if isinstance(raw, dict) and part not in raw and raw.get("kind") == part:
+            continue
+        parts.append(str(part))
+        inside = raw.get(part) if isinstance(raw, dict) else None
+        raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside
+    return ".".join(parts)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import special
 
 from builders import batch_of, handover_at, random_chips, received_batch, satellite
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.front_end import QUANTISERS, FrontEnd, commensurate_tread_m
+from vestige.receiver.front_end import FrontEnd
 from vestige.records import Band
 from vestige.sample_processor.correlator import correlate
 from vestige.signal_generator.noise_kernel import noise_key
@@ -130,22 +129,6 @@ def test_band_limit_rounds_the_correlation() -> None:
     assert bank.taps.real == pytest.approx(expected, abs=5 * expected[1] / np.sqrt(81_840))
 
 
-def efficiency(step: float, bits: int) -> float:
-    """(E xq)² / E q² of a uniform quantiser of a standard normal x, from the normal law alone."""
-    levels = np.arange(1, 2**bits, 2)
-    edges = np.append(np.arange(levels.size) * step, np.inf)
-    density, distribution = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi), special.ndtr(edges)
-    product, square = 2 * np.sum(levels * -np.diff(density)), 2 * np.sum(levels**2 * np.diff(distribution))
-    return float(product**2 / square)
-
-
-@pytest.mark.parametrize("bits", [1, 2, 3])
-def test_step_is_the_one_that_loses_least(bits: int) -> None:
-    step = QUANTISERS[bits].step_sigma
-    assert -10 * np.log10(efficiency(step, bits)) == pytest.approx(LOSS_DB[bits], abs=0.005)
-    assert all(efficiency(step * factor, bits) <= efficiency(step, bits) + 1e-12 for factor in (0.98, 1.02))
-
-
 @pytest.mark.parametrize("bits", [1, 2, 3, 8])
 def test_quantised_noise(bits: int) -> None:
     """Levels, and the loss (E xq)² / (E x² E q²) of a million numbers: 5 standard errors are 0.01 dB."""
@@ -230,31 +213,3 @@ def test_front_ends_that_cannot_be(arguments: dict[str, float], what: str) -> No
 def test_too_few_samples_for_the_filter() -> None:
     with pytest.raises(ValueError, match="fewer"):
         FrontEnd(sample_rate_hz=FS, bandwidth_hz=1e6).process(noise(10))
-
-
-@pytest.mark.parametrize(
-    ("rate_hz", "p", "good_hz"),
-    [(5.115e6, 1, 5.2e6), (10.23e6, 2, 10.3e6), (20.46e6, 4, 20.5e6), (7.6725e6, 3, 7.7e6), (15.345e6, 3, 15.4e6)],
-)
-def test_commensurate_rates(rate_hz: float, p: int, good_hz: float) -> None:
-    stairs = commensurate_tread_m(rate_hz, CHIP_RATE)
-    assert stairs is not None
-    assert stairs.tread_m == pytest.approx(58.6105 / p, rel=1e-5)
-    assert stairs.good_rate_hz == good_hz
-    assert commensurate_tread_m(good_hz, CHIP_RATE) is None
-    assert commensurate_tread_m(rate_hz + 0.9e-3 * CHIP_RATE, CHIP_RATE) is not None
-
-
-@pytest.mark.parametrize("rate_hz", [8.192e6, 10.24e6, 10.3e6, 12.5e6, 20.5e6, 25e6])
-def test_good_rates(rate_hz: float) -> None:
-    assert commensurate_tread_m(rate_hz, CHIP_RATE) is None
-
-
-@pytest.mark.parametrize(("rate_hz", "same"), [(10.23e6, True), (10.3e6, False)])
-def test_within_a_tread_all_delays_are_one(rate_hz: float, same: bool) -> None:
-    """5 m and 25 m lie on one tread of 29.3 m: at 10.23 MHz the samples are equal, and so is all that follows."""
-    a, b = (
-        synthesize((e6c(1.0, delay_m=d, start_s=0.0),), sample_rate_hz=rate_hz, n_samples=5000, noise_key=None)
-        for d in (5.0, 25.0)
-    )
-    assert np.array_equal(a, b) is same

@@ -1,17 +1,28 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from vestige.receiver.simulation import Simulation
-from vestige.records import Status
+from vestige.acas_processor.range_offset import range_offset_m
+from vestige.errors import VestigeError
+from vestige.receiver.sampled_epoch import received_signal
+from vestige.receiver.simulation import Banks, Fidelity, Simulation
+from vestige.records import Band, Status
+from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+from vestige.signal_generator.noise_kernel import noise_key
+from vestige.signal_generator.synthesis import amplitude, synthesize
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+
+
+NO_ERRORS = tuple(f"receiver.{model}=none" for model in ("clock", "multipath", "ionosphere", "e1_tracking"))
 
 
 def _simulation(*settings: str) -> Simulation:
@@ -29,8 +40,8 @@ def test_a_bank_does_not_depend_on_the_cut(fidelity) -> None:  # type: ignore[no
     for count in (1, n // 3, n - 1 - n // 3):
         parts.append(simulation.banks(fidelity, first, process.advance(first, count)))
         first += count
-    assert np.concatenate([taps for taps, _ in parts]).tobytes() == whole[0].tobytes()
-    assert np.concatenate([noise_power for _, noise_power in parts]).tobytes() == whole[1].tobytes()
+    assert np.concatenate([part.taps for part in parts]).tobytes() == whole.taps.tobytes()
+    assert np.concatenate([part.noise_power for part in parts]).tobytes() == whole.noise_power.tobytes()
 
 
 def test_an_epoch_goes_through_the_real_door() -> None:
@@ -49,15 +60,11 @@ def test_an_epoch_goes_through_the_real_door() -> None:
 
 def test_without_error_models_and_noise_the_line_of_sight_is_where_e1_says() -> None:
     """At 80 dBHz the punctual tap is 1 up to the code's own noise, the others lie on the triangle."""
-    off = ("receiver.clock.h0_s=0", "receiver.clock.h_minus_2_hz=0", "receiver.multipath.power_db=-inf")
-    iono = ("receiver.ionosphere.core_sigma_m=0", "receiver.ionosphere.tail_probability=0")
-    simulation = _simulation(
-        *off, *iono, "receiver.e1_tracking.loop_bandwidth_hz=1e-12", "receiver.cn0_dbhz=80", "epochs=3"
-    )
+    simulation = _simulation(*NO_ERRORS, "receiver.cn0_dbhz=80", "epochs=3")
     truth = simulation.truth().advance(0, 3)
     triangle = np.maximum(0, 1 - np.abs(simulation.processor.offsets_m) / 58.6105)
     for fidelity in ("samples", "correlators"):
-        taps, _ = simulation.banks(fidelity, 0, truth)  # type: ignore[arg-type]
+        taps = simulation.banks(fidelity, 0, truth).taps  # type: ignore[arg-type]
         shape = np.abs(taps) / np.abs(taps[:, 5:6])
         assert shape == pytest.approx(np.tile(triangle, (3, 1)), abs=6 / np.sqrt(81_840) + 2e-3)
 
@@ -70,7 +77,135 @@ def test_both_fidelities_have_the_same_distribution(cn0_dbhz: float) -> None:
     truth = simulation.truth()
     sampled = simulation.banks("samples", 0, truth.advance(0, 500))
     drawn = _simulation(*settings, "seed=77")
-    reference = drawn.banks("correlators", 0, drawn.truth().advance(0, 20_000))
-    a, b = (np.abs(taps) / np.sqrt(noise_power / 2)[:, None] for taps, noise_power in (sampled, reference))
-    for tap in range(11):
-        assert stats.ks_2samp(a[:, tap], b[:, tap]).pvalue > 0.001 / 11, tap
+    _assert_same_distribution(sampled, drawn.banks("correlators", 0, drawn.truth().advance(0, 20_000)))
+
+
+def _assert_same_distribution(sampled: Banks, drawn: Banks) -> None:
+    """Two-sample KS of every tap's magnitude in σ: p > 0.001 for the family of taps."""
+    a, b = (np.abs(banks.taps) / np.sqrt(banks.noise_power / 2)[:, None] for banks in (sampled, drawn))
+    for tap in range(a.shape[1]):
+        assert stats.ks_2samp(a[:, tap], b[:, tap]).pvalue > 0.001 / a.shape[1], tap
+
+
+FRONT_ENDS = (
+    "{bandwidth_hz=10e6, oversampling=2, bits=2}",
+    "{bandwidth_hz=6e6}",
+    "{bits=1}",
+)
+
+
+@pytest.mark.parametrize("front_end", FRONT_ENDS)
+def test_both_fidelities_behind_a_front_end(front_end: str) -> None:
+    """At 42 dBHz, so that a peak too high by 2 % or a flank too wide by 1 m would show."""
+    settings = (f"receiver.front_end={front_end}", "receiver.cn0_dbhz=42", "epochs=10000")
+    simulation, drawn = _simulation(*settings), _simulation(*settings, "seed=78")
+    sampled = simulation.banks("samples", 0, simulation.truth().advance(0, 200))
+    _assert_same_distribution(sampled, drawn.banks("correlators", 0, drawn.truth().advance(0, 10_000)))
+
+
+def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
+    """To the last bit what `synthesize` makes, with or without the empty table."""
+    simulation = _simulation("epochs=5")
+    assert simulation.front_end.transparent
+    truth = simulation.truth().advance(0, 5)
+    snapshot, _ = simulation.snapshot(3, 3, truth, 0.0)
+    assert isinstance(snapshot.e6, CorrelatableSamples)
+    batch = snapshot.e6.batch
+    chips = encrypted_chips(encryption_key(simulation.seed), 11, snapshot.time, simulation.n_chips)
+    strength = amplitude(simulation.cn0_dbhz, 12.5e6)
+    signal = received_signal(chips, simulation.line_of_sight, truth, 3, amplitude=strength)
+    expected = synthesize(
+        (replace(signal, start_s=signal.start_s - batch.first_sample / 12.5e6),),
+        sample_rate_hz=12.5e6,
+        n_samples=batch.samples.size,
+        noise_key=noise_key(simulation.seed, 3, 6),
+    )
+    assert batch.samples.tobytes() == expected.tobytes()
+    status = snapshot.front_end[Band.E6]
+    assert (status.agc_gain_db, status.saturated) == (0.0, False)
+    assert status.total_power_db == pytest.approx(10 * np.log10(np.mean(np.abs(expected) ** 2)), abs=1e-4)
+
+
+def test_a_snapshot_says_what_its_front_end_did() -> None:
+    """80 dBHz at 12.5 MHz are 8 times the noise: the gain goes down by 9.5 dB, or a fixed one saturates."""
+    for agc, gain_db, saturated in (("true", -9.54, False), ("false", 0.0, True)):
+        front_end = f"receiver.front_end={{bits=2, agc={agc}}}"
+        simulation = _simulation("epochs=2", "receiver.cn0_dbhz=80", front_end, *NO_ERRORS, 'fidelity="samples"')
+        banks = simulation.banks("samples", 0, simulation.truth().advance(0, 2))
+        assert banks.front_end is not None
+        for status in banks.front_end:
+            assert status.total_power_db == pytest.approx(10 * np.log10(1 + 1e8 / 12.5e6), abs=0.05)
+            assert status.agc_gain_db == pytest.approx(gain_db, abs=0.05)
+            assert status.saturated is saturated
+
+
+def test_a_filter_does_not_move_the_signal() -> None:
+    """At 75 dBHz, without errors: the punctual tap is the largest, and both sides are alike within the self-noise."""
+    for front_end in ("{bandwidth_hz=10e6, oversampling=2}", "{bandwidth_hz=5e6}"):
+        settings = (*NO_ERRORS, "receiver.cn0_dbhz=75", "epochs=4", f"receiver.front_end={front_end}")
+        simulation = _simulation(*settings)
+        taps = np.abs(simulation.banks("samples", 0, simulation.truth().advance(0, 4)).taps)
+        assert np.all(np.argmax(taps, axis=1) == 5)
+        assert np.abs(taps[:, 4] - taps[:, 6]) / taps[:, 5] == pytest.approx(
+            np.zeros(4), abs=6 / np.sqrt(81_840) + 2e-3
+        )
+
+
+def test_a_week_ends_within_the_run() -> None:
+    """RECS before and after midnight on Saturday, keys of both weeks: every epoch is AUTHENTIC."""
+    settings = ('start="2026-11-21T23:59:20 GST"', "receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45", "epochs=80")
+    simulation = _simulation(*settings)
+    truth = simulation.truth().advance(0, 80)
+    for row in (0, 9, 10, 39, 40, 41, 79):
+        measurement = simulation.processor.measure(*simulation.snapshot(row, row, truth, 0.0))
+        (verdict,) = simulation.processor.decide(measurement)
+        assert verdict.status is Status.AUTHENTIC
+        assert verdict.time.week == (1421 if row < 40 else 1422)
+
+
+def test_errors_beyond_the_samples_are_the_scenarios() -> None:
+    simulation = _simulation('receiver.bias={kind="bias", bgd_sigma_m=1e6}', "epochs=2", 'fidelity="samples"')
+    with pytest.raises(VestigeError, match="epoch 0"):
+        simulation.banks("samples", 0, simulation.truth().advance(0, 2))
+
+
+TERMS = {
+    "ionosphere": 'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=3.0, tail_start_m=6.0, tail_scale_m=3.0}',
+    "bias": 'receiver.bias={kind="bias", bgd_sigma_m=5.0, hardware_sigma_m=5.0}',
+    "e1_noise": 'receiver.e1_tracking={kind="betz", loop_bandwidth_hz=20.0}',
+    "e1_multipath": "receiver.e1_multipath=true",
+    "clock": 'receiver.clock={kind="two-state"}',
+}
+
+
+@pytest.mark.parametrize("fidelity", ["samples", "correlators"])
+@pytest.mark.parametrize("term", [*TERMS, "all"])
+def test_truth_explains_the_residual(fidelity: Fidelity, term: str) -> None:
+    """range offset = ionosphere + bias − E1 noise − E1 multipath, at 80 dBHz without rays on E6.
+
+    Taps on an exact triangle leave nothing; noise (5.6e-4 a dimension) and the code's own noise (1/√81840) in the three
+    taps leave at most 0.25 m.
+    """
+    on = TERMS.values() if term == "all" else [TERMS[term]]
+    simulation = _simulation(*NO_ERRORS, *on, "receiver.cn0_dbhz=80", 'fidelity="samples"', "epochs=40")
+    n = 12 if fidelity == "samples" else 40
+    truth = simulation.truth().advance(0, n)
+    if term in {"e1_multipath", "all"}:  # rays that E1 sees and E6 does not, so that no other term comes in
+        delay_m = np.full((n, 1), 20.0)
+        rays = replace(truth.rays, delay_m=delay_m, amplitude_e1=0.3 * np.exp(1j * np.arange(n))[:, None])
+        truth = replace(truth, rays=rays)
+    e1_multipath_m = simulation.e1_multipath_m(truth)
+    expected_m = truth.iono_diff_m + truth.bias_m - truth.e1_noise_m - e1_multipath_m
+    assert np.ptp(truth.clock_m if term == "clock" else expected_m) > 0 or term == "bias"
+    taps = np.abs(simulation.banks(fidelity, 0, truth).taps)
+    found_m = range_offset_m(taps, np.argmax(taps, axis=1), 1, simulation.processor.offsets_m)
+    assert found_m == pytest.approx(expected_m, abs=0.25)
+    shown = {
+        "ionosphere": truth.iono_diff_m,
+        "bias": truth.bias_m,
+        "e1_noise": truth.e1_noise_m,
+        "e1_multipath": e1_multipath_m,
+        "clock": truth.clock_m,
+    }
+    for name, values_m in shown.items():
+        assert np.any(values_m != 0) == (term in {name, "all"})

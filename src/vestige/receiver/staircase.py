@@ -1,0 +1,57 @@
+"""Sampling rates that make the correlation function a staircase.
+
+If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases, and the sampled correlation function
+has treads of 1/p chip: correlators closer than that all see the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Staircase:
+    """A rate that makes the correlation a staircase of `tread_m`; `good_rate_hz` is the next one that does not."""
+
+    tread_m: float
+    good_rate_hz: float
+
+
+_LARGEST_P = 16  # treads of 1/16 chip, 3.7 m on E6, do no harm
+_NEAR = 1e-3  # the phases then drift through a tread within 16 ms
+_GRID_HZ = 1e5  # good rates are named in 0.1 MHz
+
+
+def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
+    """Return the treads that sampling at this rate gives the correlation function; None if none.
+
+    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the tread is 1/p chip. The rate that counts is that of the samples that are
+    correlated, since the replica's chips fall on p phases there. So a filter does not help, nor does a higher rate
+    before it, which has as many phases or more.
+
+    Parameters
+    ----------
+    sample_rate_hz
+        Sampling rate, at least half the chip rate.
+    chip_rate_hz
+        Chip rate.
+    """
+    p = _phases(sample_rate_hz / chip_rate_hz)
+    if p is None:
+        return None
+    good = np.floor(sample_rate_hz / _GRID_HZ) + 1
+    while _phases(good * _GRID_HZ / chip_rate_hz) is not None:
+        good += 1
+    return Staircase(tread_m=SPEED_OF_LIGHT_MPS / chip_rate_hz / p, good_rate_hz=float(good * _GRID_HZ))
+
+
+def _phases(ratio: float) -> int | None:
+    """Return the smallest p ≤ 16 of a fraction p/q ≥ 1/2 near `ratio`."""
+    for p in range(1, _LARGEST_P + 1):
+        if any(abs(ratio - p / q) < _NEAR for q in range(1, 2 * p + 1)):
+            return p
+    return None

@@ -1,0 +1,65 @@
+"""How far a campaign can go: the combinations of values that no single key's range can exclude."""
+
+from __future__ import annotations
+
+import math
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.front_end import FrontEnd
+from vestige.receiver.front_end_correlation import LARGEST_SIGNAL_DB
+from vestige.scenario.toml_file import MisfitError
+from vestige.signal_generator.range_model import RangeModel
+
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
+_LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
+_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
+_SIGMAS = 6.0
+
+
+def check_length(fidelity: str, duration_s: float) -> None:
+    """Raise if a run is longer than its fidelity can be."""
+    if duration_s > LONGEST_S[fidelity]:
+        raise MisfitError(
+            "epochs", f"{duration_s:g} s with this interval_s", f"at most {LONGEST_S[fidelity]:g} s ({fidelity})"
+        )
+
+
+def check_motion(model: RangeModel, duration_s: float) -> None:
+    """Raise if the line of sight goes too far or too fast for samples."""
+    v_mps, a_mps2, swing_m = abs(model.v_mps), abs(model.a_mps2), abs(model.amplitude_m)
+    swing_mps = swing_m * abs(model.omega_radps)
+    range_m = abs(model.s0_m) + v_mps * duration_s + a_mps2 * duration_s**2 / 2 + swing_m
+    values = {
+        "range in m": (range_m, _LONGEST_DELAY_S * SPEED_OF_LIGHT_MPS),
+        "rate in m/s": (v_mps + a_mps2 * duration_s + swing_mps, _LARGEST_RATE_MPS),
+        "acceleration in m/s²": (a_mps2 + swing_mps * abs(model.omega_radps), _LARGEST_ACCELERATION_MPS2),
+        "omega_radps": (abs(model.omega_radps), _LARGEST_OMEGA_RADPS),
+    }
+    for name, (value, limit) in values.items():
+        if value > limit:
+            raise MisfitError("line_of_sight", f"{name} of {value:.4g} within the run", f"at most {limit:.4g}")
+
+
+def check_clock(clock: TwoStateClock | None, duration_s: float) -> None:
+    """Raise if the free-running clock may leave the window in which samples are matched with a RECS."""
+    if clock is None:
+        return
+    sigma_s = math.sqrt(clock.covariance(duration_s)[0, 0])
+    if _SIGMAS * sigma_s > _LONGEST_DELAY_S:
+        raise MisfitError(
+            "receiver.clock",
+            f"an error of {sigma_s:.3g} s (1σ) at the end of the run",
+            f"at most {_LONGEST_DELAY_S / _SIGMAS:.3g} s; a shorter run or a better clock",
+        )
+
+
+def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
+    """Raise if a quantised signal is too strong for the model of correlators."""
+    largest_dbhz = 10 * math.log10(front_end.sample_rate_hz) + LARGEST_SIGNAL_DB
+    if front_end.bits is not None and cn0_dbhz > largest_dbhz:
+        raise MisfitError(
+            "receiver.cn0_dbhz",
+            cn0_dbhz,
+            f'at most {largest_dbhz:.1f} dBHz behind a quantiser; fidelity = "samples" has no such limit',
+        )

@@ -1,0 +1,83 @@
+"""Names for the numbers of a model: `preset = "2014"` in a table of a scenario file stands for a whole model.
+
+What else the table says replaces the preset's values one by one. The table is expanded before it is checked, so the
+scenario holds the numbers and never the name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from vestige.scenario.toml_file import MisfitError
+
+_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Presets:
+    """Annotation of a field that holds a model: its table may name a preset.
+
+    Parameters
+    ----------
+    named
+        Models by the name that the key `preset` gives.
+    at_elevation
+        Model for the key `elevation_deg`; None if there is no such key.
+    """
+
+    named: Mapping[str, Callable[[], Any]]
+    at_elevation: Callable[[float], Any] | None = None
+
+    def expand(self, table: Any) -> Any:
+        """Return a table with the numbers of its preset in the preset's place; anything else as it is.
+
+        Raises
+        ------
+        MisfitError
+            If there is no such preset, or the table names two.
+        """
+        if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
+            return table
+        rest = {key: value for key, value in table.items() if key not in {"preset", *self._elevation}}
+        if len(rest) + 1 < len(table):
+            raise MisfitError("preset", "elevation_deg beside it", "one of them: both name a model")
+        return asdict(self._model(table)) | rest
+
+    def _model(self, table: Mapping[str, Any]) -> Any:
+        if "preset" in table:
+            if not (isinstance(table["preset"], str) and table["preset"] in self.named):
+                raise MisfitError("preset", table["preset"], ", ".join(self.named))
+            return self.named[table["preset"]]()
+        degrees = table["elevation_deg"]
+        number = isinstance(degrees, (int, float)) and not isinstance(degrees, bool)
+        if not (number and _LOWEST_DEG <= degrees <= _HIGHEST_DEG):
+            raise MisfitError("elevation_deg", degrees, f"a number from {_LOWEST_DEG:g} to {_HIGHEST_DEG:g}")
+        assert self.at_elevation is not None  # noqa: S101  (the key is known)
+        return self.at_elevation(degrees)
+
+    @property
+    def _elevation(self) -> tuple[str, ...]:
+        return () if self.at_elevation is None else ("elevation_deg",)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.expand, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        reference = handler(schema)
+        model = handler.resolve_ref_schema(reference)
+        keys: dict[str, Any] = {"preset": {"enum": list(self.named), "title": "Preset", "type": "string"}}
+        if self.at_elevation is not None:
+            span = {"minimum": _LOWEST_DEG, "maximum": _HIGHEST_DEG}
+            keys["elevation_deg"] = {"title": "Elevation Deg", "type": "number", **span}
+        if "preset" not in model["properties"]:
+            model["properties"] |= keys
+            model["oneOf"] = [
+                *({"required": [key]} for key in keys),
+                {"required": model.pop("required", []), "not": {"anyOf": [{"required": [key]} for key in keys]}},
+            ]
+        return reference
