@@ -58,3 +58,28 @@ def test_a_recording_is_no_campaign(tmp_path: Path) -> None:
 
 def test_bad_settings(tmp_path: Path) -> None:
     assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=-1").exception, InputFileError)
+
+
+def test_a_staircase_is_cautioned_against(tmp_path: Path) -> None:
+    rate = ("--set", "receiver.sample_rate_hz=10.23e6", "--set", "epochs=2")
+    (line,) = _invoke(QUICK, "-o", tmp_path / "a", *rate, "--fidelity", "samples").stderr.splitlines()
+    assert "29.3 m" in line
+    assert _invoke(QUICK, "-o", tmp_path / "b", *rate).stderr == ""
+
+
+def test_what_the_front_end_said_is_in_the_results(tmp_path: Path) -> None:
+    front_end = ("--set", "receiver.front_end={bits=2}", "--set", "epochs=5")
+    for fidelity in ("samples", "correlators"):
+        assert _invoke(QUICK, "-o", tmp_path / fidelity, *front_end, "--fidelity", fidelity).exception is None
+    samples, drawn = (open_results(tmp_path / fidelity) for fidelity in ("samples", "correlators"))
+    assert samples["e6_agc_gain_db"].values == pytest.approx(-samples["e6_total_power_db"].values)
+    assert np.abs(samples["e6_total_power_db"].values) == pytest.approx(np.zeros(5), abs=0.05)
+    assert samples["e6_saturated"].values.tolist() == [0] * 5
+    assert np.all(np.isnan(drawn["e6_total_power_db"].values))
+    assert drawn["e6_saturated"].values.tolist() == [-1] * 5
+
+
+def test_errors_beyond_the_samples_end_the_run_with_one_line(tmp_path: Path) -> None:
+    bias = ("--set", 'receiver.bias={kind="bias", bgd_sigma_m=1e6}', "--set", "epochs=4")
+    result = _invoke(QUICK, "-o", tmp_path / "a", *bias, "--fidelity", "samples", "-j", 2)
+    assert isinstance(result.exception, VestigeError)

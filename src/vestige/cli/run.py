@@ -26,7 +26,13 @@ if TYPE_CHECKING:
 @click.option("--threads/--processes", default=False, help="Kind of workers on this machine.  [default: processes]")
 @click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
 @click.option("--fidelity", type=click.Choice(["samples", "correlators"]), help="In place of the scenario's own.")
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Replace a value, `receiver.cn0_dbhz=37`.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace a value, `receiver.cn0_dbhz=37`; `none` removes.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(
     scenario: Path,
@@ -46,6 +52,7 @@ def command(
     from vestige.campaign.scenario_plan import ScenarioPlan
     from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
+    from vestige.scenario.cautions import cautions
     from vestige.scenario.load import load_scenario
 
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
@@ -54,6 +61,8 @@ def command(
         raise VestigeError(
             f"{scenario}: kind: found {loaded.kind!r}, expected 'campaign'; `vestige simulate` writes it"
         )
+    for caution in cautions(loaded):
+        click.echo(f"vestige: {scenario}: {caution}", err=True)
     executor: Any = "threads" if threads or workers == 1 else "processes"
     if scheduler is not None:
         from vestige.campaign.cluster import connect
