@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.front_end import ReceivedComponent, sample_band
+from vestige.receiver.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
+from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
-from vestige.signals.definitions import CARRIER_HZ, E1B, E1C, E6B, E6C
+from vestige.signals.definitions import ALL_SIGNALS, CARRIER_HZ, E6C
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 480_136)  # 2025-12-12 13:22:16 GST, 16 s into a subframe
@@ -46,26 +47,37 @@ def batch_of(
 
 def satellite(
     svid: int, range_m: float, rate_mps: float, e1_dbhz: float, e6_dbhz: float, seed: int = 1
-) -> dict[Band, tuple]:
+) -> dict[Band, ReceivedSatellite]:
     """Return what one satellite puts into both bands."""
-    pseudorange = RangeModel(s0_m=range_m, v_mps=rate_mps)
-    e1 = tuple(
-        ReceivedComponent(component=open_component(s, svid, seed=seed), cn0_dbhz=e1_dbhz, pseudorange=pseudorange)
-        for s in (E1B, E1C)
-    )
-    e6 = tuple(
-        ReceivedComponent(component=open_component(s, svid, seed=seed), cn0_dbhz=e6_dbhz, pseudorange=pseudorange)
-        for s in (E6B, E6C)
-    )
-    return {Band.E1: e1, Band.E6: e6}
+    return {
+        band: ReceivedSatellite(
+            svid=svid,
+            components=tuple(open_component(s, svid, seed=seed) for s in ALL_SIGNALS if s.band is band),
+            cn0_dbhz=e1_dbhz if band is Band.E1 else e6_dbhz,
+            pseudorange=RangeModel(s0_m=range_m, v_mps=rate_mps),
+            propagation=lambda _: straight(),
+        )
+        for band in Band
+    }
 
 
 def received_batch(
-    band: Band, satellites: list[dict[Band, tuple]], *, duration_s: float = 0.1, rate_hz: float = 5e6, seed: int = 1
+    band: Band,
+    satellites: list[dict[Band, ReceivedSatellite]],
+    *,
+    duration_s: float = 0.1,
+    rate_hz: float = 5e6,
+    seed: int = 1,
 ) -> SampleBatch:
-    components = tuple(component for one in satellites for component in one[band])
-    blocks = sample_band(band, components, sample_rate_hz=rate_hz, n_samples=int(duration_s * rate_hz), seed=seed)
-    return batch_of(np.concatenate(list(blocks)), rate_hz, band)
+    batches = record_band(
+        band,
+        tuple(one[band] for one in satellites),
+        reference=START,
+        sample_rate_hz=rate_hz,
+        n_samples=int(duration_s * rate_hz),
+        noise_key=noise_key(seed, 0, 1),
+    )
+    return batch_of(np.concatenate([batch.samples for batch in batches]), rate_hz, band)
 
 
 def metres_to_seconds(metres: float) -> float:

@@ -1,4 +1,4 @@
-"""The antenna to the samples: all satellites of a band, noise, filter, gain control, quantisation.
+"""From the antenna to the samples of one band: filter, gain control, quantisation.
 
 Theory of operation
 -------------------
@@ -17,7 +17,6 @@ least (`quantiser.py`). Without gain control the gain is right for noise alone, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import erfc, inf
 
@@ -26,49 +25,7 @@ from jaxtyping import Complex64, Float32
 from scipy import fft
 
 from vestige.receiver.quantiser import QUANTISERS
-from vestige.records import Band, FrontEndStatus
-from vestige.signal_generator.range_model import RangeModel
-from vestige.signal_generator.waveform import Component
-from vestige.signals.definitions import CARRIER_HZ
-from vestige.streams import stream
-
-_BLOCK = 1 << 18
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReceivedComponent:
-    """A component as it reaches the antenna: waveform, strength, pseudorange in its own band."""
-
-    component: Component
-    cn0_dbhz: float
-    pseudorange: RangeModel
-
-
-def sample_band(
-    band: Band, received: tuple[ReceivedComponent, ...], *, sample_rate_hz: float, n_samples: int, seed: int
-) -> Iterator[Complex64[np.ndarray, " block"]]:
-    """Yield the samples of one band, block by block, starting at the reference second.
-
-    Parameters
-    ----------
-    received
-        All that is in the band.
-    sample_rate_hz
-        Complex sampling rate in Hz; the band's carrier stands at 0 Hz.
-    n_samples
-        Length in samples.
-    seed
-        Seed of the noise.
-    """
-    for number, first in enumerate(range(0, n_samples, _BLOCK)):
-        t = (first + np.arange(min(_BLOCK, n_samples - first))) / sample_rate_hz
-        noise = stream(seed, "noise", band.value, number).standard_normal((t.size, 2)) * np.sqrt(0.5)
-        samples = noise[:, 0] + 1j * noise[:, 1]
-        for one in received:
-            amplitude = np.sqrt(10 ** (one.cn0_dbhz / 10) / sample_rate_hz)
-            samples += amplitude * one.component.received(t, one.pseudorange.range_m(t), CARRIER_HZ[band])
-        yield samples.astype(np.complex64)
-
+from vestige.records import FrontEndStatus
 
 _CLIPPING = 2.0, 1e-3  # saturated: clips more than twice as often as for a Gaussian, and one sample in a thousand more
 _STOP_BAND_DB = 60.0

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.crypto.simulated_chain import make_chain
+from vestige.crypto.simulated_chain import SimulatedChain, make_chain
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch, ValidatedKey
@@ -146,7 +146,12 @@ def carrier(pseudorange_m: Float[np.ndarray, " n"]) -> Complex128[np.ndarray, " 
 
 
 @lru_cache(maxsize=2)
+def osnma_chain(seed: int, start: GalileoTime, subframes: int) -> SimulatedChain:
+    """Return the OSNMA chain of a run."""
+    return make_chain(stream_key(seed, "OSNMA chain"), start, subframes)
+
+
+@lru_cache(maxsize=2)
 def osnma_keys(seed: int, start: GalileoTime, subframes: int) -> dict[GalileoTime, ValidatedKey]:
     """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
-    chain = make_chain(stream_key(seed, "OSNMA chain"), start, subframes)
-    return {key.time: key for key in chain.validated_keys()}
+    return {key.time: key for key in osnma_chain(seed, start, subframes).validated_keys()}

@@ -24,11 +24,12 @@ from jaxtyping import Complex128, Float
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.recs import encrypt, key_time
+from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.errors import VestigeError
 from vestige.receiver.correlator_model import CorrelatorModel
 from vestige.receiver.e1_multipath import e1_multipath_error_m
 from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.sampled_epoch import carrier, e6_samples, observation, osnma_keys, received_signal
+from vestige.receiver.sampled_epoch import carrier, e6_samples, observation, osnma_chain, osnma_keys, received_signal
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
 from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot, ValidatedKey
 from vestige.sample_processor.correlator import CorrelatableSamples
@@ -104,6 +105,19 @@ class Simulation:
             seed=self.seed,
             svid=SVID,
         )
+
+    def transmit_time(self, epoch: int) -> GalileoTime:
+        """Return the time of an epoch, exact in deciseconds."""
+        deciseconds = epoch * round(10 * self.interval_s)
+        return GalileoTime.normalized(self.start.week, self.start.second + deciseconds // 10, deciseconds % 10 / 10)
+
+    def osnma_chain(self) -> SimulatedChain:
+        """Return the OSNMA chain of the run, which holds the key of every RECS."""
+        return osnma_chain(self.seed, self.start, self._subframes)
+
+    @property
+    def _subframes(self) -> int:
+        return int(self.n_epochs * self.interval_s / SUBFRAME_S) + 3
 
     def e1_multipath_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return the range error that the rays make on E1, in m."""
@@ -185,8 +199,7 @@ class Simulation:
         e1_multipath_m
             Its E1 range error by multipath in m.
         """
-        sent = self.start + epoch * self.interval_s
-        sent = GalileoTime(sent.week, sent.second, round(sent.fraction, 1) % 1.0)
+        sent = self.transmit_time(epoch)
         chips = encrypted_chips(encryption_key(self.seed), SVID, sent, self.n_chips)
         key = self._key(sent)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz)
@@ -212,5 +225,4 @@ class Simulation:
         return snapshot, Assistance(segments=(encrypt(chips, key.data, key_delay=self.key_delay),), keys=(key,))
 
     def _key(self, sent: GalileoTime) -> ValidatedKey:
-        subframes = int(self.n_epochs * self.interval_s / SUBFRAME_S) + 3
-        return osnma_keys(self.seed, self.start, subframes)[key_time(sent, self.key_delay)]
+        return osnma_keys(self.seed, self.start, self._subframes)[key_time(sent, self.key_delay)]

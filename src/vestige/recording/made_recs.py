@@ -15,10 +15,11 @@ from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import LENGTHS, SegmentLength, encrypt, key_time
-from vestige.errors import InputFileError, VestigeError
+from vestige.errors import VestigeError
 from vestige.recording.assistance import read_assistance
 from vestige.recording.assistance_files import KEYS_NAME, kind_of
 from vestige.recording.assistance_writer import write_assistance
+from vestige.recording.new_folder import new_folder
 from vestige.recording.recording import Recording
 from vestige.recording.snapshots import ALL_SVIDS, satellites_in_view
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
@@ -144,12 +145,7 @@ def make_assistance(
     VestigeError
         If no satellite is seen, no segment fits into the recording, or no key is of its time.
     """
-    if output.exists():
-        raise InputFileError(output, "output folder", "something there already", "a name that is not taken")
-    unfinished = output.with_name(output.name + ".part")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    try:
+    with new_folder(output) as unfinished:
         name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name
         for path, copy in ((keys_path, name), *((path, path.name) for path in (public_key, merkle_tree) if path)):
             shutil.copyfile(path, unfinished / copy)
@@ -160,10 +156,6 @@ def make_assistance(
             GroupDelay(svid=svid, bgd_e1_e6_s=0.0, valid_from=first) for svid in sorted({one.svid for one in segments})
         )
         write_assistance(unfinished, Assistance(segments=segments, group_delays=delays))
-    except BaseException:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        raise
-    unfinished.rename(output)
     return MadeAssistance(segments=segments, files=tuple(sorted(path for path in output.iterdir())))
 
 

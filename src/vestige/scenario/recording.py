@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from pydantic import Field, field_validator
 
-from vestige.constants import MAX_SVID, SUBFRAME_S
+from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.key_file import write_key_file
 from vestige.crypto.simulated_chain import make_chain
-from vestige.receiver.recorder import record_band
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.receiver.recorder import ReceivedSatellite, straight
 from vestige.records import Band
+from vestige.scenario.simulated_recording import SimulatedRecording
 from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.waveform import open_component
+from vestige.signals.definitions import ALL_SIGNALS
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
-
-NOISE_COUNTS = 20.0  # int8 counts of one unit: noise of 14 counts in I and in Q, 9 σ to the end of the scale
 
 
 class ReceiverSection(Section):
@@ -101,55 +99,40 @@ class RecordingScenario(Section):
         """`start` as a time."""
         return GalileoTime.parse(self.start)
 
-
-def write_recording(
-    scenario: RecordingScenario, folder: Path, *, progress: Callable[[str], None] | None = None
-) -> tuple[Path, ...]:
-    """Write a scenario as files and return their paths: a SigMF collection of both bands, the OSNMA keys of its time.
-
-    Parameters
-    ----------
-    folder
-        Made if it does not exist; gets `e1`, `e6`, the collection `recording`, and `osnma/` with keys and public key.
-    progress
-        Called with a line of text before long steps.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    receiver, start = scenario.receiver, scenario.start_time
-    metas = []
-    for band in Band:
-        if progress is not None:
-            progress(f"{band.value}: {len(scenario.satellites)} satellites, {scenario.duration_s:g} s")
-        batches = record_band(
-            band,
-            tuple(
-                (one.svid, RangeModel(s0_m=one.range_m, v_mps=one.range_rate_mps), one.cn0_dbhz(band))
-                for one in scenario.satellites
-            ),
-            start=start,
-            duration_s=scenario.duration_s,
+    def simulated(self) -> SimulatedRecording:
+        """Return the recording: open codes, and `osnma/` with the keys of its time and their public key."""
+        receiver = self.receiver
+        return SimulatedRecording(
+            sky={band: tuple(self._received(band, one) for one in self.satellites) for band in Band},
+            reference=self.start_time,
             sample_rate_hz=receiver.sample_rate_hz,
-            clock_offset_s=receiver.clock_offset_s,
-            delay_m=receiver.hardware_bias_e1_e6_m if band is Band.E6 else 0.0,
-            seed=scenario.seed,
+            samples=range(round(self.duration_s * receiver.sample_rate_hz)),
+            seed=self.seed,
+            time_uncertainty_s=receiver.time_uncertainty_s,
+            description="simulated by vestige, open codes on E6-C",
+            companions=self._write_keys,
         )
-        metas.append(
-            write_sigmf(
-                folder / band.value.lower(),
-                batches,
-                form=SampleFormat(component="int8", layout="iq"),
-                scale=NOISE_COUNTS,
-                time_uncertainty_s=receiver.time_uncertainty_s,
-                description="simulated by vestige, open codes on E6-C",
-            )
+
+    def _received(self, band: Band, satellite: SatelliteSection) -> ReceivedSatellite:
+        receiver = self.receiver
+        late = straight(receiver.hardware_bias_e1_e6_m if band is Band.E6 else 0.0)
+        return ReceivedSatellite(
+            svid=satellite.svid,
+            components=tuple(
+                open_component(signal, satellite.svid, seed=self.seed) for signal in ALL_SIGNALS if signal.band is band
+            ),
+            cn0_dbhz=satellite.cn0_dbhz(band),
+            pseudorange=RangeModel(
+                s0_m=satellite.range_m + receiver.clock_offset_s * SPEED_OF_LIGHT_MPS, v_mps=satellite.range_rate_mps
+            ),
+            propagation=lambda _: late,
         )
-    collection = write_collection(folder / "recording", metas)
-    osnma = folder / "osnma"
-    osnma.mkdir(exist_ok=True)
-    subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2  # the next key too, for KDI = 1
-    chain = make_chain(stream_key(scenario.seed, "OSNMA chain"), start, subframes)
-    keys, public_key = osnma / "keys.csv", osnma / "public_key.pem"
-    write_key_file(keys, chain.validated_keys(), (chain.root,))
-    pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-    public_key.write_bytes(pem)
-    return (collection, *metas, keys, public_key)
+
+    def _write_keys(self, folder: Path) -> None:
+        osnma, start = folder / "osnma", self.start_time
+        osnma.mkdir()
+        subframes = int((start + self.duration_s - start.subframe) / SUBFRAME_S) + 2  # the next key too, for KDI = 1
+        chain = make_chain(stream_key(self.seed, "OSNMA chain"), start, subframes)
+        write_key_file(osnma / "keys.csv", chain.validated_keys(), (chain.root,))
+        pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+        (osnma / "public_key.pem").write_bytes(pem)

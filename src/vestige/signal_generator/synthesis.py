@@ -31,11 +31,9 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import ChipSequence
 from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signal_generator.synthesis_kernel import add_rays
-from vestige.signal_generator.waveform import Component
 from vestige.signals.chip_window_kernel import REACH_CHIPS, chip_windows
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
-from vestige.time import GalileoTime
 
 _SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
 
@@ -49,7 +47,8 @@ class ReceivedSignal:
     chips
         Rectangular (BPSK) chips; before the first and after the last there is nothing.
     start_s
-        Time from sample 0 to chip number `lead_chips` by a ray without delay, in s; may be negative.
+        Time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a ray without delay,
+        in s; may be negative.
     doppler_hz, doppler_rate_hz_per_s
         Doppler at that moment and its rate of change, on the carrier.
     delay_m
@@ -84,6 +83,7 @@ def synthesize(
     n_samples: int,
     noise_key: np.uint64 | None,
     first_sample: int = 0,
+    origin_sample: int = 0,
     carrier_hz: float = E6C.carrier_hz,
     center_frequency_hz: float = E6C.carrier_hz,
 ) -> Complex64[np.ndarray, " n_samples"]:
@@ -97,6 +97,8 @@ def synthesize(
         Complex sampling rate in Hz.
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
+    origin_sample
+        Sample from which the signals count `start_s`; near to them in a long recording, where float64 would round.
     carrier_hz
         Carrier of all signals.
     center_frequency_hz
@@ -111,30 +113,15 @@ def synthesize(
     else:
         fill_normals(noise_key, np.int64(first), _SIGMA, x)
     for signal in signals:
-        _add(x, signal, first / sample_rate_hz, sample_rate_hz, carrier_hz, carrier_hz - center_frequency_hz)
+        _add(
+            x,
+            signal,
+            (first - origin_sample) / sample_rate_hz,
+            sample_rate_hz,
+            carrier_hz,
+            carrier_hz - center_frequency_hz,
+        )
     return samples[skip:]
-
-
-def open_chips(
-    component: Component, svid: int, *, reference: GalileoTime, transmit_time: GalileoTime, n_chips: int
-) -> ChipSequence:
-    """Return what a BPSK component sends from `transmit_time` on, chips times symbols, as one chip sequence.
-
-    Parameters
-    ----------
-    component
-        For example open E6-B; its chips and symbols are counted from `reference`.
-    reference
-        A whole second.
-    transmit_time
-        Satellite time of the first chip.
-    """
-    rate = component.signal.chip_rate_hz
-    if component.signal.pulse.levels != (1.0,):
-        raise ValueError(f"{component.signal.name} has no rectangular chips")
-    index = round((transmit_time - reference) * rate) + np.arange(n_chips)
-    chips = component.modulation((index + 0.5) / rate).astype(np.int8)
-    return ChipSequence(svid=svid, transmit_time=transmit_time, chip_rate_hz=rate, chips=chips)
 
 
 def _add(

@@ -13,7 +13,9 @@ on E1-C. Averaged over both, the cross term cancels and the spectrum is MBOC = 1
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -46,9 +48,12 @@ def boc_levels(half_cycles: int) -> Float[np.ndarray, " half_cycles"]:
     return np.where(np.arange(half_cycles) % 2 == 0, 1.0, -1.0)
 
 
+_SHARE_11, _SHARE_61 = float(np.sqrt(10 / 11)), float(np.sqrt(1 / 11))  # CBOC(6,1,1/11) [OS-ICD, 2.3.3]
+
+
 def _cboc(sign: float) -> tuple[float, ...]:
     low, high = np.repeat(boc_levels(2), 6), boc_levels(12)
-    return tuple((np.sqrt(10 / 11) * low + sign * np.sqrt(1 / 11) * high).tolist())
+    return tuple((_SHARE_11 * low + sign * _SHARE_61 * high).tolist())
 
 
 BPSK = Pulse("BPSK", (1.0,))
@@ -58,6 +63,17 @@ CBOC_PLUS = Pulse("CBOC(6,1,1/11,+)", _cboc(+1.0))
 CBOC_MINUS = Pulse("CBOC(6,1,1/11,-)", _cboc(-1.0))
 
 ALL_PULSES = (BPSK, BOC11, BOC61, CBOC_PLUS, CBOC_MINUS)
+
+# pulse: the pulses with levels of ±1 that it is a sum of, each with its weight [OS-ICD, 2.3.3]
+RECTANGULAR_PARTS: Mapping[Pulse, tuple[tuple[float, Pulse], ...]] = MappingProxyType(
+    {
+        BPSK: ((1.0, BPSK),),
+        BOC11: ((1.0, BOC11),),
+        BOC61: ((1.0, BOC61),),
+        CBOC_PLUS: ((_SHARE_11, BOC11), (_SHARE_61, BOC61)),
+        CBOC_MINUS: ((_SHARE_11, BOC11), (-_SHARE_61, BOC61)),
+    }
+)
 
 
 def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: float) -> Float[np.ndarray, " n"]:

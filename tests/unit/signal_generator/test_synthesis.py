@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from builders import START, batch_of, handover_at, random_chips
+from builders import batch_of, handover_at, random_chips
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.sample_processor.correlator import correlate
 from vestige.signal_generator.noise_kernel import noise_key, normal_pairs
-from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, open_chips, synthesize
-from vestige.signal_generator.waveform import open_component
-from vestige.signals.definitions import E1C, E6B, E6C
+from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
+from vestige.signals.definitions import E6C
 
 RATE = E6C.chip_rate_hz
 CHIP_M = SPEED_OF_LIGHT_MPS / RATE
@@ -155,16 +154,3 @@ def test_the_correlator_finds_amplitude_and_phase() -> None:
     assert abs(bank.taps[1] / a) < 5 * spread
     own = 1.25 * 1e6 / RATE  # the two rays add to the floor at most their own C/N0 over a chip
     assert 0.98 < bank.noise_power * fs * t_s < 1.02 + own
-
-
-def test_open_chips_are_what_the_waveform_sends() -> None:
-    """E6-B over a symbol edge: code of 1 ms times symbols, and the chips sampled by the waveform."""
-    component = open_component(E6B, 7, seed=2)
-    assert component.symbol is not None
-    sequence = open_chips(component, 7, reference=START, transmit_time=START + 0.0105, n_chips=6000)
-    index = 10 * 5115 + 2557 + np.arange(6000)  # 10.5 ms is half a chip after chip 2557; rounded half to even
-    index += round(0.0105 * RATE) - index[0]
-    expected = component.chip(index) * component.symbol(index // 5115)
-    assert np.array_equal(sequence.chips, expected)
-    with pytest.raises(ValueError, match="rectangular"):
-        open_chips(open_component(E1C, 7), 7, reference=START, transmit_time=START, n_chips=3)

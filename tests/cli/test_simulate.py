@@ -1,0 +1,216 @@
+"""A test case of a campaign: written, looked into, authenticated, attacked, exported."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from vestige.cli.inspect import command as inspect
+from vestige.cli.process import command as process
+from vestige.cli.simulate import command as simulate
+from vestige.errors import InputFileError, UnsupportedError, VestigeError
+from vestige.recording.observations import open_observations
+from vestige.recording.recording import open_recording
+from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.scenario import simulated_recording
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+QUICK = SCENARIOS / "quick.toml"
+FS = 6.2e6
+SETTINGS = (
+    "--set", f"receiver.sample_rate_hz={FS}", "--set", "interval_s=0.1",
+    "--set", "receiver.cn0_dbhz=45.0", "--set", "receiver.cn0_e1_dbhz=43.0",
+)  # fmt: skip
+
+
+def _invoke(command: click.Command, *arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def _written(command: click.Command, *arguments: object) -> Result:
+    result = _invoke(command, *arguments)
+    if result.exception is not None:
+        raise result.exception
+    return result
+
+
+def _verdicts(folder: Path, *arguments: object) -> list[dict]:
+    return json.loads(_written(process, folder, *arguments, "--json").stdout)["verdicts"]
+
+
+def _truth(folder: Path) -> list[dict[str, str]]:
+    with (folder / "truth.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("simulate") / "case"
+    exports = ("--export", "gnss-sdr", "--export", "pocketsdr")
+    result = _written(simulate, QUICK, "--epochs", "5:8", "-o", output, *SETTINGS, *exports)
+    assert "0.5 s of E1 and E6: 0.0248 GB" in result.stderr  # 0.5 s · 6.2 Msps · 2 bands · 2 copies · 2 bytes
+    assert sorted(result.stdout.split()) == sorted(str(path) for path in output.rglob("*") if path.is_file())
+    return output
+
+
+def test_it_is_authenticated_where_the_truth_says(folder: Path) -> None:
+    """1σ of the offset at 45 dBHz, 16 ms and taps of 15 m: 2 m, and up to 2 m more by a ray of −16 dB."""
+    verdicts, truth = _verdicts(folder), _truth(folder)
+    assert [one["status"] for one in verdicts] == ["AUTHENTIC"] * 3
+    found = np.array([one["range_offset_m"] for one in verdicts])
+    assert found == pytest.approx([float(row["range_offset_m"]) for row in truth], abs=8.0)
+    assert [row["epoch"] for row in truth] == ["5", "6", "7"]
+
+
+def test_with_e1_out_of_the_samples(folder: Path, tmp_path: Path) -> None:
+    for path in folder.glob("*.sigmf-*"):
+        (tmp_path / path.name).symlink_to(path)
+    verdicts = _verdicts(tmp_path, "--assistance", folder / "assistance")
+    assert [one["status"] for one in verdicts] == ["AUTHENTIC"] * 3
+    # E6 − E1 without the errors of the observations; the E1 snapshot has 2 m (1σ) of its own
+    expected = [float(row["iono_diff_m"]) + float(row["bias_m"]) for row in _truth(folder)]
+    assert [one["range_offset_m"] for one in verdicts] == pytest.approx(expected, abs=12.0)
+
+
+def test_e6_that_comes_late_is_refused(folder: Path, tmp_path: Path) -> None:
+    recording = open_recording(folder)
+    metas = []
+    for reader, delay in ((recording.e1, 0), (recording.e6, 2)):  # two samples, 97 m
+        assert reader is not None
+        batch = reader.read(reader.first_sample, reader.n_samples)
+        late = replace(batch, first_sample=batch.first_sample + delay, start=batch.start + delay / FS)
+        metas.append(
+            write_sigmf(tmp_path / batch.band.value.lower(), [late], form=reader.file.form, time_uncertainty_s=1.0)
+        )
+    write_collection(tmp_path / "recording", metas)
+    shutil.copy(folder / "observations.csv", tmp_path)
+    verdicts = _verdicts(tmp_path, "--assistance", folder / "assistance", "--taps", 21)
+    assert {one["status"] for one in verdicts} == {"SPOOFED"}
+    assert np.mean([one["range_offset_m"] for one in verdicts]) == pytest.approx(96.7, abs=8.0)
+
+
+def test_the_recs_of_another_seed_do_not_correlate(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    _written(simulate, QUICK, "--epochs", "5:8", "-o", other, *SETTINGS, "--set", "seed=2")
+    verdicts = _verdicts(folder, "--assistance", other / "assistance")
+    assert not {one["status"] for one in verdicts} & {"AUTHENTIC", "NOT_AVAILABLE"}
+    assert all(one["range_offset_m"] is None for one in verdicts)
+
+
+def test_the_folder_makes_itself_again(folder: Path, tmp_path: Path) -> None:
+    _written(simulate, folder / "scenario.toml", "--epochs", "5:8", "-o", tmp_path / "again")
+    for path in (tmp_path / "again").rglob("*"):
+        if path.is_file():
+            assert path.read_bytes() == (folder / path.relative_to(tmp_path / "again")).read_bytes(), path.name
+
+
+def test_rinex_says_what_csv_says(folder: Path) -> None:
+    rinex, table = (open_observations(folder / name) for name in ("rinex/observations.rnx", "observations.csv"))
+    for a, b in zip(rinex, table, strict=True):
+        assert a.time - b.time == pytest.approx(0, abs=1e-9)
+        assert a.observations[11].pseudorange_m == pytest.approx(b.observations[11].pseudorange_m, abs=5e-4)
+        assert a.observations[11].doppler_hz == pytest.approx(b.observations[11].doppler_hz, abs=5e-4)
+
+
+def test_inspect_finds_it_whole(folder: Path) -> None:
+    text = _written(inspect, folder).stdout
+    assert "3 RECS can be in the E6 samples" in text
+    assert "observations.csv: CSV, 3 epochs" in text
+    assert "validated keys" in text
+
+
+def test_levels_of_int8_leave_room(folder: Path) -> None:
+    for band in ("e1", "e6"):
+        counts = np.fromfile(folder / f"{band}.sigmf-data", np.int8).astype(float)
+        # noise of 14.1 counts; both components add 2 C/N0 / f_s of its power, 1 %
+        assert np.std(counts) == pytest.approx(20 / np.sqrt(2), rel=0.01)
+        assert np.abs(counts).max() < 127
+
+
+def test_gnss_sdr_gets_a_configuration(folder: Path) -> None:
+    for band, signal in (("e1", "1B"), ("e6", "E6")):
+        lines = (folder / "gnss-sdr" / f"{band}.conf").read_text().splitlines()
+        settings = dict(line.split("=", 1) for line in lines if "=" in line)
+        assert (folder / "gnss-sdr" / settings["SignalSource.filename"]).resolve().stat().st_size == 2 * 0.5 * FS
+        assert settings["SignalSource.sampling_frequency"] == "6200000"
+        assert settings["SignalSource.item_type"] == "ibyte"
+        assert (settings["Channel0.signal"], settings["Channel0.satellite"]) == (signal, "11")
+    assert settings["Tracking_E6.track_pilot"] == "false"
+
+
+def test_pocketsdr_gets_few_levels_and_the_conjugate(folder: Path) -> None:
+    for band in ("e1", "e6"):
+        own = np.fromfile(folder / f"{band}.sigmf-data", np.int8).astype(float).reshape(-1, 2)
+        theirs = np.fromfile(folder / "pocketsdr" / f"{band}.bin", np.int8).reshape(-1, 2)
+        assert np.abs(theirs).max() <= 7
+        assert np.sqrt(np.mean(theirs.astype(float) ** 2)) == pytest.approx(2.0, abs=0.05)  # rounding adds 1/12
+        assert np.corrcoef(own[:, 0], theirs[:, 0])[0, 1] > 0.98
+        assert np.corrcoef(own[:, 1], theirs[:, 1])[0, 1] < -0.98
+        tag = dict(line.split(" = ") for line in (folder / "pocketsdr" / f"{band}.bin.tag").read_text().splitlines())
+        assert (tag["F_S "], tag["IQ  "], tag["FMT "]) == ("6.2", "2", "INT8X2")
+    commands = (folder / "pocketsdr" / "README.txt").read_text()
+    assert "-sig E6B -prn 11 -fmt INT8X2 -f 6.2 -fo 1278.75 -IQ 2" in commands
+
+
+@pytest.mark.parametrize(("component", "scale"), [("int16", 1000.0), ("float32", 1.0)])
+def test_other_formats(tmp_path: Path, component: str, scale: float) -> None:
+    _written(simulate, QUICK, "--epochs", "0:1", "-o", tmp_path / "case", *SETTINGS, "--format", component)
+    values = np.fromfile(tmp_path / "case" / "e6.sigmf-data", {"int16": "<i2", "float32": "<f4"}[component])
+    assert np.std(values.astype(float)) == pytest.approx(scale / np.sqrt(2), rel=0.02)
+    assert [one["status"] for one in _verdicts(tmp_path / "case")] == ["AUTHENTIC"]
+
+
+def test_open_recordings_are_exported_too(tmp_path: Path) -> None:
+    settings = ("--set", "duration_s=0.06", "--set", "receiver.sample_rate_hz=6.2e6")
+    result = _written(simulate, SCENARIOS / "first_light.toml", "-o", tmp_path / "a", *settings, "--export", "gnss-sdr")
+    assert str(tmp_path / "a" / "osnma" / "keys.csv") in result.stdout
+    assert "Channels_1B.count=5" in (tmp_path / "a" / "gnss-sdr" / "e1.conf").read_text()
+
+
+@pytest.mark.parametrize("epochs", [(), ("--epochs", "3"), ("--epochs", "1:x"), ("--epochs", "-1:4")])
+def test_a_campaign_needs_epochs(tmp_path: Path, epochs: tuple[str, ...]) -> None:
+    assert isinstance(_invoke(simulate, QUICK, "-o", tmp_path / "a", *epochs).exception, click.UsageError)
+
+
+def test_a_recording_has_none(tmp_path: Path) -> None:
+    result = _invoke(simulate, SCENARIOS / "first_light.toml", "-o", tmp_path / "a", "--epochs", "0:1")
+    assert isinstance(result.exception, click.UsageError)
+
+
+def test_absurd_sizes_are_refused_unless_asked_for(tmp_path: Path) -> None:
+    result = _invoke(simulate, QUICK, "-o", tmp_path / "a", "--epochs", "0:20000")
+    assert isinstance(result.exception, VestigeError)
+    assert str(result.exception) == "19999.3 s of E1 and E6: 1e+03 GB, which is more than --max-gb 10"
+    result = _invoke(simulate, QUICK, "-o", tmp_path / "a", "--epochs", "0:20000", "--max-gb", 1e6)
+    assert isinstance(result.exception, VestigeError)  # no disk has it
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_gnss_sdr_takes_whole_hertz(tmp_path: Path) -> None:
+    settings = (*SETTINGS, "--set", "receiver.sample_rate_hz=6200000.5")
+    result = _invoke(simulate, QUICK, "--epochs", "0:1", "-o", tmp_path / "a", *settings, "--export", "gnss-sdr")
+    assert isinstance(result.exception, UnsupportedError)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_written_over(folder: Path) -> None:
+    result = _invoke(simulate, QUICK, "--epochs", "5:8", "-o", folder, *SETTINGS)
+    assert isinstance(result.exception, InputFileError)
+
+
+def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(_base: Path, _metas: list[Path]) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulated_recording, "write_collection", stopped)
+    result = _invoke(simulate, QUICK, "--epochs", "0:1", "-o", tmp_path / "a", *SETTINGS)
+    assert isinstance(result.exception, (KeyboardInterrupt, click.Abort))
+    assert list(tmp_path.iterdir()) == []

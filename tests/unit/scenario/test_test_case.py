@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vestige.crypto.recs import decrypt
+from vestige.errors import VestigeError
+from vestige.records import Band
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.test_case import PLACED_M, AcasTestCase, placed
+from vestige.scenario.test_case_folder import simulated
+from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+
+QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
+SETTINGS = ("receiver.sample_rate_hz=6.2e6", "interval_s=0.1", "epochs=500", "recs.duration_ms=4")
+
+
+def case(first: int, end: int, *settings: str) -> AcasTestCase:
+    scenario = load_scenario(QUICK, (*SETTINGS, *settings))
+    assert isinstance(scenario, CampaignScenario)
+    return AcasTestCase(scenario=placed(scenario), first=first, end=end)
+
+
+def test_the_recs_are_those_of_a_run() -> None:
+    """Byte for byte, key delay 0 and 1, over the end of a subframe; and they decrypt to what the satellite sends."""
+    for key_delay in (0, 1):
+        one = case(298, 303, f"recs.key_delay={key_delay}")
+        simulation, (assistance, _) = one.simulation, one.assistance()
+        assert len(assistance.segments) == 5
+        keys = {key.time: key for key in assistance.keys}
+        for row, segment in enumerate(assistance.segments):
+            _, of_run = simulation.snapshot(298 + row, row, one.truth, 0.0)
+            assert (segment,) == of_run.segments
+            assert keys[segment.key_time] == of_run.keys[0]
+            sent = encrypted_chips(encryption_key(simulation.seed), 11, segment.transmit_time, simulation.n_chips)
+            assert np.array_equal(decrypt(segment, keys[segment.key_time]).chips, sent.chips)
+
+
+def test_the_truth_is_that_of_the_campaign() -> None:
+    whole, part = case(0, 30), case(20, 25)
+    for name in ("clock_m", "iono_diff_m", "e1_noise_m", "range_m"):
+        assert np.array_equal(getattr(part.truth, name), getattr(whole.truth, name)[20:25])
+    assert part.truth_table()["range_offset_m"] == whole.truth_table()["range_offset_m"][20:25]
+
+
+def test_recordings_of_one_scenario_overlap_bit_for_bit() -> None:
+    whole, part = (simulated(case(*epochs)) for epochs in ((0, 12), (3, 5)))
+    for band in Band:
+        a, b = (np.concatenate([x.samples for x in one.record(band)]) for one in (whole, part))
+        skip = part.samples.start - whole.samples.start
+        assert skip == round(0.3 * 6.2e6)
+        assert np.array_equal(b, a[skip : skip + b.size])
+
+
+def test_observations_are_the_truth_with_its_errors() -> None:
+    """What geometry and clock say 86 ms after each epoch, with the noise of the epoch."""
+    one = case(3, 6)
+    path = one.simulation.line_of_sight
+    for row, epoch in enumerate(one.observations()):
+        t = np.array([one.truth.time_s[row] + 0.086])
+        assert epoch.time - one.simulation.start == pytest.approx(t[0], abs=1e-9)
+        clock_m = one.truth.clock_m[row] + 0.086 * one.truth.clock_drift_mps[row]
+        expected = path.range_m(t)[0] + clock_m + one.truth.e1_noise_m[row]
+        assert epoch.observations[11].pseudorange_m == pytest.approx(expected, abs=5e-3)  # the clock's walk in 0.1 s
+        doppler_hz = (
+            -(path.rate_mps(t)[0] + one.truth.clock_drift_mps[row] + one.truth.e1_rate_noise_mps[row]) / 0.1902937
+        )
+        assert epoch.observations[11].doppler_hz == pytest.approx(doppler_hz, abs=0.5)  # 1.8 mm in 0.1 s
+
+
+def test_a_satellite_at_no_distance_is_placed() -> None:
+    assert case(0, 1).simulation.line_of_sight.s0_m == PLACED_M
+    assert case(0, 1, "line_of_sight.s0_m=2.4e7").simulation.line_of_sight.s0_m == 2.4e7
+
+
+@pytest.mark.parametrize("epochs", [(0, 0), (5, 4), (0, 501), (500, 501)])
+def test_epochs_that_there_are_not(epochs: tuple[int, int]) -> None:
+    with pytest.raises(VestigeError, match="expected first:end within"):
+        case(*epochs)
+
+
+@pytest.mark.parametrize(
+    ("setting", "found"),
+    [("s0_m=1.0", "of travel"), ("s0_m=6e7", "of travel"), ("s0_m=nan", "of travel"), ("v_mps=2e4", "m/s")],
+)
+def test_a_satellite_that_cannot_be(setting: str, found: str) -> None:
+    with pytest.raises(VestigeError, match=found):
+        case(0, 1, f"line_of_sight.{setting}")
+
+
+def test_a_front_end_is_not_in_a_test_case() -> None:
+    with pytest.raises(VestigeError, match=r"receiver\.front_end"):
+        case(0, 1, "receiver.front_end.bits=2")
