@@ -1,0 +1,92 @@
+"""An independent receiver, gnss-sdr, on a test case: it finds E6-B and E1 and measures what the truth says."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from vestige.cli.simulate import command as simulate
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("gnss-sdr") is None, reason="gnss-sdr is not installed (Debian: apt-get install gnss-sdr)"
+)
+
+FS = 12_000_000
+CN0_DBHZ = 45.0  # of each component
+PULL_IN_S = 4.0
+SCENARIO = f"""
+kind = "campaign"
+seed = 7
+start = "2026-11-21T12:00:00 GST"
+epochs = 10
+[line_of_sight]
+s0_m = 24_000_000.0
+v_mps = -280.0
+a_mps2 = 0.2
+[receiver]
+cn0_dbhz = {CN0_DBHZ}
+cn0_e1_dbhz = {CN0_DBHZ}
+sample_rate_hz = {FS}.0
+[receiver.clock]
+kind = "two-state"
+[receiver.ionosphere]
+kind = "heavy-tailed"
+core_sigma_m = 1.24
+tail_start_m = 2.65
+tail_scale_m = 1.17
+"""
+
+# one record of the tracking dump of gnss-sdr 0.0.17
+_DUMP = np.dtype(
+    [
+        ("correlators", "<f4", 5), ("prompt", "<f4", 2), ("sample", "<u8"), ("carrier_phase_rad", "<f4"),
+        ("doppler_hz", "<f4"), ("doppler_rate", "<f4"), ("code_rate_hz", "<f4"), ("code_rate_rate", "<f4"),
+        ("errors", "<f4", 4), ("cn0_dbhz", "<f4"), ("lock", "<f4"), ("aux1", "<f4"), ("aux2", "<f8"), ("svid", "<u4"),
+    ]
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    room = tmp_path_factory.mktemp("agreement")
+    (room / "scenario.toml").write_text(SCENARIO)
+    arguments = [room / "scenario.toml", "--epochs", "0:10", "-o", room / "case", "--export", "gnss-sdr"]
+    result = CliRunner().invoke(simulate, [str(one) for one in arguments], standalone_mode=False)
+    assert result.exception is None
+    return room / "case"
+
+
+@pytest.mark.parametrize(
+    ("band", "carrier_hz", "chip_rate_hz"), [("e6", 1278.75e6, 5.115e6), ("e1", 1575.42e6, 1.023e6)]
+)
+def test_doppler_and_strength(folder: Path, band: str, carrier_hz: float, chip_rate_hz: float) -> None:
+    """Doppler within 0.5 Hz, C/N0 within 1 dB; the code moves with the carrier."""
+    run = subprocess.run(  # noqa: S603  (ours)
+        ["gnss-sdr", "-c", f"{band}.conf", "-keyboard=false", "-log_dir=."],  # noqa: S607
+        cwd=folder / "gnss-sdr",
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
+    )
+    dump = folder / "gnss-sdr" / f"{band}_track0.dat"
+    assert dump.exists(), run.stdout[-2000:]
+    track = np.fromfile(dump, _DUMP)
+    track = track[track["sample"] > PULL_IN_S * FS]
+    assert track.size > 1000, "gnss-sdr lost the signal"
+    assert set(track["svid"]) == {11}
+
+    with (folder / "truth.csv").open() as stream:
+        truth = list(csv.DictReader(stream))
+    at_s = [float(row["epoch"]) + float(row["received_s"]) for row in truth]
+    true_hz = np.interp(track["sample"] / FS, at_s, [float(row[f"doppler_{band}_hz"]) for row in truth])
+    assert np.mean(track["doppler_hz"] - true_hz) == pytest.approx(0, abs=0.5)
+    assert np.mean(track["cn0_dbhz"]) == pytest.approx(CN0_DBHZ, abs=1.0)
+    code_hz = np.mean(track["code_rate_hz"].astype(float)) - chip_rate_hz
+    assert code_hz == pytest.approx(np.mean(true_hz) * chip_rate_hz / carrier_hz, abs=0.3)
