@@ -84,7 +84,7 @@ def test_epochs_that_there_are_not(epochs: tuple[int, int]) -> None:
 
 @pytest.mark.parametrize(
     ("setting", "found"),
-    [("s0_m=1.0", "of travel"), ("s0_m=6e7", "of travel"), ("s0_m=nan", "of travel"), ("v_mps=2e4", "m/s")],
+    [("s0_m=1.0", "of travel"), ("s0_m=6e7", "of travel"), ("v_mps=2e4", "m/s")],
 )
 def test_a_satellite_that_cannot_be(setting: str, found: str) -> None:
     with pytest.raises(VestigeError, match=found):
