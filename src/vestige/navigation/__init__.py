@@ -1,0 +1,1 @@
+"""Where satellites and receiver are: broadcast orbits and clocks, position fix, receiver autonomous integrity."""

@@ -1,0 +1,125 @@
+"""The line of sight from a satellite to a receiver at times of reception: range, its derivatives, direction.
+
+Theory of operation
+-------------------
+In the frame that is at rest in space and coincides with ECEF at reception, with r the receiver, s the satellite and τ
+the time of flight,
+
+    d = r(t) − s(t − τ),   ρ = |d| = c τ,   u = d/ρ
+    ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
+    ρ̈ = [ (|ḋ|² − ρ̇²)/ρ + u·(r̈ − s̈ (1 − τ̇)²) ] / (1 − u·ṡ/c),   ḋ = ṙ − ṡ(1 − τ̇)
+
+The satellite's state at t − τ is ECEF of that moment, and the Earth turns by ω_E τ until reception (Sagnac: 40 m).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.earth import ROTATION_VECTOR, azimuth_elevation, local_axes_at, turned_with_earth
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.orbit import satellite_state
+from vestige.time import GalileoTime
+
+_TYPICAL_FLIGHT_S = 0.08
+_LIGHT_TIME_STEPS = 3  # each leaves ρ̇/c < 3e-6 of the error: 0.02 s, 60 ns, 0.2 ps, nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverMotion:
+    """Where a receiver's antenna is at n times: ECEF position and its derivatives in the rotating frame."""
+
+    position_m: Float[np.ndarray, "n 3"]
+    velocity_mps: Float[np.ndarray, "n 3"]
+    acceleration_mps2: Float[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineOfSight:
+    """One satellite as a receiver sees it, at n times of reception.
+
+    Attributes
+    ----------
+    range_m, rate_mps, acceleration_mps2
+        Geometric range along the light's path and its derivatives, positive when it grows.
+    azimuth_rad, elevation_rad
+        Direction to the satellite.
+    satellite_clock_m, satellite_clock_mps
+        c times the satellite clock's error at transmission as it acts on E1, and its rate. It shortens the pseudorange.
+    """
+
+    range_m: Float[np.ndarray, " n"]
+    rate_mps: Float[np.ndarray, " n"]
+    acceleration_mps2: Float[np.ndarray, " n"]
+    azimuth_rad: Float[np.ndarray, " n"]
+    elevation_rad: Float[np.ndarray, " n"]
+    satellite_clock_m: Float[np.ndarray, " n"]
+    satellite_clock_mps: Float[np.ndarray, " n"]
+
+
+def line_of_sight(
+    ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
+) -> LineOfSight:
+    """Return the line of sight to one satellite at reception times `start` + `elapsed_s` in system time.
+
+    Parameters
+    ----------
+    ephemeris
+        The satellite's orbit and clock, which are taken for true.
+    start, elapsed_s
+        Times of reception.
+    receiver
+        The receiver at these times.
+    """
+    flight_s = np.full_like(elapsed_s, _TYPICAL_FLIGHT_S)
+    for _ in range(_LIGHT_TIME_STEPS):
+        state = satellite_state(ephemeris, start, elapsed_s - flight_s)
+        flight_s = _length(receiver.position_m - turned_with_earth(state.position_m, flight_s)) / SPEED_OF_LIGHT_MPS
+    state = satellite_state(ephemeris, start, elapsed_s - flight_s)
+
+    s, s_1, s_2 = (
+        turned_with_earth(vector, flight_s)
+        for vector in at_rest_in_space(state.position_m, state.velocity_mps, state.acceleration_mps2)
+    )
+    r, r_1, r_2 = at_rest_in_space(receiver.position_m, receiver.velocity_mps, receiver.acceleration_mps2)
+    d = r - s
+    rho = _length(d)
+    u = d / rho[:, None]
+    slowed = 1 - _dot(u, s_1) / SPEED_OF_LIGHT_MPS
+    rate = _dot(u, r_1 - s_1) / slowed
+    kept = 1 - rate / SPEED_OF_LIGHT_MPS  # seconds of transmission in a second of reception, 1 − τ̇
+    d_1 = r_1 - s_1 * kept[:, None]
+    bend = (_dot(d_1, d_1) - rate**2) / rho
+    azimuth, elevation = azimuth_elevation(np.einsum("nij,nj->ni", local_axes_at(receiver.position_m), -d))
+    return LineOfSight(
+        range_m=rho,
+        rate_mps=rate,
+        acceleration_mps2=(bend + _dot(u, r_2 - s_2 * kept[:, None] ** 2)) / slowed,
+        azimuth_rad=azimuth,
+        elevation_rad=elevation,
+        satellite_clock_m=SPEED_OF_LIGHT_MPS * state.clock_s,
+        satellite_clock_mps=SPEED_OF_LIGHT_MPS * state.clock_drift * kept,
+    )
+
+
+def at_rest_in_space(
+    position_m: Float[np.ndarray, "*n 3"],
+    velocity_mps: Float[np.ndarray, "*n 3"],
+    acceleration_mps2: Float[np.ndarray, "*n 3"],
+) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"]]:
+    """Return position, velocity and acceleration in the frame at rest that coincides with the rotating one now."""
+    carried = np.cross(ROTATION_VECTOR, position_m)
+    coriolis = 2 * np.cross(ROTATION_VECTOR, velocity_mps)
+    return position_m, velocity_mps + carried, acceleration_mps2 + coriolis + np.cross(ROTATION_VECTOR, carried)
+
+
+def _dot(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    return np.einsum("ni,ni->n", a, b)
+
+
+def _length(a: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    return np.sqrt(_dot(a, a))

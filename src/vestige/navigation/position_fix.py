@@ -1,0 +1,286 @@
+"""Position, velocity and clock from pseudoranges and range rates by weighted least squares, for many epochs at once.
+
+Theory of operation
+-------------------
+A pseudorange P, read at the receiver's clock time t, left the satellite at t − P/c on the satellite's own clock, so the
+satellite's state at transmission needs no iteration. With s that position turned with the Earth during the flight,
+
+    P + c Δt_sat − corrections = |s − r| + b + error
+
+is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W holds the weights 1/σ²:
+
+    x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
+
+The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
+
+Epochs stand along the first axis, satellites along the second; a satellite that was not measured is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.earth import ROTATION_VECTOR, local_axes_at, turned_with_earth
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.orbit import satellite_state
+from vestige.time import GalileoTime
+
+UNKNOWNS = 4  # position and clock of one system
+_STEPS = 12  # 6 from the Earth's centre
+_SETTLED_M = 1e-4
+_FLIGHT_STEPS = 2  # the first leaves 0.1 µs, 0.3 mm of Sagnac
+_SINGULAR = 1e-10  # smallest over largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transmission:
+    """All satellites at transmission of what was received, n epochs by m satellites; NaN where nothing was.
+
+    Attributes
+    ----------
+    position_m, velocity_mps
+        ECEF of the moment of transmission.
+    clock_m, clock_mps
+        c times the satellite clock's error on E1, and its rate.
+    """
+
+    position_m: Float[np.ndarray, "n m 3"]
+    velocity_mps: Float[np.ndarray, "n m 3"]
+    clock_m: Float[np.ndarray, "n m"]
+    clock_mps: Float[np.ndarray, "n m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """Position fixes of n epochs; NaN where there are too few satellites or they lie too badly.
+
+    Attributes
+    ----------
+    position_m, clock_m
+        ECEF, and c times the receiver clock's error.
+    covariance_m2
+        Of (x, y, z, clock), ECEF, if the errors are independent and have the σ of the weights.
+    residual_m
+        Measured minus fitted pseudorange; NaN where not used.
+    geometry
+        H, rows of zeros where not used.
+    weight
+        1/σ² in 1/m², 0 where not used.
+    n_used
+        Satellites used.
+    """
+
+    position_m: Float[np.ndarray, "n 3"]
+    clock_m: Float[np.ndarray, " n"]
+    covariance_m2: Float[np.ndarray, "n 4 4"]
+    residual_m: Float[np.ndarray, "n m"]
+    geometry: Float[np.ndarray, "n m 4"]
+    weight: Float[np.ndarray, "n m"]
+    n_used: Int[np.ndarray, " n"]
+
+    @property
+    def valid(self) -> Bool[np.ndarray, " n"]:
+        """Whether there is a fix."""
+        return np.isfinite(self.clock_m)
+
+
+def transmission(
+    ephemerides: Sequence[Ephemeris],
+    start: GalileoTime,
+    elapsed_s: Float[np.ndarray, " n"],
+    pseudorange_m: Float[np.ndarray, "n m"],
+) -> Transmission:
+    """Return the satellites at the times at which they sent what was received.
+
+    Parameters
+    ----------
+    ephemerides
+        One for each column.
+    start, elapsed_s
+        Times of reception `start` + `elapsed_s` on the receiver's clock.
+    pseudorange_m
+        c · (time of reception on the receiver's clock − time of transmission on the satellite's).
+    """
+    columns = []
+    for ephemeris, pseudorange in zip(ephemerides, pseudorange_m.T, strict=True):
+        sent_s = elapsed_s - pseudorange / SPEED_OF_LIGHT_MPS
+        first = satellite_state(ephemeris, start, sent_s)
+        # the stamp on E1 is ahead by the clock's error at almost the same time: its drift over 1 ms is nothing
+        columns.append(satellite_state(ephemeris, start, sent_s - first.clock_s))
+    return Transmission(
+        position_m=np.stack([state.position_m for state in columns], axis=1),
+        velocity_mps=np.stack([state.velocity_mps for state in columns], axis=1),
+        clock_m=SPEED_OF_LIGHT_MPS * np.stack([state.clock_s for state in columns], axis=1),
+        clock_mps=SPEED_OF_LIGHT_MPS * np.stack([state.clock_drift for state in columns], axis=1),
+    )
+
+
+def position_fix(
+    sent: Transmission,
+    pseudorange_m: Float[np.ndarray, "n m"],
+    sigma_m: Float[np.ndarray, "n m"],
+    *,
+    correction_m: Float[np.ndarray, "n m"] | None = None,
+) -> Fix:
+    """Return the weighted least-squares fixes.
+
+    Parameters
+    ----------
+    sent
+        Satellites at transmission.
+    pseudorange_m
+        NaN where not measured.
+    sigma_m
+        Standard deviation of each pseudorange.
+    correction_m
+        Predicted delays (ionosphere, troposphere) to take off.
+    """
+    measured = pseudorange_m + sent.clock_m - (0.0 if correction_m is None else correction_m)
+    used = np.isfinite(measured) & np.isfinite(sigma_m)
+    weight = np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
+    position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
+    for _ in range(_STEPS):
+        geometry, predicted = _predict(sent.position_m, position, used)
+        residual = np.where(used, measured - predicted - clock[:, None], 0.0)
+        step = _solve(geometry, weight, residual)
+        position, clock = position + step[:, :3], clock + step[:, 3]
+        if not np.any(np.abs(step) > _SETTLED_M):
+            break
+    geometry, predicted = _predict(sent.position_m, position, used)
+    known = np.isfinite(clock)[:, None] & used
+    return Fix(
+        position_m=position,
+        clock_m=clock,
+        covariance_m2=inverse_normal(geometry, weight),
+        residual_m=np.where(known, measured - predicted - clock[:, None], np.nan),
+        geometry=geometry,
+        weight=np.where(known, weight, 0.0),
+        n_used=np.count_nonzero(used, axis=1),
+    )
+
+
+def velocity_fix(
+    sent: Transmission, fix: Fix, range_rate_mps: Float[np.ndarray, "n m"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Return the receiver's ECEF velocity and c times its clock's drift, both in m/s; NaN without a fix.
+
+    Parameters
+    ----------
+    sent
+        Satellites at transmission.
+    fix
+        Position fix of the same epochs; its weights are used.
+    range_rate_mps
+        Rate of the pseudorange, −λ · Doppler; NaN where not measured.
+    """
+    flight_s = _flight_s(sent.position_m, fix.position_m)
+    in_space = sent.velocity_mps + np.cross(ROTATION_VECTOR, sent.position_m)
+    s_1 = turned_with_earth(in_space, flight_s)
+    carried = np.cross(ROTATION_VECTOR, fix.position_m)
+    towards = fix.geometry[..., :3]  # u, from satellite to receiver
+    slowed = 1 - np.einsum("nmi,nmi->nm", towards, s_1) / SPEED_OF_LIGHT_MPS
+    known = np.einsum("nmi,nmi->nm", towards, carried[:, None] - s_1) / slowed
+    used = np.isfinite(range_rate_mps) & (fix.weight > 0)
+    residual = np.where(used, range_rate_mps + sent.clock_mps - known, 0.0)
+    scale = np.concatenate((np.repeat(1 / slowed[..., None], 3, axis=-1), np.ones((*slowed.shape, 1))), axis=-1)
+    geometry = np.where(used[..., None], fix.geometry * scale, 0.0)
+    solution = _solve(geometry, np.where(used, fix.weight, 0.0), residual)
+    return solution[:, :3], solution[:, 3]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dilution:
+    """Dilutions of precision: standard deviations of the fix over that of a pseudorange, if all are alike."""
+
+    geometric: Float[np.ndarray, " n"]
+    position: Float[np.ndarray, " n"]
+    horizontal: Float[np.ndarray, " n"]
+    vertical: Float[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"]
+
+
+def dilution(geometry_local: Float[np.ndarray, "n m 4"]) -> Dilution:
+    """Return the dilutions of precision of a geometry in local axes; NaN where there is no fix."""
+    weight = np.any(geometry_local != 0, axis=-1).astype(np.float64)
+    east, north, up, time = np.moveaxis(np.diagonal(inverse_normal(geometry_local, weight), axis1=1, axis2=2), -1, 0)
+    return Dilution(
+        geometric=np.sqrt(east + north + up + time),
+        position=np.sqrt(east + north + up),
+        horizontal=np.sqrt(east + north),
+        vertical=np.sqrt(up),
+        time=np.sqrt(time),
+    )
+
+
+def geometry_of_sky(
+    azimuth_rad: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n m 4"]:
+    """Return H in local axes (east, north, up, clock) from directions to the satellites; NaN makes a row of zeros."""
+    flat = np.cos(elevation_rad)
+    rows = np.stack(
+        (
+            -flat * np.sin(azimuth_rad),
+            -flat * np.cos(azimuth_rad),
+            -np.sin(elevation_rad),
+            np.ones_like(flat),
+        ),
+        axis=-1,
+    )
+    return np.where(np.isfinite(flat)[..., None], rows, 0.0)
+
+
+def local_geometry(fix: Fix) -> Float[np.ndarray, "n m 4"]:
+    """Return H of the fixes in local axes (east, north, up, clock)."""
+    return in_local_axes(fix.geometry, fix.position_m)
+
+
+def in_local_axes(
+    geometry: Float[np.ndarray, "n m 4"], position_m: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n m 4"]:
+    """Return an ECEF geometry in the local axes at the positions."""
+    turned = np.einsum("nij,nmj->nmi", local_axes_at(position_m), geometry[..., :3])
+    return np.concatenate((turned, geometry[..., 3:]), axis=-1)
+
+
+def inverse_normal(
+    geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Return (HᵀWH)⁻¹, NaN where it is singular."""
+    sighted = np.einsum("nmi,nmj->nij", geometry * (weight > 0)[..., None], geometry)
+    eigenvalues = np.linalg.eigvalsh(sighted)
+    solvable = eigenvalues[:, 0] > _SINGULAR * np.maximum(eigenvalues[:, -1], 1.0)
+    normal = np.einsum("nmi,nm,nmj->nij", geometry, weight, geometry)
+    normal[~solvable] = np.eye(UNKNOWNS)
+    inverse = np.linalg.inv(normal)
+    inverse[~solvable] = np.nan
+    return inverse
+
+
+def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
+    flight_s = np.zeros(sent_m.shape[:2])
+    for _ in range(_FLIGHT_STEPS):
+        apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]
+        flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
+    return flight_s
+
+
+def _predict(
+    sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"], used: Bool[np.ndarray, "n m"]
+) -> tuple[Float[np.ndarray, "n m 4"], Float[np.ndarray, "n m"]]:
+    """Return H and the ranges."""
+    apart = receiver_m[:, None] - turned_with_earth(sent_m, _flight_s(sent_m, receiver_m))
+    ranges = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart))
+    rows = np.concatenate((apart / ranges[..., None], np.ones((*ranges.shape, 1))), axis=-1)
+    return np.where(used[..., None] & np.isfinite(rows), rows, 0.0), ranges
+
+
+def _solve(
+    geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"], residual: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n 4"]:
+    """Return (HᵀWH)⁻¹HᵀW y."""
+    return np.einsum("nij,nmj,nm->ni", inverse_normal(geometry, weight), geometry, weight * residual)

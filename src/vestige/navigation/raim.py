@@ -1,0 +1,185 @@
+"""Receiver autonomous integrity monitoring: whether the pseudoranges agree with each other.
+
+Theory of operation
+-------------------
+The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y. With S = (HᵀWH)⁻¹HᵀW and
+P = I − HS, whose diagonal is the share of each measurement that no position can explain:
+
+    chi-square            T = Σ rᵢ²wᵢ ~ χ²(m − 4),    alarm if T > χ²⁻¹(1 − P_fa)
+    bias b on satellite i T ~ χ²(m − 4, λ),  λ = b² wᵢ Pᵢᵢ
+    leave one out         x₍ᵢ₎ − x = −S.ᵢ rᵢ / Pᵢᵢ                          a rank-one update, no second fit
+    its deviation         σ_ss,q = |S_qᵢ| / √(wᵢ Pᵢᵢ)
+    solution separation   alarm if |x₍ᵢ₎ − x|_q > K σ_ss,q,   K = Q⁻¹(P_fa,q / 2m)
+    exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ: the fault is where this is least
+
+For single faults both tests look at rᵢ√wᵢ/√Pᵢᵢ, so they differ only in how the budget is spent.
+
+What it cannot see: whatever a position and a clock can explain. A bias common to all satellites moves the clock and
+leaves every residual as it was; a consistent push of all satellites moves the position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.special import chdtrc, chdtri, chndtr, ndtri
+
+from vestige.navigation.position_fix import UNKNOWNS, inverse_normal
+
+NOT_EXCLUDED = -1
+_UNSEEN = 1e-9  # below this share of a measurement in the residuals its fault is invisible
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Redundancy:
+    """How n fixes depend on their m measurements.
+
+    Attributes
+    ----------
+    gain
+        S, from measurements to (three coordinates, clock).
+    unexplained
+        Pᵢᵢ, 0 … 1; 0 where not used.
+    """
+
+    gain: Float[np.ndarray, "n 4 m"]
+    unexplained: Float[np.ndarray, "n m"]
+
+
+def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]) -> Redundancy:
+    """Return S and the diagonal of P; NaN where the geometry has no fix.
+
+    Parameters
+    ----------
+    geometry
+        H, in any axes; S gives coordinates in the same.
+    weight
+        1/σ² in 1/m², 0 where not used.
+    """
+    gain = np.einsum("nij,nmj,nm->nim", inverse_normal(geometry, weight), geometry, weight)
+    unexplained = 1 - np.einsum("nmi,nim->nm", geometry, gain)
+    return Redundancy(gain=gain, unexplained=np.where(weight > 0, unexplained, 0.0))
+
+
+def chi_square_statistic(
+    residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, " n"]:
+    """Return T = Σ r²w; NaN residuals of measurements that were not used do not count."""
+    return np.sum(np.where(weight > 0, residual_m, 0.0) ** 2 * weight, axis=1)
+
+
+def degrees_of_freedom(weight: Float[np.ndarray, "n m"]) -> Int[np.ndarray, " n"]:
+    """Return m − 4, the number of measurements beyond the unknowns."""
+    return np.count_nonzero(weight > 0, axis=1) - UNKNOWNS
+
+
+def chi_square_threshold(freedom: Int[np.ndarray, " n"], p_fa: float) -> Float[np.ndarray, " n"]:
+    """Return the threshold of T; NaN without redundancy."""
+    return np.where(freedom > 0, chdtri(np.maximum(freedom, 1), p_fa), np.nan)
+
+
+def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa: float) -> Float[np.ndarray, " n"]:
+    """Return the probability that T stays below its threshold in spite of a fault of noncentrality λ."""
+    threshold = chdtri(freedom, p_fa)
+    fault = chndtr(threshold, freedom, np.maximum(noncentrality, 1e-300))
+    return np.where(noncentrality > 0, fault, 1 - chdtrc(freedom, threshold))
+
+
+def bias_noncentrality(
+    bias_m: Float[np.ndarray, "*k"], unexplained: Float[np.ndarray, "*k"], weight: Float[np.ndarray, "*k"]
+) -> Float[np.ndarray, "*k"]:
+    """Return λ = b² w Pᵢᵢ of a bias on one satellite."""
+    return bias_m**2 * weight * unexplained
+
+
+def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+    """Return the horizontal and the vertical slope of each satellite, for a geometry in local axes.
+
+    √(S₁ᵢ² + S₂ᵢ²)/√Pᵢᵢ: error of the fix in m per m of its trace in the residuals; infinite if it leaves none.
+    """
+    horizontal, vertical = np.hypot(parts.gain[:, 0], parts.gain[:, 1]), np.abs(parts.gain[:, 2])
+    seen = parts.unexplained > _UNSEEN
+    root = np.sqrt(np.where(seen, parts.unexplained, 1.0))
+    return np.where(seen, horizontal / root, np.inf), np.where(seen, vertical / root, np.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Separation:
+    """Fixes without each satellite against the fix with all, in the axes of the geometry; NaN where not defined.
+
+    Attributes
+    ----------
+    difference_m
+        x₍ᵢ₎ − x of (three coordinates, clock).
+    sigma_m
+        Its standard deviation without a fault.
+    """
+
+    difference_m: Float[np.ndarray, "n 4 m"]
+    sigma_m: Float[np.ndarray, "n 4 m"]
+
+
+def solution_separation(
+    parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
+) -> Separation:
+    """Return what leaving out each satellite in turn changes, and how much it may."""
+    seen = (weight > 0) & (parts.unexplained > _UNSEEN)
+    share, known_weight = np.where(seen, parts.unexplained, np.nan), np.where(seen, weight, np.nan)
+    return Separation(
+        difference_m=-parts.gain * (residual_m / share)[:, None],
+        sigma_m=np.abs(parts.gain) / np.sqrt(known_weight * share)[:, None],
+    )
+
+
+def separation_factor(p_fa: float, n_modes: int) -> float:
+    """Return K, the threshold in standard deviations of one of `n_modes` two-sided tests that share `p_fa`."""
+    return float(-ndtri(p_fa / (2 * n_modes)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exclusion:
+    """Which single satellite explains an alarm.
+
+    Attributes
+    ----------
+    excluded
+        Its column, −1 where nothing was to be excluded or nothing helped.
+    statistic
+        T after the exclusion (or without one).
+    consistent
+        Whether T is below its threshold now.
+    """
+
+    excluded: Int[np.ndarray, " n"]
+    statistic: Float[np.ndarray, " n"]
+    consistent: Bool[np.ndarray, " n"]
+
+
+def exclude_one(
+    parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
+) -> Exclusion:
+    """Return the test and, where it fails, the one satellite without which it passes.
+
+    An exclusion needs six satellites: with five every four agree with themselves.
+
+    Parameters
+    ----------
+    parts, residual_m, weight
+        Of the fixes.
+    p_fa
+        False-alarm probability of a test.
+    """
+    statistic, freedom = chi_square_statistic(residual_m, weight), degrees_of_freedom(weight)
+    passed = statistic <= chi_square_threshold(freedom, p_fa)
+    seen = (weight > 0) & (parts.unexplained > _UNSEEN)
+    gained = np.where(seen, residual_m**2 * weight / np.where(seen, parts.unexplained, 1.0), -np.inf)
+    best = np.argmax(gained, axis=1)
+    reduced = statistic - np.take_along_axis(gained, best[:, None], axis=1)[:, 0]
+    helps = ~passed & (reduced <= chi_square_threshold(freedom - 1, p_fa))
+    return Exclusion(
+        excluded=np.where(helps, best, NOT_EXCLUDED),
+        statistic=np.where(helps, reduced, statistic),
+        consistent=passed | helps,
+    )

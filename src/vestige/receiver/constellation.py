@@ -1,0 +1,168 @@
+"""The sky: satellites on nominal or broadcast orbits, and what a receiver has of them at each epoch.
+
+The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]: circular orbits in three
+planes 120° apart, eight slots of 45° in each, the next plane ahead by 360°/24 = 15°. It comes as ephemerides, so that
+simulator, navigation file and receiver work on the same orbits. SVID 1 to 8 stand for the slots A01 to A08, 9 to 16 for
+B01 to B08, 17 to 24 for C01 to C08; real satellites are numbered otherwise.
+
+Orbit and clock of an ephemeris are taken for true: what the broadcast message is wrong by is not modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.line_of_sight import LineOfSight, ReceiverMotion, line_of_sight
+from vestige.time import GalileoTime
+
+# Reference constellation of 2016-11-21T00:00:00 UTC [GSC-ORBITS]
+REFERENCE_EPOCH = GalileoTime.parse("2016-11-21T00:00:00 UTC")
+SEMI_MAJOR_AXIS_M = 29_599_800.0
+INCLINATION_DEG = 56.0
+NODE_DEG = {"A": 317.632, "B": 77.632, "C": 197.632}  # right ascension of the ascending node
+LATITUDE_DEG = {"A": 180.153, "B": 195.153, "C": 210.153}  # argument of latitude of slot 1
+NODE_RATE_DEG_PER_DAY = -0.02764398
+LATITUDE_RATE_DEG_PER_DAY = 613.72253566
+SLOTS, SLOT_DEG = 8, 45.0
+
+_DAY_S = 86_400.0
+_REFERENCE_DAYS = 6168.5  # of REFERENCE_EPOCH after 2000-01-01T12:00, UTC
+
+
+def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
+    """Return the 24 satellites of the reference constellation with orbits given at `toe`, clocks without error."""
+    elapsed_s = toe - REFERENCE_EPOCH
+    axis = SEMI_MAJOR_AXIS_M
+    node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / _DAY_S
+    latitude_rate = np.radians(LATITUDE_RATE_DEG_PER_DAY) / _DAY_S
+    # the message gives the node's longitude as if the Earth had stood at the start of the week
+    earth = _earth_rotation_angle() + ROTATION_RADPS * (elapsed_s - toe.second - toe.fraction)
+    return tuple(
+        Ephemeris(
+            svid=1 + plane * SLOTS + slot,
+            iod_nav=toe.second // 600 % 128,
+            toe=toe,
+            toc=toe,
+            sqrt_a=float(np.sqrt(axis)),
+            eccentricity=0.0,
+            m0_rad=_wrapped(np.radians(LATITUDE_DEG[name] + SLOT_DEG * slot) + latitude_rate * elapsed_s),
+            delta_n_radps=float(latitude_rate - np.sqrt(GRAVITATION_M3PS2 / axis**3)),
+            omega0_rad=_wrapped(np.radians(NODE_DEG[name]) + node_rate * elapsed_s - earth),
+            omega_dot_radps=float(node_rate),
+            i0_rad=float(np.radians(INCLINATION_DEG)),
+            i_dot_radps=0.0,
+            omega_rad=0.0,
+        )
+        for plane, name in enumerate(NODE_DEG)
+        for slot in range(SLOTS)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sky:
+    """All satellites that are in view at some epoch, n epochs by m satellites.
+
+    Attributes
+    ----------
+    svids
+        One for each column, ascending.
+    range_m, rate_mps, acceleration_mps2, azimuth_rad, elevation_rad, satellite_clock_m, satellite_clock_mps
+        As in `LineOfSight`; also while a satellite is not in view.
+    in_view
+        Whether it is at or above the elevation mask.
+    """
+
+    svids: tuple[int, ...]
+    range_m: Float[np.ndarray, "n m"]
+    rate_mps: Float[np.ndarray, "n m"]
+    acceleration_mps2: Float[np.ndarray, "n m"]
+    azimuth_rad: Float[np.ndarray, "n m"]
+    elevation_rad: Float[np.ndarray, "n m"]
+    satellite_clock_m: Float[np.ndarray, "n m"]
+    satellite_clock_mps: Float[np.ndarray, "n m"]
+    in_view: Bool[np.ndarray, "n m"]
+
+
+def sky(
+    ephemerides: Sequence[Ephemeris],
+    start: GalileoTime,
+    elapsed_s: Float[np.ndarray, " n"],
+    motion: ReceiverMotion,
+    *,
+    mask_deg: float = 5.0,
+) -> Sky:
+    """Return the satellites that a receiver has in view at reception times `start` + `elapsed_s` in system time.
+
+    Parameters
+    ----------
+    ephemerides
+        One for each satellite.
+    start, elapsed_s
+        Times of reception.
+    motion
+        The receiver at these times.
+    mask_deg
+        Lowest elevation at which a satellite is in view.
+
+    Raises
+    ------
+    ValueError
+        If a satellite has two ephemerides.
+    """
+    svids = [ephemeris.svid for ephemeris in ephemerides]
+    if len(set(svids)) != len(svids):
+        raise ValueError("one ephemeris for each satellite")
+    mask = np.radians(mask_deg)
+    seen = {}
+    for ephemeris in sorted(ephemerides, key=lambda one: one.svid):
+        sight = line_of_sight(ephemeris, start, elapsed_s, motion)
+        if np.any(sight.elevation_rad >= mask):
+            seen[ephemeris.svid] = sight
+    empty = np.zeros((elapsed_s.size, 0))
+    columns = {
+        field.name: np.stack([getattr(sight, field.name) for sight in seen.values()], axis=1) if seen else empty
+        for field in fields(LineOfSight)
+    }
+    return Sky(svids=tuple(seen), in_view=columns["elevation_rad"] >= mask, **columns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElevationCn0:
+    """C/N0 against elevation: an antenna that loses `fall_db` from the zenith to the horizon, as sin(elevation).
+
+    Attributes
+    ----------
+    zenith_dbhz
+        C/N0 at the zenith, per component.
+    fall_db
+        How much less it is at the horizon. A patch antenna has 5 dBi above and −3 to −5 dBi at low elevation; the
+        satellite's own pattern makes up for the longer path.
+    kind
+        Name of the model in a scenario.
+    """
+
+    zenith_dbhz: float = 45.0
+    fall_db: float = 9.0
+    kind: Literal["elevation"] = "elevation"
+
+    def cn0_dbhz(self, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the C/N0 in dBHz; below the horizon that of the horizon."""
+        return self.zenith_dbhz - self.fall_db * (1 - np.maximum(np.sin(elevation_rad), 0.0))
+
+
+def _earth_rotation_angle() -> float:
+    """Return the Earth rotation angle at the reference epoch in rad, UT1 taken for UTC [IERS-2010, Eq. 5.15]."""
+    turns = 0.7790572732640 + 1.00273781191135448 * _REFERENCE_DAYS
+    return float(2 * np.pi * (turns % 1.0))
+
+
+def _wrapped(angle: float) -> float:
+    """Return the angle in [−π, π)."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)

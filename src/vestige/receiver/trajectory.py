@@ -1,0 +1,158 @@
+"""Where the receiver is: it stands, drives in a circle, or passes through waypoints.
+
+Every trajectory gives position, velocity and acceleration at any time, consistent with each other, so that range, range
+rate and range acceleration are as well. Waypoints are joined by a natural cubic spline, which has no jump in the
+acceleration; two of them give uniform motion along a straight line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_banded
+
+from vestige.navigation.earth import ecef_from_geodetic, local_axes
+from vestige.navigation.line_of_sight import ReceiverMotion
+
+
+@runtime_checkable
+class Trajectory(Protocol):
+    """Anything that says where the antenna is."""
+
+    def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
+        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticTrajectory:
+    """A receiver that stands.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg, height_m
+        Geodetic, on the WGS 84 ellipsoid.
+    kind
+        Name of the model in a scenario.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float = 0.0
+    kind: Literal["static"] = "static"
+
+    def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
+        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        position, _ = _place(self.latitude_deg, self.longitude_deg, self.height_m)
+        nothing = np.zeros((elapsed_s.size, 3))
+        return ReceiverMotion(position_m=nothing + position, velocity_mps=nothing, acceleration_mps2=nothing)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CircularTrajectory:
+    """A receiver that goes round a circle in the horizontal plane of its centre, from east to north.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg, height_m
+        Centre, geodetic.
+    radius_m, speed_mps
+        Of the circle; it starts east of the centre.
+    kind
+        Name of the model in a scenario.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float = 0.0
+    radius_m: float
+    speed_mps: float
+    kind: Literal["circle"] = "circle"
+
+    def __post_init__(self) -> None:
+        if not self.radius_m > 0:
+            raise ValueError(f"the radius of a circle is positive, found {self.radius_m}")
+
+    def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
+        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        centre, axes = _place(self.latitude_deg, self.longitude_deg, self.height_m)
+        rate = self.speed_mps / self.radius_m
+        cosine, sine = np.cos(rate * elapsed_s)[:, None], np.sin(rate * elapsed_s)[:, None]
+        outward, along = cosine * axes[0] + sine * axes[1], cosine * axes[1] - sine * axes[0]
+        return ReceiverMotion(
+            position_m=centre + self.radius_m * outward,
+            velocity_mps=self.speed_mps * along,
+            acceleration_mps2=-self.speed_mps * rate * outward,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WaypointTrajectory:
+    """A receiver that passes through waypoints on a natural cubic spline.
+
+    Attributes
+    ----------
+    time_s
+        When it is where, ascending, in s after the scenario's start.
+    position_m
+        ECEF.
+    """
+
+    time_s: Float[np.ndarray, " k"]
+    position_m: Float[np.ndarray, "k 3"]
+
+    def __post_init__(self) -> None:
+        if self.time_s.size < 2 or not np.all(np.diff(self.time_s) > 0):
+            raise ValueError("waypoints are two or more, at ascending times")
+
+    @classmethod
+    def from_geodetic(cls, waypoints: Float[np.ndarray, "k 4"]) -> WaypointTrajectory:
+        """Return the trajectory through rows of time in s, latitude and longitude in degrees, height in m."""
+        time_s, latitude, longitude, height_m = waypoints.T
+        return cls(time_s=time_s, position_m=ecef_from_geodetic(np.radians(latitude), np.radians(longitude), height_m))
+
+    def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
+        """Return ECEF position, velocity and acceleration at times after the scenario's start.
+
+        Raises
+        ------
+        ValueError
+            If a time is before the first or after the last waypoint.
+        """
+        if np.any(elapsed_s < self.time_s[0]) or np.any(elapsed_s > self.time_s[-1]):
+            raise ValueError(f"the waypoints reach from {self.time_s[0]:g} s to {self.time_s[-1]:g} s")
+        bend = self._accelerations()
+        leg = np.clip(np.searchsorted(self.time_s, elapsed_s, side="right") - 1, 0, self.time_s.size - 2)
+        length = (self.time_s[leg + 1] - self.time_s[leg])[:, None]
+        b = (elapsed_s - self.time_s[leg])[:, None] / length
+        a = 1 - b
+        p, q, p_2, q_2 = self.position_m[leg], self.position_m[leg + 1], bend[leg], bend[leg + 1]
+        return ReceiverMotion(
+            position_m=a * p + b * q + ((a**3 - a) * p_2 + (b**3 - b) * q_2) * length**2 / 6,
+            velocity_mps=(q - p) / length + ((3 * b**2 - 1) * q_2 - (3 * a**2 - 1) * p_2) * length / 6,
+            acceleration_mps2=a * p_2 + b * q_2,
+        )
+
+    def _accelerations(self) -> Float[np.ndarray, "k 3"]:
+        """Return the second derivative at each waypoint, 0 at the ends."""
+        h = np.diff(self.time_s)
+        bend = np.zeros_like(self.position_m)
+        if h.size > 1:
+            bands = np.zeros((3, h.size - 1))
+            bands[0, 1:], bands[1], bands[2, :-1] = h[1:-1] / 6, (h[:-1] + h[1:]) / 3, h[1:-1] / 6
+            bend[1:-1] = solve_banded((1, 1), bands, np.diff(np.diff(self.position_m, axis=0) / h[:, None], axis=0))
+        return bend
+
+
+ALL_TRAJECTORIES = (StaticTrajectory, CircularTrajectory, WaypointTrajectory)
+
+
+def _place(
+    latitude_deg: float, longitude_deg: float, height_m: float
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+    """Return the ECEF position and the local axes of a place."""
+    latitude, longitude = np.radians([[latitude_deg], [longitude_deg]])
+    return ecef_from_geodetic(latitude, longitude, np.array([height_m]))[0], local_axes(latitude, longitude)[0]

@@ -1,0 +1,82 @@
+"""Tables of numbers as CSV: a header with the column names, then one row a line, the first column a time that rises."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.errors import InputFileError
+from vestige.recording.text_lines import numbered_lines
+
+_TIME = (-1e9, 1e9)
+MOST_ROWS = 10_000_000
+
+# column -> smallest and largest value
+WAYPOINTS: Mapping[str, tuple[float, float]] = {
+    "time_s": _TIME,
+    "latitude_deg": (-90.0, 90.0),
+    "longitude_deg": (-360.0, 360.0),
+    "height_m": (-1e4, 1e6),
+}
+# Kinematic acceleration (gravity taken off) in local axes
+ACCELERATIONS: Mapping[str, tuple[float, float]] = {
+    "time_s": _TIME,
+    "east_mps2": (-1e4, 1e4),
+    "north_mps2": (-1e4, 1e4),
+    "up_mps2": (-1e4, 1e4),
+}
+
+
+def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> Float[np.ndarray, "n k"]:
+    """Return the rows of a table with just these columns, two or more.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Name -> smallest and largest value, in the order of the file; the first rises from row to row.
+
+    Raises
+    ------
+    InputFileError
+        If the header is another, a row is not as long, a value is no number within its limits, or the first column does
+        not rise.
+    """
+    header = ",".join(columns)
+    lines = numbered_lines(path)
+    _, found = next(lines, (1, ""))
+    if found.strip() != header:
+        raise InputFileError(path, "line 1", found.strip() or "nothing", header)
+    rows: list[list[float]] = []
+    for number, line in lines:
+        if not line.strip():
+            continue
+        if len(rows) == MOST_ROWS:
+            raise InputFileError(path, f"line {number}", "another row", f"at most {MOST_ROWS} rows")
+        rows.append(_row(path, number, line, columns))
+        if len(rows) > 1 and not rows[-1][0] > rows[-2][0]:
+            raise InputFileError(path, f"line {number}: {next(iter(columns))}", rows[-1][0], f"more than {rows[-2][0]}")
+    if len(rows) < 2:
+        raise InputFileError(path, "file", f"{len(rows)} rows", "two or more")
+    return np.array(rows)
+
+
+def _row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
+    texts = line.split(",")
+    if len(texts) != len(columns):
+        raise InputFileError(path, f"line {number}", f"{len(texts)} fields", f"{len(columns)}: {','.join(columns)}")
+    values = []
+    for text, (name, (low, high)) in zip(texts, columns.items(), strict=True):
+        try:
+            value = float(text) if text.isascii() and "_" not in text else math.nan
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise InputFileError(path, f"line {number}: {name}", text, f"a number from {low:g} to {high:g}")
+        values.append(value)
+    return values
