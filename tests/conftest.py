@@ -29,6 +29,7 @@ CHECKED = (
     "receiver.trajectory",
     "sample_processor.correlator",
     "sample_processor.acquisition",
+    "sample_processor.cn0",
     "sample_processor.e1_snapshot",
 )
 _hook = install_import_hook([f"vestige.{name}" for name in CHECKED], "strict_types.check")

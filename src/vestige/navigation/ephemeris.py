@@ -52,7 +52,7 @@ class Ephemeris:
     sisa_m
         Predicted signal-in-space accuracy, NaN if none is predicted.
     e1b_health
-        Signal health status of E1-B: 0 OK, 1 out of service, 2 extended operations, 3 in test [OS-ICD, signal health status].
+        Status of E1-B: 0 OK, 1 out of service, 2 extended operations, 3 in test [OS-ICD, signal health status].
     e1b_data_valid
         Whether the data validity status says that it is.
     """

@@ -252,7 +252,7 @@ def inverse_normal(
 ) -> Float[np.ndarray, "n 4 4"]:
     """Return (HᵀWH)⁻¹, NaN where it is singular."""
     sighted = np.einsum("nmi,nmj->nij", geometry * (weight > 0)[..., None], geometry)
-    eigenvalues = np.linalg.eigvalsh(sighted)
+    eigenvalues = np.linalg.eigvalsh(np.where(np.isfinite(sighted), sighted, 0.0))
     solvable = eigenvalues[:, 0] > _SINGULAR * np.maximum(eigenvalues[:, -1], 1.0)
     normal = np.einsum("nmi,nm,nmj->nij", geometry, weight, geometry)
     normal[~solvable] = np.eye(UNKNOWNS)

@@ -1,0 +1,111 @@
+"""C/N0 from prompt correlators: the estimators that receivers use, each with its own weakness.
+
+Theory of operation
+-------------------
+Prompts P_k = I_k + jQ_k of coherent time T are a phasor of power S plus noise of power N (both dimensions together),
+and C/N0 = S/(N T). Blocks of prompts stand in rows; the phasor keeps its phase within a row, and its sign too where
+data bits are wiped off.
+
+| estimator | from | weakness |
+|---|---|---|
+| narrow to wide power ratio | M prompts together against M single ones [VAN-DIERENDONCK96] | M need one sign |
+| second and fourth moment | powers of P [PINI08] | spread below 30 dBHz |
+| signal to noise variance | size of I [PINI08] | reads too much where S < N |
+| Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
+| real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
+
+The narrow-to-wide ratio is the best single choice: no bias beyond 0.2 dB from 25 to 45 dBHz and the least spread where
+it matters. An estimate that the noise drove beyond its definition is NaN, never a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+NWPR_PROMPTS = 20  # M [VAN-DIERENDONCK96]
+
+
+def narrow_to_wide_dbhz(
+    prompts: Complex[np.ndarray, "n k"], integration_s: float, *, together: int = NWPR_PROMPTS
+) -> Float[np.ndarray, " n"]:
+    """Return C/N0 = (μ − 1)/(M − μ)/T, μ the mean of |Σ_M P|² / Σ_M |P|², of each row.
+
+    Parameters
+    ----------
+    prompts
+        Rows of at least M prompts; what is left of a row after whole groups of M is not used.
+    integration_s
+        T in s.
+    together
+        M.
+
+    Raises
+    ------
+    ValueError
+        If a row has fewer prompts.
+    """
+    n, k = prompts.shape
+    if k < together:
+        raise ValueError(f"the narrow-to-wide ratio needs {together} prompts, found {k}")
+    groups = prompts[:, : k - k % together].reshape(n, -1, together)
+    wide = np.sum(_power(groups), axis=2)
+    ratio = np.mean(_power(np.sum(groups, axis=2)) / np.where(wide > 0, wide, np.nan), axis=1)
+    return _dbhz(ratio - 1, together - ratio, integration_s)
+
+
+def moments_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
+    """Return S = √(2 M₂² − M₄), N = M₂ − S of each row."""
+    power = _power(prompts)
+    second, fourth = np.mean(power, axis=1), np.mean(power**2, axis=1)
+    inner = 2 * second**2 - fourth
+    signal = np.sqrt(np.where(inner > 0, inner, np.nan))
+    return _dbhz(signal, second - signal, integration_s)
+
+
+def signal_to_noise_variance_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
+    """Return S = (mean |I|)², N = mean |P|² − S of each row."""
+    signal = np.mean(np.abs(prompts.real), axis=1) ** 2
+    return _dbhz(signal, np.mean(_power(prompts), axis=1) - signal, integration_s)
+
+
+def beaulieu_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
+    """Return 1/mean[(|I_k| − |I_{k−1}|)² / ½(I_k² + I_{k−1}²)] of each row, as S/N."""
+    size = np.abs(prompts.real)
+    mean_power = (size[:, 1:] ** 2 + size[:, :-1] ** 2) / 2
+    noise = np.mean((size[:, 1:] - size[:, :-1]) ** 2 / np.where(mean_power > 0, mean_power, np.nan), axis=1)
+    return _dbhz(np.ones_like(noise), noise, integration_s)
+
+
+def real_signal_complex_noise_dbhz(
+    prompts: Complex[np.ndarray, "n k"], integration_s: float
+) -> Float[np.ndarray, " n"]:
+    """Return N = 2 mean Q², S = mean |P|² − N of each row."""
+    noise = 2 * np.mean(prompts.imag**2, axis=1)
+    return _dbhz(np.mean(_power(prompts), axis=1) - noise, noise, integration_s)
+
+
+Cn0Estimator = Callable[[Complex[np.ndarray, "n k"], float], Float[np.ndarray, " n"]]
+
+CN0_ESTIMATORS: Mapping[str, Cn0Estimator] = {
+    "narrow-to-wide": narrow_to_wide_dbhz,
+    "moments": moments_dbhz,
+    "signal-to-noise-variance": signal_to_noise_variance_dbhz,
+    "beaulieu": beaulieu_dbhz,
+    "real-signal-complex-noise": real_signal_complex_noise_dbhz,
+}
+
+
+def _power(values: Complex[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    return values.real**2 + values.imag**2
+
+
+def _dbhz(
+    signal: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], integration_s: float
+) -> Float[np.ndarray, " n"]:
+    """Return 10 log₁₀(S/(N T)), NaN unless both are positive."""
+    defined = (signal > 0) & (noise > 0)
+    ratio = np.where(defined, signal, 1.0) / np.where(defined, noise, 1.0)
+    return np.where(defined, 10 * np.log10(ratio / integration_s), np.nan)

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vestige.acas_processor.monitors.decision_map import (
+    DecisionMap,
+    Hypotheses,
+    PowerDistortionMonitor,
+    SignalClass,
+    confusion,
+    decision_map,
+)
+from vestige.campaign.statistics import binomial_interval
+from vestige.records import Outcome
+from vestige.streams import stream
+
+CLEAN, MULTIPATH, SPOOFED, JAMMED = SignalClass
+DRAWS = 100_000
+
+
+@pytest.fixture(scope="module")
+def plain() -> DecisionMap:
+    return decision_map(Hypotheses())
+
+
+def test_the_same_seed_gives_the_same_map(plain: DecisionMap) -> None:
+    decision_map.cache_clear()
+    again = decision_map(Hypotheses())
+    assert again is not plain
+    np.testing.assert_array_equal(again.classes, plain.classes)
+
+
+def test_confusion_of_equal_costs(plain: DecisionMap) -> None:
+    """The table that a maximum-likelihood classifier of the same hypotheses was found to have.
+
+    Its cells and its draws are not known, so each rate may differ by half a percent.
+    """
+    expected = [
+        [0.898, 0.102, 0.0003, 0.0],
+        [0.431, 0.566, 0.0037, 0.0],
+        [0.0042, 0.0143, 0.979, 0.0027],
+        [0.0003, 0.0, 0.0007, 0.999],
+    ]
+    counts = confusion(plain, Hypotheses(), seed=1, draws=DRAWS)
+    np.testing.assert_array_equal(counts.sum(axis=1), DRAWS)
+    np.testing.assert_allclose(counts / DRAWS, expected, atol=5e-3)
+
+
+@pytest.mark.parametrize("cn0_dbhz", [36.0, 39.0, 42.0, 45.0, 48.0])
+def test_false_alarms_stay_below_the_published_rate(cn0_dbhz: float) -> None:
+    """Upper ends of 99.9 % intervals, on draws held apart, with the monitor's cost of an alarm."""
+    monitor = PowerDistortionMonitor()
+    counts = confusion(monitor.map_for(cn0_dbhz), Hypotheses(cn0_dbhz=cn0_dbhz), seed=2, draws=DRAWS)
+    for truth in (CLEAN, MULTIPATH):
+        alarms = int(counts[truth, SPOOFED] + counts[truth, JAMMED])
+        assert binomial_interval(alarms, DRAWS, confidence=0.999)[1] < monitor.p_fa
+    for truth in (SPOOFED, JAMMED):
+        seen = int(counts[truth, SPOOFED] + counts[truth, JAMMED])
+        assert binomial_interval(seen, DRAWS, confidence=0.999)[0] > 0.92
+
+
+def test_a_costly_alarm_is_rarer() -> None:
+    rates = []
+    for cost in (1.0, 3.0, 30.0):
+        counts = confusion(decision_map(Hypotheses(), alarm_cost=cost), Hypotheses(), seed=3, draws=DRAWS)
+        rates.append((counts[MULTIPATH, SPOOFED], counts[SPOOFED, SPOOFED]))
+    assert rates[0][0] > rates[1][0] > rates[2][0]
+    assert rates[0][1] > rates[2][1]
+
+
+def test_detection_against_the_strength_of_the_spoofer() -> None:
+    """Stronger is easier to see, and a hopeless one is called multipath or clean."""
+    decisions = PowerDistortionMonitor().map_for(45.0)
+    seen = []
+    for eta_db in (-10.0, -3.0, 0.0, 3.0, 10.0):
+        hypotheses = Hypotheses(spoofer_advantage_db=(eta_db, eta_db))
+        rise, distortion = hypotheses.simulate(SPOOFED, stream(4, "curve", str(eta_db)), 20_000)
+        seen.append(float(np.mean(decisions.classify(rise, distortion) >= SPOOFED)))
+    assert seen == sorted(seen)
+    assert seen[0] < 0.9
+    assert seen[-1] > 0.99
+
+
+def test_beyond_the_hypotheses_the_end_of_the_map_holds(plain: DecisionMap) -> None:
+    rise = np.array([24.0, 60.0, 11.7, 0.0, -10.0])
+    distortion = np.array([2.0, 2.0, 60.0, 0.5, 0.5])  # a spoofer of +20 dB, where the map's end at +10
+    assert plain.classify(rise, distortion).tolist() == [JAMMED, JAMMED, SPOOFED, CLEAN, CLEAN]
+
+
+def test_check() -> None:
+    monitor = PowerDistortionMonitor()
+    quiet = monitor.check(0.1, 1.0, 45.0)
+    assert (quiet.outcome, quiet.statistic, quiet.threshold, quiet.unit) == (Outcome.PASS, CLEAN, MULTIPATH, "class")
+    assert monitor.check(0.1, 8.0, 45.0).statistic == MULTIPATH
+    spoofed = monitor.check(2.0, 30.0, 44.6)
+    assert (spoofed.outcome, spoofed.reason) == (Outcome.FAIL, "power +2.0 dB, distortion 30.0 sigma: spoofed")
+    assert monitor.check(15.0, 1.5, 45.0).reason.endswith("jammed")
+    assert monitor.check(None, float("nan"), 45.0).reason == "not known: received power, E1 taps"
+    assert monitor.check(0.1, 1.0, None).outcome is Outcome.NOT_RUN

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.campaign.statistics import binomial_test
+from vestige.navigation.position_fix import Fix, position_fix, transmission
+from vestige.receiver.constellation import sky, walker_ephemerides
+from vestige.receiver.trajectory import StaticTrajectory
+from vestige.records import Outcome
+from vestige.streams import stream
+from vestige.time import GalileoTime
+
+START = GalileoTime(1373, 0)
+ALL = walker_ephemerides(START)
+SIGMA_M = 5.0
+LEVEL = 1e-4
+
+
+def _fixes(
+    n: int, *, bias_m: float = 0.0, column: int = 0, common_m: float = 0.0, keep: int = 99
+) -> tuple[Fix, tuple[int, ...]]:
+    """n fixes of one sky with independent errors."""
+    times = np.zeros(n)
+    motion = StaticTrajectory(latitude_deg=45.0, longitude_deg=8.0).motion(times[:1])
+    view = sky(ALL, START, times[:1], motion, mask_deg=10.0)
+    pseudorange = (view.range_m - view.satellite_clock_m)[:, :keep]
+    svids = view.svids[:keep]
+    sent = transmission([ALL[svid - 1] for svid in svids], START, times[:1], pseudorange)
+    noise = SIGMA_M * stream(5, "raim check").standard_normal((n, len(svids)))
+    noise[:, column] += bias_m
+    repeated = type(sent)(**{name: np.repeat(getattr(sent, name), n, axis=0) for name in sent.__slots__})
+    measured = np.repeat(pseudorange, n, axis=0) + noise + common_m
+    return position_fix(repeated, measured, np.full_like(measured, SIGMA_M)), svids
+
+
+@pytest.mark.parametrize("bias_m", [0.0, 30.0])
+def test_rate_of_alarms(bias_m: float) -> None:
+    n, column = 20_000, 2
+    monitor = RaimMonitor(p_fa=0.01)
+    fix, _ = _fixes(n, bias_m=bias_m, column=column)
+    alarms = int(np.count_nonzero(monitor.statistic(fix) > monitor.threshold(fix)))
+    expected = float(monitor.probability_of_detection(fix, column, np.array([bias_m]))[0])
+    assert binomial_test(alarms, n, expected) > LEVEL
+    assert (expected == pytest.approx(0.01)) is (bias_m == 0.0)
+
+
+def test_rate_of_alarms_of_the_separation() -> None:
+    """The modes depend on each other, so the budget is a bound; with eight satellites it is nearly reached."""
+    n = 20_000
+    monitor = SolutionSeparationMonitor(p_fa_horizontal=0.002, p_fa_vertical=0.02)
+    fix, _ = _fixes(n)
+    alarms = int(np.count_nonzero(monitor.statistic(fix) > 1.0))
+    assert 0.6 * monitor.p_fa * n < alarms < monitor.p_fa * n
+
+
+def test_a_common_push_is_not_seen() -> None:
+    quiet, svids = _fixes(3)
+    pushed, _ = _fixes(3, common_m=600.0)
+    np.testing.assert_allclose(RaimMonitor().statistic(pushed), RaimMonitor().statistic(quiet), rtol=1e-4)
+    assert RaimMonitor().check(pushed, svids).outcome is Outcome.PASS
+    np.testing.assert_allclose(pushed.clock_m - quiet.clock_m, 600.0, atol=1e-2)
+
+
+def test_the_reason_names_the_satellite() -> None:
+    fix, svids = _fixes(2, bias_m=400.0, column=3)
+    failed = RaimMonitor().check(fix, svids, epoch=1)
+    assert failed.outcome is Outcome.FAIL
+    assert failed.reason == f"the pseudoranges do not agree; without E{svids[3]:02d} they do"
+    separated = SolutionSeparationMonitor().check(fix, svids, epoch=1)
+    assert (separated.outcome, separated.threshold) == (Outcome.FAIL, 1.0)
+    assert f"without E{svids[3]:02d} the position moves too far" in separated.reason
+
+
+def test_checks_that_cannot_run() -> None:
+    four, svids = _fixes(1, keep=4)
+    assert RaimMonitor().check(four, svids).reason == "4 satellites leave nothing to compare"
+    assert SolutionSeparationMonitor().check(four, svids).outcome is Outcome.NOT_RUN
+    three, svids = _fixes(1, keep=3)
+    assert RaimMonitor().check(three, svids).reason == "no position fix"
+    assert SolutionSeparationMonitor().check(None, svids).reason == "no position fix"
+    assert RaimMonitor().check(None, svids).outcome is Outcome.NOT_RUN
+    assert math.isnan(RaimMonitor().statistic(four)[0])
+    assert math.isnan(RaimMonitor().statistic(three)[0])
+    assert math.isnan(SolutionSeparationMonitor().statistic(three)[0])
