@@ -32,6 +32,7 @@ NODE_RATE_DEG_PER_DAY = -0.02764398
 LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
+TYPICAL_SISA_M = 3.12  # what nearly all satellites broadcast; without one receivers leave a satellite out
 _DAY_S = 86_400.0
 _REFERENCE_DAYS = 6168.5  # of REFERENCE_EPOCH after 2000-01-01T12:00, UTC
 
@@ -59,6 +60,7 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
             i0_rad=float(np.radians(INCLINATION_DEG)),
             i_dot_radps=0.0,
             omega_rad=0.0,
+            sisa_m=TYPICAL_SISA_M,
         )
         for plane, name in enumerate(NODE_DEG)
         for slot in range(SLOTS)

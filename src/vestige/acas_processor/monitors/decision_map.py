@@ -279,6 +279,18 @@ class PowerDistortionMonitor:
         rounded = round(expected_cn0_dbhz / self.cn0_step_db) * self.cn0_step_db
         return decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
 
+    def probability_of_detection(
+        self, eta_db: Float[np.ndarray, " k"], expected_cn0_dbhz: float, *, seed: int = 0, draws: int = 20_000
+    ) -> Float[np.ndarray, " k"]:
+        """Return the rate at which a spoofer of each advantage η is called an attack, from as many draws each."""
+        decisions, rates = self.map_for(expected_cn0_dbhz), []
+        for eta in eta_db.tolist():
+            strength = replace(self.hypotheses, cn0_dbhz=expected_cn0_dbhz, spoofer_advantage_db=(eta, eta))
+            rng = stream(seed, "detection curve", repr(eta))
+            found = decisions.classify(*strength.simulate(SignalClass.SPOOFED, rng, draws))
+            rates.append(np.count_nonzero(found >= SignalClass.SPOOFED) / draws)
+        return np.array(rates)
+
     def check(
         self, power_rise_db: float | None, distortion: float | None, expected_cn0_dbhz: float | None
     ) -> CheckResult:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run
+from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run, two_sided_detection
 from vestige.navigation.position_fix import UNKNOWNS, Fix, local_geometry
 from vestige.navigation.raim import (
     NOT_EXCLUDED,
@@ -148,6 +148,18 @@ class SolutionSeparationMonitor:
         ratios = self.ratios(fix).reshape(fix.clock_m.size, -1)
         known = np.isfinite(ratios)
         return np.where(known.any(axis=1), np.max(np.where(known, ratios, -np.inf), axis=1, initial=-np.inf), np.nan)
+
+    def probability_of_detection(
+        self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " k"]:
+        """Return the probability that leaving out the biased satellite of a column shows it, in the first epoch.
+
+        Other satellites may show it too: a lower bound.
+        """
+        share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
+        used = int(fix.n_used[0])
+        single = min(self.p_fa_horizontal / 2, self.p_fa_vertical, key=lambda p: separation_factor(p, used)) / used
+        return two_sided_detection(bias_m * np.sqrt(fix.weight[0, column] * share), single)
 
     def check(self, fix: Fix | None, svids: Sequence[int], epoch: int = 0) -> CheckResult:
         """Return the check of one epoch; parameters are those of `RaimMonitor.check`."""

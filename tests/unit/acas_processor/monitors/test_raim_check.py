@@ -57,6 +57,17 @@ def test_rate_of_alarms_of_the_separation() -> None:
     assert 0.6 * monitor.p_fa * n < alarms < monitor.p_fa * n
 
 
+def test_detection_by_the_separation() -> None:
+    """A lower bound, and a close one: when another satellite shows the bias, this one nearly always does as well."""
+    n, column, bias_m = 20_000, 2, 25.0
+    monitor = SolutionSeparationMonitor(p_fa_horizontal=1e-4, p_fa_vertical=1e-3)
+    fix, _ = _fixes(n, bias_m=bias_m, column=column)
+    seen = np.count_nonzero(monitor.statistic(fix) > 1.0) / n
+    bound = float(monitor.probability_of_detection(fix, column, np.array([bias_m]))[0])
+    assert 0.2 < bound < 0.95
+    assert bound - 0.015 < seen < bound + 0.05
+
+
 def test_a_common_push_is_not_seen() -> None:
     quiet, svids = _fixes(3)
     pushed, _ = _fixes(3, common_m=600.0)
