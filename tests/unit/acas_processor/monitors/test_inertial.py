@@ -22,7 +22,7 @@ LEVEL = 1e-4
 
 @pytest.mark.parametrize("pull_mps", [0.0, 1.5])
 def test_rate_of_alarms(pull_mps: float) -> None:
-    monitor, interval = InertialMonitor(p_fa=0.01), 30.0
+    monitor, interval = InertialMonitor(p_fa=0.01, sigma_rate_mps=0.3, walk_mps_per_sqrt_s=0.05), 30.0
     rng = stream(8, "inertial", str(pull_mps))
     z = rng.standard_normal((5, N))
     clock = SPEED_OF_LIGHT_MPS * math.sqrt(monitor.clock_walk_hz * interval) * z[0]
