@@ -143,7 +143,7 @@ class EarlyDetector:
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 
-ALL_DETECTORS: tuple[type[MaximumDetector] | type[EarlyDetector], ...] = (MaximumDetector, EarlyDetector)
+DETECTORS: dict[str, type[EarlyDetector] | type[MaximumDetector]] = {"early": EarlyDetector, "maximum": MaximumDetector}
 
 
 def _first_from(

@@ -73,6 +73,7 @@ def run(
     executor: ExecutorChoice = "threads",
     chunk_epochs: int = CHUNK_EPOCHS,
     progress: Callable[[Progress], None] | None = None,
+    enough: Callable[[Results], bool] | None = None,
 ) -> xarray.Dataset:
     """Return the results of a plan, after measuring what is not in the store yet.
 
@@ -89,6 +90,10 @@ def run(
         Epochs in one call of `measure`, for a new store.
     progress
         Called at the beginning and after each chunk.
+    enough
+        Called with the columns of each chunk in order, stored ones included. The first chunk for which it is true is
+        the last one that is returned, and what comes after it is not measured: the store stays unfinished, to be
+        continued by a call that wants more.
 
     Raises
     ------
@@ -103,6 +108,7 @@ def run(
     opened = open_store(store, plan, chunk_epochs=chunk_epochs)
     finished = opened.finished(verify=True)
     resumed = done = sum(len(opened.epochs(chunk)) for chunk in finished)
+    returned = 0
     begin = time.monotonic()
 
     def report() -> None:
@@ -118,16 +124,24 @@ def run(
             plan, workers=workers, executor=executor, chunk_epochs=opened.chunk_epochs, skip=finished
         )
         with closing(chunks):
-            for chunk, results in chunks:
-                opened.write(chunk, results)
-                done += len(opened.epochs(chunk))
-                report()
+            for chunk in range(opened.n_chunks):
+                if chunk not in finished:
+                    _, results = next(chunks)
+                    opened.write(chunk, results)
+                    done += len(opened.epochs(chunk))
+                    report()
+                elif enough is not None:
+                    results = opened.read(chunk)
+                returned = opened.epochs(chunk).stop
+                if enough is not None and enough(results):
+                    break
     except BrokenExecutor as error:
         raise VestigeError(f"workers were lost ({error}); {_stored(opened.path, done, plan.n_epochs)}") from error
     except BaseException as stop:
         stop.add_note(_stored(opened.path, done, plan.n_epochs))
         raise
-    return open_results(opened.path, verify=False)
+    stored = open_results(opened.path, partial=enough is not None, verify=False)
+    return stored if enough is None else stored.isel(epoch=slice(0, returned))
 
 
 def measure_chunks(
@@ -140,8 +154,7 @@ def measure_chunks(
 ) -> Generator[tuple[int, Results]]:
     """Yield number and results of each chunk, in order, whatever the workers.
 
-    A sweep that stops when it has seen enough closes this iterator: the epochs that it counts do not depend on the
-    number of workers.
+    Who has seen enough closes this iterator: the epochs seen by then do not depend on the number of workers.
 
     Parameters
     ----------

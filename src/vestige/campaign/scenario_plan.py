@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vestige.acas_processor.detection_block import DetectionBlock, detect_block
-from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.mitigation import Limits, status_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.plan import Column, Coord
@@ -92,7 +92,7 @@ class ScenarioPlan:
         return {
             "svid": Coord(dim="satellite", values=np.array([SVID]), units="1", long_name="satellite"),
             "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
-            "detector": Coord(dim="detector", values=np.array(["early", "maximum"]), units="1", long_name="detector"),
+            "detector": Coord(dim="detector", values=np.array(list(DETECTORS)), units="1", long_name="detector"),
             "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
         }
 
@@ -101,13 +101,15 @@ class ScenarioPlan:
         """What identifies the work."""
         text = self.scenario.model_dump_json()
         processor = self.scenario.processor
+        receiver = self.scenario.receiver
         return {
             "scenario": text,
             "scenario_digest": hashlib.sha256(text.encode()).hexdigest(),
             "seed": self.scenario.seed,
             "p_fa": processor.p_fa,
             "threshold_sigma": float(threshold(processor.p_fa)),
-            "cn0_dbhz": self.scenario.receiver.cn0_dbhz,
+            "signal": receiver.signal,
+            **({"cn0_dbhz": receiver.cn0_dbhz} if receiver.signal else {}),
             "integration_s": self.simulation.n_chips / E6C.chip_rate_hz,
             "fidelity": self.scenario.fidelity,
         }
@@ -121,19 +123,15 @@ class ScenarioPlan:
         simulation, truth = self.simulation, inputs["truth"]
         taps, noise_power, front_end = simulation.banks(self.scenario.fidelity, first, truth)
         spacing = self.scenario.processor.spacing
-        detectors: dict[str, Detector] = {
-            "early": EarlyDetector(spacing=spacing),
-            "maximum": MaximumDetector(spacing=spacing),
-        }
         found = {
             name: detect_block(
                 taps,
                 noise_power,
                 simulation.processor.offsets_m,
-                detector=detector,
+                detector=detector(spacing=spacing),
                 threshold_sigma=float(threshold(simulation.processor.p_fa)),
             )
-            for name, detector in detectors.items()
+            for name, detector in DETECTORS.items()
         }
         values = (
             _truth_columns(truth, simulation)

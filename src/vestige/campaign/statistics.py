@@ -16,12 +16,16 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import betainc, betaincc, betaincinv
 
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.signals.definitions import E6C
+
 if TYPE_CHECKING:
     import xarray
 
 CONFIDENCE = 0.95
 CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m about the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
 PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # those that [WFO, Sec. VI-A] gives, and their mirrors
+CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
 BLOCK_EPOCHS = 10_000  # read at once, so that memory does not grow with the length of the campaign
 
 
@@ -188,8 +192,7 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
     """Return how many taps exceed the threshold, of all taps: false alarms, if the campaign has no signal.
 
     The threshold is the attribute `threshold_sigma`, in standard deviations of one dimension of the noise. Taps of one
-    epoch are correlated (they overlap by more than half a chip), so count one tap (`results.isel(tap=[i])`) where the
-    interval must be exact.
+    epoch that are less than a chip apart are correlated; `false_alarms` counts those that are not.
 
     Parameters
     ----------
@@ -205,6 +208,33 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
         exceeding += int(np.count_nonzero(magnitude_sigma > threshold_sigma))
         trials += int(np.count_nonzero(~np.isnan(magnitude_sigma)))
     return proportion(exceeding, trials, confidence=confidence)
+
+
+def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
+    """Return how many decisions of single taps on noise alone exceed the threshold.
+
+    Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
+    correlation, a triangle that ends at one chip. If there is a signal, only taps more than a chip before the line of
+    sight are counted: they hold neither it nor its rays, which come later.
+
+    Parameters
+    ----------
+    results
+        With `taps`, `noise_power` and the terms of the truth that say where the line of sight is.
+    """
+    apart = CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
+    independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
+    exceeding = trials = 0
+    for block in _blocks(independent):
+        late_m = sum(sign * block[f"truth_{name}_m"] for name, sign in _LATE)
+        silent = (block["tap_offset_m"] < late_m - CHIP_M) | (not results.attrs["signal"])
+        found = tap_exceedances(block.assign(taps=block["taps"].where(silent)))
+        exceeding, trials = exceeding + found.successes, trials + found.trials
+    return proportion(exceeding, trials, confidence=confidence)
+
+
+# terms of the hand-over's error: positive where the line of sight is later in E6 than predicted
+_LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:

@@ -67,17 +67,22 @@ def main(arguments: list[str] | None = None) -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except click.Abort:
-        click.echo("interrupted", err=True)
+    except click.Abort as abort:
+        click.echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
     except VestigeError as error:
         click.echo(f"vestige: {error}", err=True)
         sys.exit(1)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"vestige: {place}{error.strerror or error}", err=True)
+        click.echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
     sys.exit(0)
+
+
+def _notes(error: BaseException | None) -> str:
+    """Return what an interrupted run says of the work that is kept."""
+    return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
 
 
 if __name__ == "__main__":

@@ -22,6 +22,25 @@ class FiniteRange(click.FloatRange):
         return number
 
 
+class WidthType(click.ParamType[tuple[float, bool]]):
+    """The width of an interval: `0.01`, or `20%` of what is estimated; gives (width, whether it is relative)."""
+
+    name = "width"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, bool]:
+        """Return width and whether it is relative."""
+        if isinstance(value, tuple):
+            return value
+        text = str(value).strip()
+        try:
+            number = float(text.removesuffix("%"))
+        except ValueError:
+            number = math.nan
+        if not 0 < number < math.inf:
+            self.fail(f"{value!r} is neither a width such as 0.01 nor a percentage such as 20%", param, ctx)
+        return (number / 100, True) if text.endswith("%") else (number, False)
+
+
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
     """Return the time that an option names, None without one; a usage error if it is none."""
     from vestige.time import GalileoTime

@@ -50,7 +50,7 @@ def _finite(_context: click.Context, parameter: click.Parameter, value: float | 
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep]
     + [f"  {_ALL:21} each of these as PNG, into a folder"]
-    + ["KINDs of several campaigns that differ in C/N0, or of a CSV table of counts:"]
+    + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
     + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
 )
 
@@ -153,6 +153,17 @@ def _read_sweep(
 ) -> xarray.Dataset:
     from vestige import plots
 
-    if len(paths) == 1 and paths[0].suffix.lower() == ".csv":
-        return plots.read_sweep(paths[0])
+    if len(paths) == 1 and (table := _table_of(paths[0])) is not None:
+        if (svid, start_s, stop_s) != (None, None, None):
+            raise click.UsageError(f"{table} is a table of counts: --svid, --from and --to choose nothing in it")
+        return plots.read_sweep(table, detector=detector)
     return plots.sweep_of([_open(path, start_s, stop_s) for path in paths], detector=detector, svid=svid)
+
+
+def _table_of(path: Path) -> Path | None:
+    """Return the table of a sweep that a path means, None if it is no sweep."""
+    from vestige.campaign.sweep import TABLE
+
+    if path.is_dir() and (path / TABLE).is_file():
+        return path / TABLE
+    return path if path.suffix.lower() == ".csv" else None

@@ -125,7 +125,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _processor(options: dict[str, Any]) -> AcasProcessor:
-    from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+    from vestige.acas_processor.detectors import DETECTORS
     from vestige.acas_processor.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
 
@@ -133,15 +133,10 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         raise click.UsageError(f"--spacing {options['spacing']} needs at least {2 * options['spacing'] + 1} taps")
     if options["taps"] * options["tap_spacing_m"] / 2 > MAX_REACH_M:
         raise click.UsageError(f"--taps times --tap-spacing-m reach farther than {MAX_REACH_M:g} m on each side")
-    spacing = options["spacing"]
-    detectors: dict[str, Detector] = {
-        "early": EarlyDetector(spacing=spacing),
-        "maximum": MaximumDetector(spacing=spacing),
-    }
     budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
     return AcasProcessor(
         level=int(options["level"]),
-        detector=detectors[options["detector"]],
+        detector=DETECTORS[options["detector"]](spacing=options["spacing"]),
         p_fa=options["p_fa"],
         n_taps=options["taps"],
         tap_spacing_m=options["tap_spacing_m"],

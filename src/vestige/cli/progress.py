@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from vestige.campaign.run import Progress as CampaignProgress
+
+LINE_EVERY_S = 60.0  # of a campaign, where there is no terminal
+REDRAWS_PER_S = 4.0
 
 Report = Callable[[str, int, int], None]
 
@@ -45,3 +53,48 @@ def _bar() -> Iterator[Report]:
             bar.update(tasks[step], completed=done)
 
         yield report
+
+
+@contextmanager
+def campaign_progress() -> Iterator[Callable[[str, CampaignProgress], None]]:
+    """Yield `report(name, progress)` for campaigns one after the other: rate and time left of the one that runs."""
+    if sys.stderr.isatty():
+        yield from _campaign_bar()
+    else:
+        yield from _campaign_lines()
+
+
+def _campaign_lines() -> Iterator[Callable[[str, CampaignProgress], None]]:
+    last_s = time.monotonic()
+
+    def report(name: str, now: CampaignProgress) -> None:
+        nonlocal last_s
+        if time.monotonic() - last_s >= LINE_EVERY_S:
+            last_s = time.monotonic()
+            click.echo(f"{name}: {now.epochs_done} of {now.epochs_total} epochs, {_pace(now)}", err=True)
+
+    yield report
+
+
+def _campaign_bar() -> Iterator[Callable[[str, CampaignProgress], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, refresh_per_second=REDRAWS_PER_S) as bar:
+        task = bar.add_task("", total=None, pace="")
+
+        def report(name: str, now: CampaignProgress) -> None:
+            bar.update(task, description=name, completed=now.epochs_done, total=now.epochs_total, pace=_pace(now))
+
+        yield report
+
+
+def _pace(now: CampaignProgress) -> str:
+    """Return rate and time left in words; at the beginning neither is known."""
+    if now.rate_epochs_per_s != now.rate_epochs_per_s:
+        return "starting"
+    minutes, seconds = divmod(round(now.remaining_s), 60)
+    left = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    return f"{now.rate_epochs_per_s:.0f} epochs/s, {left} left"

@@ -1,20 +1,23 @@
-"""`vestige run`: run a campaign scenario into a store."""
+"""`vestige run`: run a campaign scenario, or a sweep of campaigns, into stores."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import math
-import sys
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-if TYPE_CHECKING:
-    import xarray
+from vestige.cli.options import WidthType
 
-    from vestige.campaign.run import Progress
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from vestige.scenario.campaign import CampaignScenario
+
+MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the kernels; processes take 200 MB each
 
 
 @click.command()
@@ -23,8 +26,13 @@ if TYPE_CHECKING:
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Store (zarr) to write or continue."
 )
 @click.option("-j", "--workers", type=click.IntRange(1, 1024), default=1, show_default=True)
-@click.option("--threads/--processes", default=False, help="Kind of workers on this machine.  [default: processes]")
+@click.option(
+    "--threads/--processes",
+    default=None,
+    help=f"Kind of workers.  [default: up to {MAX_THREADS} threads, else processes]",
+)
 @click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+@click.option("--chunk", "chunk_epochs", type=click.IntRange(1, 1_000_000), help="Epochs in a chunk.  [2000]")
 @click.option("--fidelity", type=click.Choice(["samples", "correlators"]), help="In place of the scenario's own.")
 @click.option(
     "--set",
@@ -33,110 +41,120 @@ if TYPE_CHECKING:
     metavar="KEY=VALUE",
     help="Replace a value, `receiver.cn0_dbhz=37`; `none` removes.",
 )
+@click.option(
+    "--sweep",
+    "sweeps",
+    multiple=True,
+    metavar="KEY=A:B:STEP",
+    help="One campaign a value, ends included; or KEY=a,b,c. Several: each combination. OUTPUT is a folder of stores.",
+)
+@click.option("--width", type=WidthType(), help="End a campaign of a sweep at this width of its interval: 0.01, 20%.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(
     scenario: Path,
     output: Path,
     workers: int,
-    threads: bool,
+    threads: bool | None,
     scheduler: str | None,
+    chunk_epochs: int | None,
     fidelity: str | None,
     settings: tuple[str, ...],
+    sweeps: tuple[str, ...],
+    width: tuple[float, bool] | None,
     as_json: bool,
 ) -> None:
     """Run the campaign SCENARIO and print what both detectors did.
 
     A run that was stopped, however it was, is continued by the same command and ends with the same bits.
     """
+    from vestige.campaign.executors import ONE_THREAD
+
+    if width is not None and not sweeps:
+        raise click.UsageError("--width needs --sweep: a single campaign has the epochs of its scenario")
+    os.environ.update(ONE_THREAD)  # before numpy is loaded: chunks are what runs in parallel, and bits stay the same
+    own = (f'fidelity="{fidelity}"',) if fidelity else ()
+    how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
+    if sweeps:
+        campaigns = _campaigns(scenario, (*settings, *own), sweeps)
+        with _pool(workers, threads, scheduler) as (executor, calls):
+            _run_sweep(campaigns, output, width, as_json, {**how, "executor": executor, "workers": calls})
+        return
+
     from vestige.campaign.run import run
     from vestige.campaign.scenario_plan import ScenarioPlan
+    from vestige.cli.campaign_report import campaign_json, campaign_text
+    from vestige.cli.progress import campaign_progress
+
+    plan = ScenarioPlan(scenario=_load(scenario, (*settings, *own)))
+    with _pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
+        results = run(
+            plan,
+            output,
+            workers=calls,
+            executor=executor,
+            progress=lambda now: report(scenario.stem, now),
+            **how,  # type: ignore[arg-type]
+        )
+    click.echo(campaign_json(results) if as_json else campaign_text(results, output))
+
+
+@contextmanager
+def _pool(workers: int, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+    """Give an executor and how many calls it runs at the same time."""
+    if scheduler is not None:
+        from vestige.campaign.cluster import connect
+
+        with connect(scheduler) as cluster:
+            yield cluster, cluster.workers
+        return
+
+    from vestige.campaign.executors import local_executor
+
+    kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
+    with local_executor(kind, workers) as executor:
+        yield executor, workers
+
+
+def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
     from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.cautions import cautions
     from vestige.scenario.load import load_scenario
 
-    own = (f'fidelity="{fidelity}"',) if fidelity else ()
-    loaded = load_scenario(scenario, (*settings, *own))
-    if not isinstance(loaded, CampaignScenario):
-        raise VestigeError(
-            f"{scenario}: kind: found {loaded.kind!r}, expected 'campaign'; `vestige simulate` writes it"
-        )
-    for caution in cautions(loaded):
-        click.echo(f"vestige: {scenario}: {caution}", err=True)
-    executor: Any = "threads" if threads or workers == 1 else "processes"
-    if scheduler is not None:
-        from vestige.campaign.cluster import connect
-
-        executor = connect(scheduler)
-    results = run(
-        ScenarioPlan(scenario=loaded), output, workers=workers, executor=executor, progress=_bar(f"{scenario.stem}")
-    )
-    if as_json:
-        click.echo(json.dumps(_without_nan(_summary(results)), allow_nan=False))
-    else:
-        _print(results, output)
+    scenario = load_scenario(path, settings)
+    if not isinstance(scenario, CampaignScenario):
+        raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'; `vestige simulate` writes it")
+    for caution in cautions(scenario):
+        click.echo(f"vestige: {path}: {caution}", err=True)
+    return scenario
 
 
-def _bar(name: str) -> Any:
-    """Return a progress callback: a line at a terminal that is written over, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        return None
+def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
+    """Return settings and scenario of every campaign of a sweep, so that an error shows before anything has run."""
+    from vestige.campaign.sweep_axes import as_settings, grid, parse_axis
+    from vestige.errors import VestigeError
 
-    def report(progress: Progress) -> None:
-        rate, left = progress.rate_epochs_per_s, progress.remaining_s
-        end = "\n" if progress.epochs_done == progress.epochs_total else ""
-        done = f"{progress.epochs_done} of {progress.epochs_total} epochs"
-        text = f"\r{name}: {done}, {rate:.0f} a second, {left:.0f} s left "
-        click.echo(text + end, err=True, nl=False)
-
-    return report
+    axes = [parse_axis(text) for text in sweeps]
+    fixed = {setting.partition("=")[0].strip() for setting in settings}
+    for axis in axes:
+        if axis.key in fixed:
+            raise VestigeError(f"--sweep {axis.key}: found --set or --fidelity of the same key, expected one of them")
+    return [(values, _load(path, (*settings, *as_settings(values)))) for values in grid(axes)]
 
 
-def _without_nan(value: Any) -> Any:
-    """Return nested results with None for what is not a number, which JSON does not have."""
-    if isinstance(value, dict):
-        return {str(key): _without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+def _run_sweep(
+    campaigns: list[tuple[Any, CampaignScenario]],
+    folder: Path,
+    width: tuple[float, bool] | None,
+    as_json: bool,
+    how: dict[str, Any],
+) -> None:
+    from vestige.campaign.sweep import TABLE, Width, run_sweep
+    from vestige.cli.campaign_report import sweep_json, sweep_table
+    from vestige.cli.progress import campaign_progress
 
-
-def _summary(results: xarray.Dataset) -> dict[str, Any]:
-    from vestige.acas_processor.thresholds import probability_of_detection
-    from vestige.campaign.statistics import summarise
-
-    attrs = results.attrs
-    theory = probability_of_detection(attrs["cn0_dbhz"], attrs["integration_s"], attrs["p_fa"])
-    return {
-        "fidelity": attrs["fidelity"],
-        "cn0_dbhz": attrs["cn0_dbhz"],
-        "p_fa": attrs["p_fa"],
-        "p_d_theory": float(theory),
-        "detectors": {name: dataclasses.asdict(summarise(results, name)) for name in ("early", "maximum")},
-    }
-
-
-def _print(results: xarray.Dataset, output: Path) -> None:
-    from vestige.acas_processor.thresholds import probability_of_detection
-    from vestige.campaign.statistics import summarise
-
-    attrs = results.attrs
-    theory = float(probability_of_detection(attrs["cn0_dbhz"], attrs["integration_s"], attrs["p_fa"]))
-    click.echo(
-        f"{output}: {results.sizes['epoch']} epochs, {attrs['fidelity']}, C/N0 {attrs['cn0_dbhz']:g} dBHz, "
-        f"P_fa {attrs['p_fa']:g}"
-    )
-    click.echo(f"theory, noise only, on a tap: P_d {theory:.7f}")
-    for name in ("early", "maximum"):
-        found = summarise(results, name)
-        rate = found.detections
-        low_m, high_m = found.cluster_m
-        click.echo(
-            f"{name:8s} detector: {found.misses} missed, P_d {rate.successes / max(rate.trials, 1):.6f} "
-            f"({100 * rate.confidence:g} %: {rate.low:.6f} to {rate.high:.6f})"
-        )
-        click.echo(
-            f"  range offset: mean {found.range_offset_mean_m:+.2f} m, 1σ {found.range_offset_std_m:.2f} m, "
-            f"{found.cluster.successes} between {low_m:g} and {high_m:g} m"
-        )
-        click.echo("  percentiles: " + ", ".join(f"{p:g} % {value:+.1f} m" for p, value in found.percentiles_m.items()))
+    narrow = None if width is None else Width(width=width[0], relative=width[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    with campaign_progress() as report:
+        rows = list(run_sweep(campaigns, folder, width=narrow, progress=report, **how))
+    click.echo(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE))

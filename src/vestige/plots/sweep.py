@@ -48,11 +48,12 @@ def sweep_of(
     return _dataset({name: np.array(values) for name, values in columns.items()}, attrs)
 
 
-def read_sweep(path: Path | str) -> xarray.Dataset:
-    """Return a sweep from a CSV table with a header.
+def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
+    """Return a sweep from a CSV table with a header, for example the one that `vestige run --sweep` writes.
 
     Columns: `cn0_dbhz`; `trials` and `detections`, or `false_alarm_trials` and `false_alarms`, or all four; if theory
-    is wanted, `integration_s` and `p_fa`, equal in all rows. Others are ignored.
+    is wanted, `integration_s` and `p_fa`, equal in all rows. Others are ignored. In place of `detections` there may be
+    a column for each detector, `detections_early`.
 
     Raises
     ------
@@ -67,7 +68,10 @@ def read_sweep(path: Path | str) -> xarray.Dataset:
         raise InputFileError(path, "table", str(error), "comma-separated text in UTF-8") from error
     if not table or "cn0_dbhz" not in table[0]:
         raise InputFileError(path, "table", "no column cn0_dbhz, or no row", "cn0_dbhz,trials,detections and rows")
-    columns = {name: _column(path, table, name) for name in ("cn0_dbhz", *_COUNTS, *_CONSTANT) if name in table[0]}
+    wanted = {name: name for name in ("cn0_dbhz", *_COUNTS, *_CONSTANT)}
+    if (own := f"detections_{detector}") in table[0]:
+        wanted["detections"] = own
+    columns = {name: _column(path, table, heading) for name, heading in wanted.items() if heading in table[0]}
     attrs = {}
     for name in _CONSTANT:
         values = set(columns.pop(name, np.zeros(0)).tolist())
@@ -81,7 +85,7 @@ def read_sweep(path: Path | str) -> xarray.Dataset:
 
 
 def _column(path: Path, table: list[dict[str, str]], name: str) -> np.ndarray:
-    convert = int if name in _COUNTS else float
+    convert = int if name.startswith(_COUNTS) else float
     values = []
     for line, row in enumerate(table, start=2):
         try:
@@ -89,7 +93,7 @@ def _column(path: Path, table: list[dict[str, str]], name: str) -> np.ndarray:
             if not np.isfinite(value) or abs(value) > 1e15:
                 raise ValueError(value)
         except (ValueError, TypeError) as error:
-            expected = "a whole number" if name in _COUNTS else "a number"
+            expected = "a whole number" if convert is int else "a number"
             raise InputFileError(path, f"line {line}, {name}", row[name], expected) from error
         values.append(value)
     return np.array(values)

@@ -121,7 +121,7 @@ class CorrelatorModel:
         draws
             The randomness of these epochs.
         cn0_dbhz
-            C/N0 of E6-C's line of sight.
+            C/N0 of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1.
         delay_m
             Delay of every ray after the hand-over's prediction in m; the line of sight is the first ray.
         amplitude
@@ -129,7 +129,9 @@ class CorrelatorModel:
         doppler_hz
             Residual Doppler of every ray in Hz.
         """
-        variance = 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
+        absent = np.isneginf(cn0_dbhz)
+        variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
+        amplitude = np.zeros_like(amplitude) if absent else amplitude
         taps = draws.noise * np.sqrt(variance)
         turns = doppler_hz * self.integration_s
         strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)

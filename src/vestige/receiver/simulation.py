@@ -70,7 +70,7 @@ class Simulation:
     line_of_sight, models
         Range against time, and the receiver's error models.
     cn0_dbhz, cn0_e1_dbhz
-        C/N0 of E6-C and of E1-C, each alone.
+        C/N0 of E6-C and of E1-C, each alone; −∞ on E6 is no signal, neither line of sight nor rays.
     front_end
         Of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`.
     time_uncertainty_s

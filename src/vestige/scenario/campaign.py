@@ -6,12 +6,13 @@ model that is left out is not there.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from vestige.acas_processor.detectors import Detector, EarlyDetector, MaximumDetector
+from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -72,6 +73,8 @@ class ReceiverTable(Section):
     ----------
     cn0_dbhz, cn0_e1_dbhz
         C/N0 of E6-C alone and of E1-C alone.
+    signal
+        Whether E6-C is on air at all; without it, neither line of sight nor rays, every detection is a false alarm.
     time_uncertainty_s
         What the receiver believes of its clock.
     e1_multipath
@@ -80,6 +83,7 @@ class ReceiverTable(Section):
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
     cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
+    signal: bool = True
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
     front_end: FrontEndTable = FrontEndTable()
@@ -129,13 +133,9 @@ class ProcessorTable(Section):
 
     def processor(self) -> AcasProcessor:
         """Return the processor that the table describes."""
-        detectors: dict[str, Detector] = {
-            "early": EarlyDetector(spacing=self.spacing),
-            "maximum": MaximumDetector(spacing=self.spacing),
-        }
         return AcasProcessor(
             level=self.level,
-            detector=detectors[self.detector],
+            detector=DETECTORS[self.detector](spacing=self.spacing),
             p_fa=self.p_fa,
             n_taps=self.n_taps,
             tap_spacing_m=self.tap_spacing_m,
@@ -216,7 +216,7 @@ class CampaignScenario(Section):
                 bias=receiver.bias,
                 e1_multipath=receiver.e1_multipath,
             ),
-            cn0_dbhz=receiver.cn0_dbhz,
+            cn0_dbhz=receiver.cn0_dbhz if receiver.signal else -math.inf,
             cn0_e1_dbhz=receiver.cn0_e1_dbhz,
             front_end=receiver.front_end.front_end(receiver.sample_rate_hz),
             time_uncertainty_s=receiver.time_uncertainty_s,

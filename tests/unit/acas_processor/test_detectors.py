@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vestige.acas_processor.detectors import ALL_DETECTORS, EarlyDetector, MaximumDetector
+from vestige.acas_processor.detectors import DETECTORS, EarlyDetector, MaximumDetector
 
 Detectors = type[MaximumDetector] | type[EarlyDetector]
 
-every_detector = pytest.mark.parametrize("detector", ALL_DETECTORS)
+every_detector = pytest.mark.parametrize("detector", DETECTORS.values())
 
 
 def early_step_by_step(c: list[float], threshold: float, n: int) -> int:

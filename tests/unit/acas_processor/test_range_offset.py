@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vestige.acas_processor.detectors import ALL_DETECTORS, EarlyDetector, MaximumDetector
+from vestige.acas_processor.detectors import DETECTORS, EarlyDetector, MaximumDetector
 from vestige.acas_processor.range_offset import range_offset_m
 
 CHIP_M = 299_792_458 / 5.115e6
@@ -27,7 +27,7 @@ def test_exact_on_a_triangle(spacing_chips: float, fraction: float, n: int, heig
     assert found[0] == pytest.approx(true_m, abs=1e-9 * CHIP_M / spacing_chips)
 
 
-@pytest.mark.parametrize("detector", ALL_DETECTORS)
+@pytest.mark.parametrize("detector", DETECTORS.values())
 @given(true_m=st.floats(-60, 60))
 def test_exact_behind_a_detector(detector: type[MaximumDetector] | type[EarlyDetector], true_m: float) -> None:
     magnitudes = triangle(BANK_M, np.array([true_m]))

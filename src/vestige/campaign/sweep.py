@@ -1,0 +1,199 @@
+"""Sweeps: one campaign for each value of a setting, each as long as its count needs.
+
+A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
+one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
+curves are drawn from; it is written anew after each value.
+
+A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
+enough. That is decided after each chunk in the order of the chunks, so the epochs that count depend neither on the
+number of workers nor on interruptions.
+
+All values share the scenario's seed, so neighbouring points share their noise and err to the same side; a sweep of
+`seed` shows how far.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vestige.acas_processor.detectors import DETECTORS
+from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.run import CHUNK_EPOCHS, ExecutorChoice, Progress, Results, run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
+from vestige.campaign.sweep_axes import Value, store_name
+from vestige.scenario.campaign import CampaignScenario
+
+TABLE = "sweep.csv"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Width:
+    """How narrow the interval of a count is to be.
+
+    Attributes
+    ----------
+    width
+        Upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of
+        detection and miss.
+    """
+
+    width: float
+    relative: bool = False
+
+    def reached(self, successes: int, trials: int) -> bool:
+        """Return whether the interval after `successes` in `trials` is narrow enough."""
+        rarer = min(successes, trials - successes)
+        if self.relative and not rarer:
+            return False
+        return enough(successes, trials, self.width * (rarer / trials if self.relative else 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """What one campaign of a sweep has shown.
+
+    Attributes
+    ----------
+    settings
+        The values that make it.
+    store
+        Name of its store in the folder of the sweep.
+    cn0_dbhz, p_fa, integration_s
+        Of the scenario.
+    signal
+        Whether there was any.
+    detector
+        The one of the scenario, whose count ends a campaign.
+    epochs
+        How many were counted.
+    detections
+        For each detector. Without a signal, banks with a false alarm.
+    p_d_theory
+        Marcum Q on a tap; NaN without signal.
+    false_alarms
+        Of single taps, on noise alone.
+    """
+
+    settings: Mapping[str, Value]
+    store: str
+    cn0_dbhz: float
+    p_fa: float
+    integration_s: float
+    signal: bool
+    detector: str
+    epochs: int
+    detections: Mapping[str, Proportion]
+    p_d_theory: float
+    false_alarms: Proportion
+
+
+def run_sweep(
+    campaigns: Sequence[tuple[Mapping[str, Value], CampaignScenario]],
+    folder: Path,
+    *,
+    width: Width | None = None,
+    workers: int = 1,
+    executor: ExecutorChoice = "threads",
+    chunk_epochs: int = CHUNK_EPOCHS,
+    progress: Callable[[str, Progress], None] | None = None,
+) -> Iterator[Row]:
+    """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
+
+    Parameters
+    ----------
+    campaigns
+        Settings, and the scenario with these settings.
+    folder
+        Of the sweep; what it holds already is not measured again.
+    width
+        Where a campaign may stop; all its epochs without it.
+    workers, executor, chunk_epochs
+        As `run` takes them.
+    progress
+        Called with the name of a campaign's store and its progress.
+    """
+    rows: list[Row] = []
+    for settings, scenario in campaigns:
+        name = store_name(settings)
+        results = run(
+            ScenarioPlan(scenario=scenario),
+            folder / name,
+            workers=workers,
+            executor=executor,
+            chunk_epochs=chunk_epochs,
+            progress=None if progress is None else lambda now, name=name: progress(name, now),  # type: ignore[misc]
+            enough=None if width is None else _Counter(scenario.processor.detector, width),
+        )
+        attrs = results.attrs
+        cn0_dbhz, signal = scenario.receiver.cn0_dbhz, scenario.receiver.signal
+        theory = probability_of_detection(cn0_dbhz, attrs["integration_s"], attrs["p_fa"]) if signal else float("nan")
+        rows.append(
+            Row(
+                settings=settings,
+                store=name,
+                cn0_dbhz=cn0_dbhz,
+                p_fa=attrs["p_fa"],
+                integration_s=attrs["integration_s"],
+                signal=signal,
+                detector=scenario.processor.detector,
+                epochs=results.sizes["epoch"],
+                detections={detector: summarise(results, detector).detections for detector in DETECTORS},
+                p_d_theory=float(theory),
+                false_alarms=false_alarms(results),
+            )
+        )
+        _write_table(folder / TABLE, rows)
+        yield rows[-1]
+
+
+class _Counter:
+    """Counts the detections of one detector chunk by chunk, and says when they are enough."""
+
+    def __init__(self, detector: str, width: Width) -> None:
+        self._detector, self._width = list(DETECTORS).index(detector), width
+        self._detections = self._decisions = 0
+
+    def __call__(self, results: Results) -> bool:
+        correlated = ~np.isnan(results["noise_power"])
+        self._decisions += int(np.count_nonzero(correlated))
+        self._detections += int(np.count_nonzero((results["tap_index"][self._detector] >= 0) & correlated))
+        return self._width.reached(self._detections, self._decisions)
+
+
+def _write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Write all rows; the file is there as a whole or not at all."""
+    table = [_cells(row) for row in rows]
+    part = path.with_name(f".{path.name}")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for cells in table for name in cells)))
+        writer.writeheader()
+        writer.writerows(table)
+    part.replace(path)
+
+
+def _cells(row: Row) -> dict[str, object]:
+    """Return a row of the table. Without signal nothing can be detected, so there are no such columns."""
+    detected: dict[str, object] = {"trials": next(iter(row.detections.values())).trials}
+    for detector, counted in row.detections.items():
+        detected |= {f"detections_{detector}": counted.successes}
+        detected |= {f"p_d_{detector}": counted.value, f"low_{detector}": counted.low, f"high_{detector}": counted.high}
+    alarms = row.false_alarms
+    return {
+        **row.settings,
+        "cn0_dbhz": row.cn0_dbhz,
+        "integration_s": row.integration_s,
+        "p_fa": row.p_fa,
+        "epochs": row.epochs,
+        **(detected | {"p_d_theory": row.p_d_theory} if row.signal else {}),
+        "false_alarm_trials": alarms.trials,
+        "false_alarms": alarms.successes,
+        "low_false_alarm": alarms.low,
+        "high_false_alarm": alarms.high,
+        "store": row.store,
+    }

@@ -1,0 +1,113 @@
+"""What a sweep varies: keys of a scenario, the values that each takes, and their combinations."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from urllib.parse import quote
+
+from vestige.errors import VestigeError
+
+Value = bool | int | float | str
+
+MAX_CAMPAIGNS = 1000
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*({_NUMBER})\s*")
+_MAX_NAME = 200  # characters; file systems end at 255
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """One key of a scenario and the values that it takes."""
+
+    key: str
+    values: tuple[Value, ...]
+
+
+def parse_axis(text: str) -> Axis:
+    """Return what `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) says.
+
+    Raises
+    ------
+    VestigeError
+        If it says nothing of the kind, or some value twice.
+    """
+    key, equals, listed = (part.strip() for part in text.partition("="))
+    if not key or not equals:
+        raise VestigeError(f"--sweep {text}: expected table.key=start:stop:step or table.key=a,b,c")
+    try:
+        values = _range(*match.groups()) if (match := _RANGE.fullmatch(listed)) else _list(listed)
+    except ValueError as error:
+        raise VestigeError(f"--sweep {text}: {error}") from error
+    if len({(isinstance(value, bool), value) for value in values}) < len(values):
+        raise VestigeError(f"--sweep {text}: a value stands there twice")
+    return Axis(key=key, values=values)
+
+
+def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
+    """Return the settings of every campaign: each combination of the axes' values, the last axis fastest.
+
+    Raises
+    ------
+    VestigeError
+        If two axes have one key, or there are more than `MAX_CAMPAIGNS`.
+    """
+    keys = [axis.key for axis in axes]
+    if len(set(keys)) < len(keys):
+        raise VestigeError(f"--sweep: found {', '.join(keys)}, expected each key once")
+    if (count := math.prod(len(axis.values) for axis in axes)) > MAX_CAMPAIGNS:
+        raise VestigeError(f"--sweep: found {count} campaigns, expected at most {MAX_CAMPAIGNS}")
+    return tuple(dict(zip(keys, values, strict=True)) for values in itertools.product(*(axis.values for axis in axes)))
+
+
+def store_name(settings: Mapping[str, Value]) -> str:
+    """Return the name of a campaign's store: its settings, with what a file name cannot hold as `%XX`.
+
+    Raises
+    ------
+    VestigeError
+        If it is too long for a file name.
+    """
+    name = quote(",".join(f"{key}={_toml(value)}" for key, value in settings.items()), safe="=,+") + ".zarr"
+    if len(name) > _MAX_NAME:
+        raise VestigeError(f"--sweep: {name[:40]}…: found {len(name)} characters, expected at most {_MAX_NAME}")
+    return name
+
+
+def as_settings(settings: Mapping[str, Value]) -> tuple[str, ...]:
+    """Return settings as `load_scenario` takes them."""
+    return tuple(f"{key}={_toml(value)}" for key, value in settings.items())
+
+
+def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
+    """Return start, start + step, … up to stop, in decimal arithmetic: 0.1 added ten times is 1."""
+    first, last, by = Decimal(start), Decimal(stop), Decimal(step)
+    if not by or (last - first) / by < 0:
+        raise ValueError(f"steps of {step} from {start} never come to {stop}")
+    if (steps := (last - first) / by) >= MAX_CAMPAIGNS:
+        raise ValueError(f"more than {MAX_CAMPAIGNS} values")
+    values = [first + i * by for i in range(int(steps) + 1)]
+    return tuple(int(value) if value == int(value) else float(value) for value in values)
+
+
+def _list(text: str) -> tuple[Value, ...]:
+    try:
+        (values,) = tomllib.loads(f"values = [{text}]").values()
+    except ValueError as error:  # of TOML, or of a text that closes the list and goes on
+        raise ValueError(f"found {text!r}, expected start:stop:step or TOML values a,b,c") from error
+    if not values or not all(isinstance(value, Value) for value in values):
+        raise ValueError(f"found {text!r}, expected numbers, texts or booleans")
+    return tuple(values)
+
+
+def _toml(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + re.sub(r'["\\\x00-\x1f\x7f]', lambda found: f"\\u{ord(found[0]):04x}", value) + '"'
+    return repr(value)

@@ -1,0 +1,126 @@
+"""What `vestige run` prints of a campaign, or of a sweep of campaigns: text for people, JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import xarray
+
+from vestige.acas_processor.detectors import DETECTORS
+from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.statistics import Proportion, false_alarms, summarise
+from vestige.campaign.sweep import Row
+
+
+def campaign_json(results: xarray.Dataset) -> str:
+    """Return what was found in one campaign."""
+    attrs = results.attrs
+    return _json(
+        {
+            "epochs": results.sizes["epoch"],
+            "fidelity": attrs["fidelity"],
+            "signal": attrs["signal"],
+            "cn0_dbhz": attrs.get("cn0_dbhz"),
+            "p_fa": attrs["p_fa"],
+            "p_d_theory": _theory(results),
+            "false_alarms": asdict(false_alarms(results)),
+            "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
+        }
+    )
+
+
+def campaign_text(results: xarray.Dataset, store: Path) -> str:
+    """Return what was found in one campaign, a few lines."""
+    attrs = results.attrs
+    strength = f"C/N0 {attrs['cn0_dbhz']:g} dBHz" if attrs["signal"] else "no signal"
+    lines = [
+        f"{store}: {results.sizes['epoch']} epochs, {attrs['fidelity']}, {strength}, P_fa {attrs['p_fa']:g}",
+        f"false alarms of single taps on noise: {_count(false_alarms(results))}",
+    ]
+    if attrs["signal"]:
+        lines.append(f"theory, noise only, on a tap: P_d {_theory(results):.7f}")
+    for name in DETECTORS:
+        lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
+    return "\n".join(lines)
+
+
+def sweep_json(rows: Sequence[Row]) -> str:
+    """Return the rows of a sweep."""
+    return _json({"campaigns": [asdict(row) for row in rows]})
+
+
+def sweep_table(rows: Sequence[Row], file: Path) -> str:
+    """Return a line for each campaign: what was counted, beside what theory says of a signal on a tap.
+
+    Parameters
+    ----------
+    file
+        Where the same table is as CSV.
+    """
+    keys = list(rows[0].settings)
+    missed = [f"missed {name}" for name in DETECTORS]
+    table = [[*keys, "epochs", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
+    for row in rows:
+        found, alarms = row.detections[row.detector], row.false_alarms
+        table.append(
+            [
+                *(str(row.settings[key]) for key in keys),
+                str(row.epochs),
+                *(str(counted.trials - counted.successes) for counted in row.detections.values()),
+                f"{found.value:.5f}",
+                f"{found.low:.5f} to {found.high:.5f}",
+                f"{row.p_d_theory:.5f}" if row.signal else "no signal",
+                f"{alarms.successes} of {alarms.trials}",
+                f"{alarms.low:.2g} to {alarms.high:.2g}",
+            ]
+        )
+    widths = [max(len(cells[i]) for cells in table) for i in range(len(table[0]))]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)) for cells in table]
+    return "\n".join([*lines, f"table: {file}"])
+
+
+def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:
+    found = summarise(results, name)
+    rate = found.detections
+    low_m, high_m = found.cluster_m
+    return [
+        f"{name:8s} detector: {found.misses} missed, P_d {rate.value:.6f} "
+        f"({100 * rate.confidence:g} %: {rate.low:.6f} to {rate.high:.6f})",
+        f"  range offset: mean {found.range_offset_mean_m:+.2f} m, 1σ {found.range_offset_std_m:.2f} m, "
+        f"{found.cluster.successes} between {low_m:g} and {high_m:g} m",
+        "  percentiles: " + ", ".join(f"{p:g} % {value:+.1f} m" for p, value in found.percentiles_m.items()),
+    ]
+
+
+def _alarm_line(results: xarray.Dataset, name: str) -> list[str]:
+    return [f"{name:8s} detector: false alarms in {_count(summarise(results, name).detections)} banks"]
+
+
+def _count(found: Proportion) -> str:
+    interval = f"{100 * found.confidence:g} %: {found.low:.3g} to {found.high:.3g}"
+    return f"{found.successes} of {found.trials}, {found.value:.3g} ({interval})"
+
+
+def _theory(results: xarray.Dataset) -> float:
+    attrs = results.attrs
+    if not attrs["signal"]:
+        return math.nan
+    return float(probability_of_detection(attrs["cn0_dbhz"], attrs["integration_s"], attrs["p_fa"]))
+
+
+def _json(value: Any) -> str:
+    return json.dumps(_finite(value), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Return nested results with None for what is no finite number, which JSON does not have."""
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
