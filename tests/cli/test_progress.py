@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from vestige.cli.progress import progress
+from vestige.campaign.run import Progress
+from vestige.cli.progress import campaign_progress, progress
 
 
 def test_without_a_terminal_each_step_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -27,3 +28,41 @@ def test_on_a_terminal_there_is_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert capsys.readouterr().out == ""
     assert "E1 search" in terminal.getvalue()
     assert "3/36" in terminal.getvalue()
+
+
+def _campaign(done: int) -> Progress:
+    return Progress(epochs_done=done, epochs_total=4000, epochs_resumed=1000, elapsed_s=2.0)
+
+
+def test_a_campaign_without_a_terminal_is_a_line_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("vestige.cli.progress.time.monotonic", lambda: now_s)
+    with campaign_progress() as report:
+        for done in range(1000, 4000, 10):
+            report("harsh", _campaign(done))
+            now_s += 0.5
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "harsh: 2200 of 4000 epochs, 600 epochs/s, 3 s left",
+        "harsh: 3400 of 4000 epochs, 1200 epochs/s, 0 s left",
+    ]
+
+
+def test_a_campaign_on_a_terminal_has_a_bar(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "120")
+    with campaign_progress() as report:
+        report("harsh", _campaign(1000))
+        for done in range(1000, 3000):
+            report("harsh", _campaign(done + 1))
+    assert capsys.readouterr().out == ""
+    shown = terminal.getvalue()
+    assert "3000/4000" in shown
+    assert "1000 epochs/s, 1 s left" in shown
+    assert shown.count("harsh") < 20, "redrawn by time, not by chunk"

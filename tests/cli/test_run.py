@@ -1,13 +1,19 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from vestige.campaign.store import open_results
+from vestige.cli.plot import command as plot
 from vestige.cli.run import command
 from vestige.errors import InputFileError, VestigeError
 
@@ -34,6 +40,98 @@ def test_json_when_nothing_is_detected(tmp_path: Path) -> None:
     assert found["detectors"]["early"]["range_offset_mean_m"] is None
 
 
+def test_without_signal(tmp_path: Path) -> None:
+    silent = ("--set", "epochs=500", "--set", "receiver.signal=false", "--set", "processor.p_fa=1e-3")
+    text = _invoke(QUICK, "-o", tmp_path / "a", *silent).stdout
+    found = json.loads(_invoke(QUICK, "-o", tmp_path / "a", *silent, "--json").stdout)
+    assert "no signal" in text
+    assert "theory" not in text
+    assert (found["cn0_dbhz"], found["p_d_theory"], found["false_alarms"]["trials"]) == (None, None, 1500)
+
+
+SWEEP = (QUICK, "--set", "epochs=300", "--sweep", "receiver.cn0_dbhz=29:33:2")
+
+
+def test_a_sweep(tmp_path: Path) -> None:
+    text = _invoke(*SWEEP, "-o", tmp_path / "a")
+    assert text.exception is None
+    rows = json.loads(_invoke(*SWEEP, "-o", tmp_path / "a", "--json", "-j", 2).stdout)["campaigns"]
+    assert [row["settings"] for row in rows] == [{"receiver.cn0_dbhz": value} for value in (29, 31, 33)]
+    heading, *lines, last = text.stdout.splitlines()
+    assert heading.split()[:2] == ["receiver.cn0_dbhz", "epochs"]
+    assert last == f"table: {tmp_path / 'a' / 'sweep.csv'}"
+    for line, row in zip(lines, rows, strict=True):
+        found = row["detections"]["early"]
+        assert line.split()[1:3] == ["300", str(300 - found["successes"])]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted(
+        [row["store"] for row in rows] + ["sweep.csv"]
+    )
+
+
+@pytest.mark.parametrize(("width", "epochs"), [("0.2", 100), ("50%", 300)])
+def test_a_sweep_ends_early(tmp_path: Path, width: str, epochs: int) -> None:
+    """At 33 dBHz nearly all are detected: narrow at once, but not relative to the misses."""
+    result = _invoke(*SWEEP, "-o", tmp_path / "a", "--width", width, "--chunk", 100, "--json")
+    assert json.loads(result.stdout)["campaigns"][-1]["epochs"] == epochs
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--sweep", "receiver.cn0_dbhz=29:99:10"),
+        ("--sweep", "receiver.nothing=1,2"),
+        ("--sweep", "epochs=1,2", "--set", "epochs=3"),
+        ("--sweep", 'fidelity="samples"', "--fidelity", "samples"),
+        ("--sweep", "seed=1,2", "--sweep", "seed=3"),
+    ],
+)
+def test_a_bad_sweep_is_refused_before_anything_runs(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    error = _invoke(QUICK, "-o", tmp_path / "a", *arguments).exception
+    assert isinstance(error, VestigeError)
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("width", [("0",), ("-1",), ("nan",), ("%",), ("x",), ("inf%",)])
+def test_bad_widths(tmp_path: Path, width: tuple[str]) -> None:
+    assert isinstance(_invoke(*SWEEP, "-o", tmp_path / "a", "--width", *width).exception, click.UsageError)
+
+
+def test_a_width_is_of_a_sweep(tmp_path: Path) -> None:
+    assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", "--width", "0.1").exception, click.UsageError)
+
+
+def test_curves_of_a_sweep(tmp_path: Path) -> None:
+    assert _invoke(*SWEEP, "-o", tmp_path / "a").exception is None
+    for kind in ("detection-curve", "miss-curve", "false-alarm-curve"):
+        arguments = [kind, str(tmp_path / "a"), "-o", str(tmp_path / f"{kind}.png")]
+        assert CliRunner().invoke(plot, [*arguments, "--detector", "maximum"]).exit_code == 0
+        assert CliRunner().invoke(plot, [*arguments, "--from", "3"]).exit_code == 2
+
+
+def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
+    """One line and exit code 130; the same command goes on."""
+    arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--chunk", "50", "--set", "epochs=40000"]
+    command = [sys.executable, "-m", "vestige.cli.main", *arguments]
+    with subprocess.Popen(  # noqa: S603
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    ) as process:
+        while not (tmp_path / "a" / "progress" / "digest" / "c").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "")
+    (line,) = err.split("\n")[-2:-1]
+    kept = open_results(tmp_path / "a", partial=True).sizes["epoch"]
+    expected = f"{kept} of 40000 epochs are stored in {tmp_path / 'a'}; the same run again continues there"
+    assert line == f"interrupted; {expected}"
+    assert err.strip() == line
+
+
 def test_samples_and_workers(tmp_path: Path) -> None:
     settings = ("--set", "epochs=60", "--fidelity", "samples")
     for name, workers in (("one", ()), ("two", ("-j", 2, "--threads"))):
@@ -57,7 +155,12 @@ def test_a_recording_is_no_campaign(tmp_path: Path) -> None:
 
 
 def test_bad_settings(tmp_path: Path) -> None:
-    assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=-1").exception, InputFileError)
+    for settings in (
+        ("--set", "epochs=-1"),
+        ("--set", "processor.n_taps=3", "--set", "processor.spacing=2"),
+        ("--set", "processor.tap_spacing_m=100", "--fidelity", "samples"),
+    ):
+        assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", *settings).exception, InputFileError)
 
 
 def test_a_staircase_is_cautioned_against(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 
 from __future__ import annotations
 
 import importlib
+import logging
 import sys
 
 import click
@@ -68,6 +69,7 @@ def main(arguments: list[str] | None = None) -> None:
         error.show()
         sys.exit(error.exit_code)
     except click.Abort as abort:
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a write that was cut off; the notes say it
         click.echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
     except VestigeError as error:

@@ -13,6 +13,7 @@ from vestige.campaign.statistics import (
     binomial_interval,
     binomial_test,
     enough,
+    false_alarms,
     proportion,
     summarise,
     tap_exceedances,
@@ -142,7 +143,33 @@ def test_taps_above_the_threshold() -> None:
     assert (found.successes, found.trials) == (2, 27)
 
 
+def with_truth(signal: bool) -> xarray.Dataset:
+    """Taps at −75, −45, −15, 15, 45 m: those a chip apart are the first, third and fifth; all exceed the threshold."""
+    shape = ("epoch", "satellite")
+    late_m = {"iono_diff": [-10.0, 4.0], "bias": [-8.0, 0.0], "e1_noise": [-1.0, 1.0], "e1_multipath": [-0.5, 0.5]}
+    return xarray.Dataset(
+        {
+            "taps": (("epoch", "satellite", "tap"), np.full((2, 1, 5), 5.0 + 0j)),
+            "noise_power": (shape, np.full((2, 1), 2.0)),
+            **{f"truth_{name}_m": (shape, np.array(values)[:, None]) for name, values in late_m.items()},
+        },
+        coords={"tap_offset_m": ("tap", np.arange(-75.0, 60.0, 30.0))},
+        attrs={"threshold_sigma": 2.0, "signal": signal},
+    )
+
+
+def test_false_alarms_are_counted_where_there_is_noise_alone() -> None:
+    """The line of sight is at −16.5 m, a chip before it is −75.11 m; and at 2.5 m: −56.11 m."""
+    assert false_alarms(with_truth(True)).trials == 1
+    silent = false_alarms(with_truth(False))
+    assert (silent.successes, silent.trials) == (6, 6)
+
+
 def test_counts_do_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = summarise(results_by_hand()), tap_exceedances(results_by_hand())
-    monkeypatch.setattr("vestige.campaign.statistics.BLOCK_EPOCHS", 2)
-    assert (summarise(results_by_hand()), tap_exceedances(results_by_hand())) == whole
+    def counts() -> tuple[object, ...]:
+        return summarise(results_by_hand()), tap_exceedances(results_by_hand()), false_alarms(with_truth(True))
+
+    whole = counts()
+    for block in (1, 2):
+        monkeypatch.setattr("vestige.campaign.statistics.BLOCK_EPOCHS", block)
+        assert counts() == whole

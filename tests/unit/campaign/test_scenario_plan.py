@@ -1,0 +1,147 @@
+"""A scenario gives the same bits whatever the workers, the chunks and the interruptions, at both fidelities.
+
+`test_run.py`, `test_cluster.py` and `test_interruption.py` hold the machinery with a toy; here real epochs go through.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+from vestige.acas_processor.detectors import DETECTORS
+from vestige.acas_processor.thresholds import threshold
+from vestige.campaign.cluster import connect
+from vestige.campaign.run import Progress, run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.store import open_results
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+
+distributed = pytest.importorskip("distributed")
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+N_EPOCHS = {"samples": 150, "correlators": 1200}  # the latter: more than two blocks of draws
+FIDELITIES = pytest.mark.parametrize("fidelity", N_EPOCHS)
+
+
+def plan(fidelity: str, *settings: str, epochs: int | None = None) -> ScenarioPlan:
+    own = (f'fidelity="{fidelity}"', f"epochs={epochs or N_EPOCHS[fidelity]}", *settings)
+    scenario = load_scenario(SCENARIOS / "harsh.toml", own)
+    assert isinstance(scenario, CampaignScenario)
+    return ScenarioPlan(scenario=scenario)
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict[str, dict[str, np.ndarray]]:
+    """The columns of every epoch, measured in one call without any of the machinery."""
+    plans = {fidelity: plan(fidelity) for fidelity in N_EPOCHS}
+    return {fidelity: dict(one.measure(0, one.prepare().advance(0, one.n_epochs))) for fidelity, one in plans.items()}
+
+
+def assert_equal(results: xarray.Dataset, expected: dict[str, np.ndarray]) -> None:
+    assert set(results.data_vars) == set(expected)
+    for name, values in expected.items():
+        assert results[name].values.tobytes() == values.tobytes(), name
+
+
+@FIDELITIES
+@pytest.mark.parametrize("chunk", [1 / 3, 0.29, 2])
+def test_any_chunks(tmp_path: Path, truth: Any, fidelity: str, chunk: float) -> None:
+    chunk_epochs = int(chunk * N_EPOCHS[fidelity])
+    assert_equal(run(plan(fidelity), tmp_path / "a", chunk_epochs=chunk_epochs), truth[fidelity])
+
+
+@pytest.mark.parametrize("executor", ["threads", "processes"])
+def test_two_workers(tmp_path: Path, truth: Any, executor: Any) -> None:
+    for fidelity, n_epochs in N_EPOCHS.items():
+        path = tmp_path / fidelity
+        results = run(plan(fidelity), path, chunk_epochs=n_epochs // 7, workers=2, executor=executor)
+        assert_equal(results, truth[fidelity])
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", protocol="tcp", silence_logs="CRITICAL"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+# dask leaves sockets and log lines behind when its processes are killed
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_cluster_of_which_a_worker_is_killed(tmp_path: Path, truth: Any, scheduler: str) -> None:
+    killed: list[int] = []
+    with connect(scheduler) as cluster:
+
+        def kill(progress: Progress) -> None:
+            if progress.epochs_done and not killed:
+                killed.append(cluster.submit(os.getpid).result())
+                os.kill(killed[0], signal.SIGKILL)
+
+        how: dict[str, Any] = {"executor": cluster, "workers": cluster.workers}
+        assert_equal(run(plan("samples"), tmp_path / "a", chunk_epochs=10, progress=kill, **how), truth["samples"])
+        assert_equal(run(plan("correlators"), tmp_path / "b", chunk_epochs=170, **how), truth["correlators"])
+    assert killed
+
+
+def test_kill_of_the_command_at_a_random_moment(tmp_path: Path, truth: Any) -> None:
+    """Of a longer run, so that there is time to kill; the epochs above are its beginning, bit for bit."""
+    more = 8 * N_EPOCHS["samples"]
+    command = [
+        *(sys.executable, "-m", "vestige.cli.main", "run", SCENARIOS / "harsh.toml", "-o", tmp_path / "a"),
+        *("--set", f"epochs={more}", "--chunk", "25", "-j", "2"),
+    ]
+    delay_s = random.SystemRandom().uniform(0, 0.25)
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:  # noqa: S603
+        while not (tmp_path / "a" / "progress" / "digest" / "c").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        time.sleep(delay_s)
+        process.kill()
+    assert process.returncode == -signal.SIGKILL, f"not killed after {delay_s} s"
+    kept = open_results(tmp_path / "a", partial=True).sizes["epoch"]
+    assert kept < more
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603
+    results = open_results(tmp_path / "a")
+    first = results.isel(epoch=slice(0, N_EPOCHS["samples"]))
+    assert_equal(first, truth["samples"])
+    whole = plan("samples", epochs=more)
+    preparation = whole.prepare()
+    preparation.advance(0, more - 20)
+    last = whole.measure(more - 20, preparation.advance(more - 20, 20))
+    assert_equal(results.isel(epoch=slice(more - 20, more)), dict(last))
+
+
+@FIDELITIES
+def test_without_signal_the_noise_stays(fidelity: str) -> None:
+    """The taps differ from those with a signal, their noise floor by the signal's own share only."""
+    epochs = 40
+    silent, loud = (plan(fidelity, f"receiver.signal={on}", epochs=epochs) for on in ("false", "true"))
+    quiet, full = (one.measure(0, one.prepare().advance(0, epochs)) for one in (silent, loud))
+    sigma = np.sqrt(quiet["noise_power"] / 2)[..., None]
+    assert np.abs(quiet["taps"] / sigma).max() < 6  # 440 Rayleigh magnitudes: 7e-6
+    assert np.abs(full["taps"] / np.sqrt(full["noise_power"] / 2)[..., None]).max(axis=-1).min() > 5
+    assert np.all(quiet["tap_index"] == -1)
+    assert "cn0_dbhz" not in silent.attrs
+
+
+def test_both_detectors_decide_on_equal_banks() -> None:
+    """The columns are what the detectors say, in the order of the coordinate."""
+    one = plan("correlators", "receiver.cn0_dbhz=28", epochs=300)
+    results = one.measure(0, one.prepare().advance(0, 300))
+    magnitudes = np.abs(results["taps"][:, 0]) / np.sqrt(results["noise_power"] / 2)
+    assert list(one.coords["detector"].values) == list(DETECTORS)
+    for index, detector in enumerate(DETECTORS.values()):
+        expected = detector(spacing=1).detect(magnitudes.astype(float), float(threshold(1e-7)))
+        assert np.array_equal(results["tap_index"][index, :, 0], expected)

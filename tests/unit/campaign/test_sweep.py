@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import csv
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.run import Progress, run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import binomial_interval
+from vestige.campaign.store import open_results
+from vestige.campaign.sweep import TABLE, Row, Width, run_sweep
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+
+QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
+CHUNK = 500
+
+
+def scenario(*settings: str) -> CampaignScenario:
+    loaded = load_scenario(QUICK, ("epochs=3000", "processor.p_fa=1e-4", *settings))
+    assert isinstance(loaded, CampaignScenario)
+    return loaded
+
+
+CAMPAIGNS = [({"receiver.cn0_dbhz": value}, scenario(f"receiver.cn0_dbhz={value}")) for value in (27, 29, 36)]
+
+
+def swept(folder: Path, width: Width | None = None, **how: Any) -> list[Row]:
+    folder.mkdir(exist_ok=True)
+    return list(run_sweep(CAMPAIGNS, folder, width=width, **{"chunk_epochs": CHUNK, **how}))
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Row]]:
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, swept(folder)
+
+
+def test_a_row_is_what_its_campaign_says(tmp_path: Path, whole: tuple[Path, list[Row]]) -> None:
+    folder, rows = whole
+    for (settings, one), row in zip(CAMPAIGNS, rows, strict=True):
+        alone = run(ScenarioPlan(scenario=one), tmp_path / f"{settings}", chunk_epochs=CHUNK)
+        kept = open_results(folder / row.store)
+        assert all(alone[name].values.tobytes() == kept[name].values.tobytes() for name in alone.data_vars)
+        detected = int((alone["tap_index"].sel(detector="early") >= 0).sum())
+        found = row.detections["early"]
+        assert (found.successes, found.trials, row.epochs) == (detected, 3000, 3000)
+        assert (found.low, found.high) == binomial_interval(detected, 3000)
+        assert row.p_d_theory == probability_of_detection(row.cn0_dbhz, 0.016, 1e-4)
+
+
+def test_the_table_has_the_rows(whole: tuple[Path, list[Row]]) -> None:
+    folder, rows = whole
+    with (folder / TABLE).open() as file:
+        table = list(csv.DictReader(file))
+    for row, cells in zip(rows, table, strict=True):
+        assert float(cells["cn0_dbhz"]) == float(cells["receiver.cn0_dbhz"]) == row.cn0_dbhz
+        assert int(cells["detections_maximum"]) == row.detections["maximum"].successes
+        assert float(cells["high_early"]) == row.detections["early"].high
+        assert (folder / cells["store"]).is_dir()
+
+
+@pytest.mark.parametrize("width", [Width(width=0.06), Width(width=0.5, relative=True)])
+def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
+    tmp_path: Path, width: Width, whole: tuple[Path, list[Row]]
+) -> None:
+    folder, rows = whole[0], swept(tmp_path / "a", width)
+    assert [row.epochs for row in rows] != [3000] * 3
+    for row in rows:
+        detected = open_results(folder / row.store)["tap_index"].sel(detector="early").values >= 0
+        counts = [(int(detected[:n].sum()), n) for n in range(CHUNK, 3000 + 1, CHUNK)]
+
+        def narrow(hits: int, trials: int) -> bool:
+            low, high = binomial_interval(hits, trials)
+            rarer = min(hits, trials - hits) / trials
+            return high - low <= width.width * (rarer if width.relative else 1) and (rarer > 0 or not width.relative)
+
+        expected = next((n for hits, n in counts if narrow(hits, n)), 3000)
+        assert (row.epochs, row.detections["early"].trials) == (expected, expected)
+        assert row.detections["early"].successes == counts[expected // CHUNK - 1][0]
+
+
+def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
+    """Ended early, by two threads, by someone else's executor, and stopped in the second campaign and resumed."""
+    width = Width(width=0.06)
+    expected = swept(tmp_path / "one", width)
+    assert swept(tmp_path / "two", width, workers=2) == expected
+    with ThreadPoolExecutor(3) as pool:
+        assert swept(tmp_path / "three", width, workers=3, executor=pool) == expected
+
+    def stop(name: str, progress: Progress) -> None:
+        if "29" in name and progress.epochs_done == 2 * CHUNK:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "again", width, progress=stop)
+    assert swept(tmp_path / "again", width) == expected
+    for other in ("two", "three", "again"):
+        assert files(tmp_path / other) == files(tmp_path / "one")
+
+
+def test_a_narrower_width_goes_on_and_a_wider_one_counts_less(tmp_path: Path) -> None:
+    wide = swept(tmp_path / "a", Width(width=0.1))
+    narrow = swept(tmp_path / "a", Width(width=0.05))
+    assert [row.epochs for row in narrow] > [row.epochs for row in wide]
+    assert narrow == swept(tmp_path / "b", Width(width=0.05))
+    assert swept(tmp_path / "a", Width(width=0.1)) == wide
+
+
+def test_relative_width_needs_both_outcomes() -> None:
+    assert not Width(width=10.0, relative=True).reached(0, 1000)
+    assert not Width(width=10.0, relative=True).reached(1000, 1000)
+    assert not Width(width=0.01).reached(0, 0)
+    assert Width(width=0.01).reached(1000, 1000)
+
+
+def test_without_signal_every_detection_is_a_false_alarm(tmp_path: Path) -> None:
+    """P_fa 1e-2 on the three taps of eleven that are a chip apart; binomial limits at 1e-6."""
+    silent = scenario("receiver.signal=false", "processor.p_fa=1e-2")
+    (row,) = run_sweep([({"receiver.signal": False}, silent)], tmp_path)
+    assert row.false_alarms.trials == 9000
+    low, high = binomial_interval(row.false_alarms.successes, 9000, confidence=1 - 1e-6)
+    assert low < 0.01 < high
+    assert np.isnan(row.p_d_theory)
+    assert "detections" not in (tmp_path / TABLE).read_text()
