@@ -1,30 +1,68 @@
 """Section VI-A of the paper: 100,000 measurements in harsh conditions, at the fast fidelity.
 
-`vestige run scenarios/harsh.toml -j 2` does the same with samples, in minutes; both fidelities are held together by
-`tests/unit/receiver/test_simulation.py`.
+`vestige run scenarios/harsh.toml -j 2` does the same with samples, in minutes; the last test, and
+`tests/unit/receiver/test_simulation.py`, hold both fidelities together at a length that is quick.
+
+Rates are compared through exact binomial intervals of confidence 1 − 1e-4, on four runs of the paper's length with
+seeds of their own: what is to be seen must lie in its band with the whole interval.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+from scipy import stats
 
+from vestige.acas_processor.detectors import EarlyDetector
+from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.statistics import summarise
+from vestige.campaign.statistics import CLUSTER_M, binomial_interval, binomial_test, summarise
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
 HARSH = Path(__file__).resolve().parents[2] / "scenarios" / "harsh.toml"
+SURE = 1 - 1e-4
+CHUNK = 10_000
+
+
+def _plan(*settings: str) -> ScenarioPlan:
+    scenario = load_scenario(HARSH, ('fidelity="correlators"', *settings))
+    assert isinstance(scenario, CampaignScenario)
+    return ScenarioPlan(scenario=scenario)
 
 
 def _run(folder: Path, *settings: str) -> xarray.Dataset:
-    scenario = load_scenario(HARSH, ('fidelity="correlators"', *settings))
-    assert isinstance(scenario, CampaignScenario)
-    return run(ScenarioPlan(scenario=scenario), folder, chunk_epochs=10_000)
+    return run(_plan(*settings), folder, chunk_epochs=CHUNK)
+
+
+@dataclass
+class Counts:
+    """Of both detectors, early first."""
+
+    epochs: int
+    misses: np.ndarray
+    cluster: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def counts() -> Counts:
+    """Four times 100,000 epochs, without a store."""
+    found = Counts(0, np.zeros(2, int), np.zeros(2, int))
+    for seed in range(1, 5):
+        plan = _plan(f"seed={seed}")
+        preparation = plan.prepare()
+        for first in range(0, plan.n_epochs, CHUNK):
+            results = plan.measure(first, preparation.advance(first, CHUNK))
+            offset_m = results["range_offset_m"]
+            found.misses += np.count_nonzero(results["tap_index"] < 0, axis=(1, 2))
+            found.cluster += np.count_nonzero((offset_m >= CLUSTER_M[0]) & (offset_m <= CLUSTER_M[1]), axis=(1, 2))
+            found.epochs += CHUNK
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +70,15 @@ def harsh(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     return _run(tmp_path_factory.mktemp("harsh") / "results")
 
 
-def test_about_52_misses(harsh: xarray.Dataset) -> None:
-    """The paper has 52; Poisson limits at 1e-5 around it: 25 to 88, within the 20 to 110 that are asked for."""
-    assert 25 <= summarise(harsh, "early").misses <= 88
+def test_about_52_misses(harsh: xarray.Dataset, counts: Counts) -> None:
+    """The paper has 52 in one run; the rate lies within 20 to 110 in 100,000, and is compatible with the paper's."""
+    assert 25 <= summarise(harsh, "early").misses <= 88  # Poisson limits at 1e-5 around 52
+    for misses in counts.misses:
+        low, high = binomial_interval(int(misses), counts.epochs, confidence=SURE)
+        assert low > 20e-5
+        assert high < 110e-5
+        assert binomial_interval(52, 100_000, confidence=SURE)[0] < misses / counts.epochs
+        assert misses / counts.epochs < binomial_interval(52, 100_000, confidence=SURE)[1]
 
 
 def test_almost_none_without_multipath_and_ionosphere(tmp_path: Path) -> None:
@@ -43,10 +87,21 @@ def test_almost_none_without_multipath_and_ionosphere(tmp_path: Path) -> None:
     assert summarise(results, "early").misses <= 15
 
 
-def test_the_cluster_belongs_to_the_early_detector(harsh: xarray.Dataset) -> None:
-    """0.5e-4 to 4e-4 of its detections near −22.5 m; with the maximum detector chance alone, below 1e-4 here."""
+def test_the_cluster_belongs_to_the_early_detector(harsh: xarray.Dataset, counts: Counts) -> None:
+    """0.5e-4 to 4e-4 of its detections near −22.5 m; of those of the maximum detector no more than 0.3e-4.
+
+    The rare offsets that the maximum detector has there (0.25e-4) are the left flank of its distribution: they are as
+    many on the right. Ten times as many are the cluster.
+    """
+    early, maximum = (
+        binomial_interval(int(k), counts.epochs - int(missed), confidence=SURE)
+        for k, missed in zip(counts.cluster, counts.misses, strict=True)
+    )
+    assert early[0] > 0.5e-4
+    assert early[1] < 4e-4
+    assert maximum[0] < 0.3e-4
+    assert maximum[1] < early[0]
     assert 5 <= summarise(harsh, "early").cluster.successes <= 40
-    assert summarise(harsh, "maximum").cluster.successes <= 9
 
 
 def test_percentiles_of_the_range_offset(harsh: xarray.Dataset) -> None:
@@ -74,3 +129,20 @@ def test_status_of_an_undisturbed_signal(harsh: xarray.Dataset) -> None:
     status = harsh["status"].values.ravel()
     authentic = np.count_nonzero(status == meanings.index("AUTHENTIC"))
     assert authentic >= 100_000 - summarise(harsh, "early").misses - 12
+
+
+@pytest.mark.parametrize("cn0_dbhz", [29.0, 31.0, 33.0])
+def test_both_fidelities_miss_alike(cn0_dbhz: float) -> None:
+    """500 epochs of samples against 50,000 drawn ones, where misses are frequent; KS of every tap, p > 0.001."""
+    settings = (f"receiver.cn0_dbhz={cn0_dbhz}", "epochs=50000")
+    magnitudes = {}
+    for fidelity, seed, n in (("samples", 11, 500), ("correlators", 12, 50_000)):
+        simulation = _plan(*settings, f"seed={seed}").simulation
+        taps, noise_power = simulation.banks(fidelity, 0, simulation.truth().advance(0, n))  # type: ignore[arg-type]
+        magnitudes[fidelity] = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
+    sampled, drawn = magnitudes["samples"], magnitudes["correlators"]
+    for tap in range(11):
+        assert stats.ks_2samp(sampled[:, tap], drawn[:, tap]).pvalue > 0.001, tap
+    limit = float(threshold(1e-7))
+    misses, expected = (np.count_nonzero(EarlyDetector().detect(c, limit) < 0) for c in (sampled, drawn))
+    assert binomial_test(int(misses), 500, expected / 50_000) > 0.001
