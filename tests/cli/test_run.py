@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from vestige.campaign.executors import ONE_THREAD
 from vestige.campaign.store import open_results
 from vestige.cli.plot import command as plot
 from vestige.cli.run import command
@@ -38,6 +40,13 @@ def test_json_when_nothing_is_detected(tmp_path: Path) -> None:
     settings = ("--set", "epochs=50", "--set", "receiver.cn0_dbhz=0")
     found = json.loads(_invoke(QUICK, "-o", tmp_path / "a", *settings, "--json").stdout)
     assert found["detectors"]["early"]["range_offset_mean_m"] is None
+
+
+def test_numeric_libraries_get_one_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ONE_THREAD:
+        monkeypatch.setenv(name, "7")
+    assert _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=10").exception is None
+    assert {os.environ[name] for name in ONE_THREAD} == {"1"}
 
 
 def test_without_signal(tmp_path: Path) -> None:

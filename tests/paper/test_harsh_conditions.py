@@ -90,8 +90,8 @@ def test_almost_none_without_multipath_and_ionosphere(tmp_path: Path) -> None:
 def test_the_cluster_belongs_to_the_early_detector(harsh: xarray.Dataset, counts: Counts) -> None:
     """0.5e-4 to 4e-4 of its detections near −22.5 m; of those of the maximum detector no more than 0.3e-4.
 
-    The rare offsets that the maximum detector has there (0.25e-4) are the left flank of its distribution: they are as
-    many on the right. Ten times as many are the cluster.
+    The rare offsets that the maximum detector has there (0.25e-4) are the left flank of its distribution: there are
+    about as many on the right. Ten times as many are the cluster.
     """
     early, maximum = (
         binomial_interval(int(k), counts.epochs - int(missed), confidence=SURE)

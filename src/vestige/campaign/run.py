@@ -86,6 +86,7 @@ def run(
     executor
         `threads` where kernels release the GIL, `processes` where they do not, or any executor (see `cluster.connect`),
         which is left open. `processes` import the main module anew: a script needs `if __name__ == "__main__":`.
+        For `threads`, set the variables of `executors.ONE_THREAD` before numpy is loaded, as the command line does.
     chunk_epochs
         Epochs in one call of `measure`, for a new store.
     progress
