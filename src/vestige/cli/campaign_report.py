@@ -43,7 +43,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         f"false alarms of single taps on noise: {_count(false_alarms(results))}",
     ]
     if attrs["signal"]:
-        lines.append(f"theory, noise only, on a tap: P_d {_theory(results):.7f}")
+        lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
     return "\n".join(lines)
