@@ -76,6 +76,7 @@ def command(
     how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
     if sweeps:
         campaigns = _campaigns(scenario, (*settings, *own), sweeps)
+        _caution(scenario, [one for _, one in campaigns])
         with _pool(workers, threads, scheduler) as (executor, calls):
             _run_sweep(campaigns, output, width, as_json, {**how, "executor": executor, "workers": calls})
         return
@@ -86,6 +87,7 @@ def command(
     from vestige.cli.progress import campaign_progress
 
     plan = ScenarioPlan(scenario=_load(scenario, (*settings, *own)))
+    _caution(scenario, [plan.scenario])
     with _pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
         results = run(
             plan,
@@ -118,15 +120,20 @@ def _pool(workers: int, threads: bool | None, scheduler: str | None) -> Iterator
 def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
     from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
-    from vestige.scenario.cautions import cautions
     from vestige.scenario.load import load_scenario
 
     scenario = load_scenario(path, settings)
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'; `vestige simulate` writes it")
-    for caution in cautions(scenario):
-        click.echo(f"vestige: {path}: {caution}", err=True)
     return scenario
+
+
+def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
+    """Say on stderr, each once, what is to be known of scenarios that can run."""
+    from vestige.scenario.cautions import cautions
+
+    for line in dict.fromkeys(line for scenario in scenarios for line in cautions(scenario)):
+        click.echo(f"vestige: {path}: {line}", err=True)
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
