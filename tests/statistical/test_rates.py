@@ -9,8 +9,8 @@ noise power, which a bank shares, is estimated from 81,840 chips: its scatter of
 the mean, against 3 % of counting noise.
 
 **One tap a decision.** A maximum detector on three taps has one candidate, the middle one, and compares it with the
-threshold. So each tap with its two neighbours is a bank of three for `detect_block`. A bank holds 15 taps of 60 m, which
-makes 13 decisions an epoch.
+threshold. So each tap with its two neighbours is a bank of three for `detect_block`. A bank holds 15 taps of 60 m, so
+there are 13 decisions an epoch.
 """
 
 from __future__ import annotations
