@@ -116,7 +116,8 @@ class FrontEnd:
         """
         if self.bandwidth_hz is not None:
             samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])
-        power = 2 * float(np.mean(np.square(samples.view(np.float32))))  # of both dimensions
+        parts = samples.view(np.float32)
+        power = 2 * float(np.einsum("i,i->", parts, parts)) / parts.size  # of both dimensions; no array of squares
         power_db = float(10 * np.log10(power)) if power > 0 else -inf
         if self.bits is None:
             return samples, FrontEndStatus(agc_gain_db=0.0, total_power_db=power_db, saturated=False)
