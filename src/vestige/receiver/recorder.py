@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Complex128, Float
@@ -36,6 +36,7 @@ STRETCH_S = 0.01
 _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
 
 
+@runtime_checkable
 class Pseudorange(Protocol):
     """Pseudorange against receiver time in s after the reference, with its derivatives."""
 
