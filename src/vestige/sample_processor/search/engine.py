@@ -8,7 +8,7 @@ bins. Its sums may lose a stated part of a decibel. Offsets near the threshold a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int16
@@ -74,6 +74,7 @@ GRIDS = {
 }
 
 
+@runtime_checkable
 class Engine(Protocol):
     """A way to compute the powers.
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from vestige.records import SampleBatch
 
 
+@runtime_checkable
 class SampleSource(Protocol):
     """Samples of one band, read in pieces by the counter that both bands share."""
 
