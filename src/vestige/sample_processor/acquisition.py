@@ -260,7 +260,7 @@ def _cell_powers(
             y = fft.ifft(product, axis=1, overwrite_x=True)[:, : stretches.n_phases]
             _add_with_code_doppler(total, y, doppler_hz, stretches.starts_s, stretches.rate_hz)
     noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal is a few of 12,000 cells
-    return powers / noise
+    return powers / np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
 
 
 def _add_with_code_doppler(

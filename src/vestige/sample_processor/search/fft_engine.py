@@ -14,6 +14,7 @@ from scipy import fft
 
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 
+_TOGETHER = 4  # transforms at once: scipy puts one into each lane of a vector, four times as fast as one by one
 _LENGTH_OVER_CODE = 4.2  # the next power of two above is 6.4
 
 
@@ -58,11 +59,13 @@ class FftEngine:
         code: Complex64[np.ndarray, " three_lengths"],
         out: Float32[np.ndarray, " offsets"],
     ) -> None:
-        product = np.empty_like(spectrum)
-        for shift in self._shifts:
-            np.multiply(spectrum, code[self._length - shift : 2 * self._length - shift], out=product)
-            product = fft.ifft(product, norm="forward", overwrite_x=True)
-            _raise_to_power(product.view(np.float32), out)
+        product = np.empty((_TOGETHER, self._length), np.complex64)
+        for first in range(0, self._shifts.size, _TOGETHER):
+            rows = product[: self._shifts[first : first + _TOGETHER].size]
+            for row, shift in zip(rows, self._shifts[first : first + _TOGETHER], strict=True):
+                np.multiply(spectrum, code[self._length - shift : 2 * self._length - shift], out=row)
+            for row in fft.ifft(rows, axis=1, norm="forward", overwrite_x=True):
+                _raise_to_power(row.view(np.float32), out)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

@@ -36,7 +36,7 @@ from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-_CHUNK = 48
+_CHUNK = 96  # hypotheses in one matrix product; 16 MB of rows for each grid
 _INVERSION_STEPS = 4  # of u(τ); each gains five decimals
 
 
@@ -156,16 +156,16 @@ def _squares(
     late = np.arange(taps) - taps // 2
     grids = [(grid, late % 2 == grid) for grid in (0, 1) if np.any(late % 2 == grid)]
     columns = [_columns(line.chips, late[which] // 2) for _, which in grids]
-    buffer = np.empty(2 * 2 * ((size - 1) * stride + n_rows) * columns[0].shape[0], np.float32)
+    buffer = np.empty(len(grids) * 2 * ((size - 1) * stride + n_rows) * columns[0].shape[0], np.float32)
     for begin in range(0, places.size, size):
         chunk = places[begin : begin + size]
         count = (chunk.size - 1) * stride + n_rows
-        rows = buffer[: 4 * count * columns[0].shape[0]].reshape(2, 2, count, -1)
+        rows = buffer[: len(grids) * 2 * count * columns[0].shape[0]].reshape(len(grids), 2, count, -1)
         noise = _fill_rows(source, line, int(chunk[0]) * stride, rows)
         sums, power = np.zeros((2, chunk.size, taps)), np.zeros(chunk.size)
         first = np.arange(chunk.size) * stride
-        for (grid, which), column in zip(grids, columns, strict=True):
-            products = (rows[grid].reshape(2 * count, -1) @ column).reshape(2, count, n_rows, -1)
+        for chips, (_, which), column in zip(rows, grids, columns, strict=True):
+            products = (chips.reshape(2 * count, -1) @ column).reshape(2, count, n_rows, -1)
             sums[:, :, which] = sum(products[:, first + quarter, quarter] for quarter in range(n_rows))
         for quarter in range(n_rows):
             power += noise[first + quarter]
@@ -173,7 +173,7 @@ def _squares(
 
 
 def _fill_rows(
-    source: SampleSource, line: HandoverLine, first_row: int, rows: Float32[np.ndarray, "2 2 rows chips"]
+    source: SampleSource, line: HandoverLine, first_row: int, rows: Float32[np.ndarray, "grids 2 rows chips"]
 ) -> Float64[np.ndarray, " rows"]:
     """Fill rows of chips (grid, real and imaginary part, row, chip) from `first_row` on; return Σ|chip|² of each."""
     scale = _scale(source, line)
@@ -189,6 +189,7 @@ def _fill_rows(
     t0 = batch.start - line.anchor
     if_hz = CARRIER_HZ[batch.band] - batch.center_frequency_hz + line.doppler_hz
     halves = np.empty((2, 2 * n_chips + 1), np.float32)
+    spare = np.empty(n_chips, np.float32)
     noise = np.zeros(n_rows)
     for row in range(n_rows):
         low, high = starts[row] - starts[0], starts[row + 1] - starts[0] + half_chip
@@ -204,7 +205,8 @@ def _fill_rows(
             *halves,
         )
         for part in (0, 1):
-            noise[row] += chip_sums(halves[part], rows[0, part, row], rows[1, part, row])
+            odd = rows[1, part, row] if rows.shape[0] > 1 else spare
+            noise[row] += chip_sums(halves[part], rows[0, part, row], odd)
     return noise
 
 
