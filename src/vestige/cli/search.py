@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, parse_svids
+from vestige.cli.options import FiniteRange, parse_svids, time_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,7 +28,9 @@ _path = click.Path(path_type=Path)
 _recording = click.argument("recording_path", metavar="RECORDING", type=_path)
 _assistance = click.option("--assistance", type=_path, help="Assistance folder [RECORDING/assistance].")
 _svids = click.option("--svids", default="1-36", show_default=True, help="Satellites, for example 2,3,7-9.")
-_start = click.option("--start", help="Time of the first sample, in place of the recording's own label.")
+_start = click.option(
+    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
+)
 _p_fa = click.option(
     "--p-fa-overall", type=FiniteRange(1e-15, 0.5), default=1e-3, show_default=True, help="Of the whole search."
 )
@@ -56,7 +58,7 @@ def command() -> None:
 def e1(
     recording_path: Path,
     svids: str,
-    start: str | None,
+    start: GalileoTime | None,
     p_fa_overall: float,
     periods: int,
     doppler_span_hz: float,
@@ -104,7 +106,7 @@ def e1(
 )
 @click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
 @_json
-def handover(recording_path: Path, svids: str, start: str | None, as_json: bool, **options: Any) -> None:
+def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
     from vestige.acas_processor.vestigial import E1_WINDOW_S, decide_vestigial, handover_peaks, line_stretches
     from vestige.records import Band
@@ -146,7 +148,7 @@ def handover(recording_path: Path, svids: str, start: str | None, as_json: bool,
 @click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
 @click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
 @_json
-def exhaustive(recording_path: Path, svids: str, start: str | None, as_json: bool, **options: Any) -> None:
+def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
 
     What the search costs is printed before it starts. Ctrl-C ends it; what was found until then is printed.
@@ -185,11 +187,10 @@ def exhaustive(recording_path: Path, svids: str, start: str | None, as_json: boo
         sys.exit(INTERRUPTED)
 
 
-def _open(path: Path, start: str | None) -> Recording:
-    from vestige.cli.options import parse_time
+def _open(path: Path, start: GalileoTime | None) -> Recording:
     from vestige.recording.recording import open_recording
 
-    recording = open_recording(path, start=parse_time(start))
+    recording = open_recording(path, start=start)
     for line in recording.notes:
         click.echo(f"warning: {line}", err=True)
     return recording

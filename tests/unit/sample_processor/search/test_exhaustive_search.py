@@ -7,6 +7,7 @@ import pytest
 
 from builders import START, random_chips
 from search_builder import arrival, e6_source
+from vestige.sample_processor.search import exhaustive_search
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
@@ -62,6 +63,19 @@ def test_several_satellites_share_a_search_and_blocks_join_without_a_seam() -> N
         first, second = _all(search, source, [CHIPS, OTHER], 7.0)
         assert (first.svid, second.svid) == (11, 25)
         assert second.start_time - first.start_time == pytest.approx(2 * CHIP_S, abs=0.2 * CHIP_S)
+
+
+def test_the_doppler_of_a_pass_is_taken_off_carrier_and_code() -> None:
+    """Without noise, 16 ms at the Doppler of the pass: no chip is cut. The wrong sign would cut 0.2 chip off each."""
+    middle_hz = 5000 * 2 / 3
+    source = e6_source([arrival(CHIPS, 0.0007, 60.0, middle_hz)], 0.018, None)
+    block = exhaustive_search._Block(
+        search=ExhaustiveSearch(integration_s=16e-3), middle_hz=middle_hz, begin=START + 0.0007, first=0, count=1
+    )
+    chips = block._chips(source)[0, :, :81_840].astype(float)
+    wiped = (chips[0] + 1j * chips[1]) * CHIPS.chips
+    assert abs(np.sum(wiped)) / np.sum(np.abs(wiped)) > 0.9999
+    assert np.min(np.abs(wiped)) > 0.4 * np.max(np.abs(wiped))  # two or three samples a chip
 
 
 def test_what_is_found_does_not_depend_on_the_workers_and_stops_where_one_stops() -> None:

@@ -72,6 +72,18 @@ def test_two_signals_the_earlier_is_first() -> None:
     assert true.doppler_hz == pytest.approx(DOPPLER_HZ, abs=0.1)
 
 
+def test_a_line_holds_far_from_its_anchor() -> None:
+    """20 s later the received period, and a Doppler that changes, have moved a place by 186 chips."""
+    away_s = received_periods(5000)
+    assert abs(away_s - 20) * 5.115e6 > 180
+    doppler_hz = DOPPLER_HZ + DOPPLER_RATE * away_s
+    source = e6_source([arrival(CHIPS, 0.01, 40.0, doppler_hz, DOPPLER_RATE)], 0.03, 1)
+    (peak,) = search_handover(source, line(0.01 - away_s), START, START + 1, THRESHOLD)
+    assert peak.start_time - START == pytest.approx(0.01, abs=0.1 * CHIP_S)
+    assert peak.doppler_hz == pytest.approx(doppler_hz, abs=0.01)
+    assert peak.cn0_dbhz == pytest.approx(40.0, abs=1.5)
+
+
 def test_the_time_uncertainty_bounds_the_places() -> None:
     source = e6_source([], 0.3, 1)
     every = positions(source, line(0.1), START, START + 1)
