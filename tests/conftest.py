@@ -31,6 +31,15 @@ CHECKED = (
     "sample_processor.acquisition",
     "sample_processor.cn0",
     "sample_processor.e1_snapshot",
+    "sample_processor.search.e1_search",
+    "sample_processor.search.engine",
+    "sample_processor.search.exact_cell",
+    "sample_processor.search.exhaustive_search",
+    "sample_processor.search.handover_search",
+    "sample_processor.search.peak",
+    "sample_processor.search.sample_source",
+    "sample_processor.search.segment_engine",
+    "sample_processor.search.speed",
 )
 _hook = install_import_hook([f"vestige.{name}" for name in CHECKED], "strict_types.check")
 

@@ -21,6 +21,7 @@ VERBS = {
     "recs": ("vestige.cli.recs", "Look into, decrypt or make RECS files."),
     "run": ("vestige.cli.run", "Run a campaign of many epochs and keep the results."),
     "plot": ("vestige.cli.plot", "Draw the figures of a campaign's results."),
+    "search": ("vestige.cli.search", "Search for every signal on E1 and for the encrypted signal in E6."),
     "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),
     "simulate": ("vestige.cli.simulate", "Write the E1 and E6 recording of a scenario: a test case for any receiver."),
     "check": ("vestige.cli.check", "Parse scenario files and print what they describe."),

@@ -17,6 +17,9 @@ memory codes at a Doppler difference it reaches −20 dB; the rough C/N0 of the 
 self-noise, half a bin off), and noise adds to the weak one. So a cell is only accepted within `CROSS_CORRELATION_DB`
 of the strongest.
 
+`acquire` takes the strongest cell of each satellite on E1-C; `vestige.sample_processor.search.e1_search` takes every
+signal in the same powers.
+
 The replica is BOC(1,1), the part of CBOC that a 2 to 4 MHz front end passes.
 """
 
@@ -28,13 +31,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex64, Float32
+from jaxtyping import Complex64, Float32, Float64, Int64
 from scipy import fft, special
 
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S
 from vestige.records import SampleBatch
 from vestige.signals.codes import primary_code
-from vestige.signals.definitions import E1C
+from vestige.signals.definitions import E1C, SignalDefinition
 
 CROSS_CORRELATION_DB = 16.0  # below the strongest satellite; see above
 MAX_STRETCHES = 24  # 100 ms: one secondary-code period; longer batches are searched in their first 100 ms
@@ -43,7 +46,7 @@ _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acquisition:
-    """A satellite found on E1-C.
+    """A signal found on E1.
 
     Attributes
     ----------
@@ -86,47 +89,143 @@ def acquire(
     progress
         Called with the number of satellites that are done, and of all, as the search goes on.
     """
-    svids = tuple(svids)
-    spectra, rate_hz, starts_s, band = _stretch_spectra(batch, doppler_span_hz)
-    if spectra.shape[0] == 0 or not svids:
+
+    def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
+        cell = np.unravel_index(int(np.argmax(powers.powers)), powers.powers.shape)
+        best = powers.acquisition(int(cell[0]), int(cell[1]))
+        return (best,) if best.statistic > powers.threshold else ()
+
+    return search_cells(
+        batch, tuple(svids), strongest, overall_pfa=overall_pfa, doppler_span_hz=doppler_span_hz, progress=progress
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellPowers:
+    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension.
+
+    Attributes
+    ----------
+    powers
+        Non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom.
+    rate_hz
+        Code phases a second.
+    n_added
+        Squared magnitudes in each sum.
+    threshold
+        What noise alone exceeds in any cell of the search with the overall false-alarm probability.
+    """
+
+    svid: int
+    powers: Float32[np.ndarray, "bins phases"]
+    doppler_hz: Float64[np.ndarray, " bins"]
+    rate_hz: float
+    n_added: int
+    threshold: float
+
+    def acquisition(self, row: int, column: int) -> Acquisition:
+        """Return what one cell says."""
+        statistic = float(self.powers[row, column])
+        snr = max(statistic / (2 * self.n_added) - 1.0, 1e-3)
+        return Acquisition(
+            svid=self.svid,
+            code_start_s=(column / self.rate_hz) % E1_CODE_PERIOD_S,
+            doppler_hz=float(self.doppler_hz[row]),
+            statistic=statistic,
+            threshold=self.threshold,
+            cn0_dbhz=float(10 * np.log10(snr / E1_CODE_PERIOD_S)),
+        )
+
+
+def search_cells(
+    batch: SampleBatch,
+    svids: tuple[int, ...],
+    choose: Callable[[CellPowers], tuple[Acquisition, ...]],
+    *,
+    signals: tuple[SignalDefinition, ...] = (E1C,),
+    max_stretches: int = MAX_STRETCHES,
+    overall_pfa: float,
+    doppler_span_hz: float,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Acquisition, ...]:
+    """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
+
+    Parameters
+    ----------
+    choose
+        Returns the signals in the powers of one satellite.
+    signals
+        Components whose powers are added.
+    max_stretches
+        K, code periods that are added at most.
+    overall_pfa
+        Probability that noise alone exceeds the threshold in any cell of any satellite.
+    doppler_span_hz
+        Searched from −span to +span.
+    progress
+        Called with the number of satellites that are done, and of all, as the search goes on.
+    """
+    stretches = _stretches(batch, doppler_span_hz, max_stretches)
+    n_added = len(stretches.starts_s) * len(signals)
+    if n_added == 0 or not svids:
         return ()
-    n_phases = int(E1_CODE_PERIOD_S * rate_hz)
-    bins = np.arange(-int(doppler_span_hz / band.spacing_hz), int(doppler_span_hz / band.spacing_hz) + 1)
-    cells = len(svids) * bins.size * n_phases
-    pfa = -np.expm1(np.log1p(-overall_pfa) / cells)
-    threshold = 2.0 * float(special.gammainccinv(spectra.shape[0], pfa))
+    reach = int(doppler_span_hz / stretches.spacing_hz)
+    shifts = np.arange(-reach, reach + 1)
+    cells = len(svids) * shifts.size * stretches.n_phases
+    threshold = 2.0 * float(special.gammainccinv(n_added, -np.expm1(np.log1p(-overall_pfa) / cells)))
 
-    def search(svid: int) -> Acquisition:
-        return _search_one(svid, spectra, rate_hz, starts_s, band, bins, n_phases, threshold)
+    def search(svid: int) -> tuple[Acquisition, ...]:
+        powers = CellPowers(
+            svid=svid,
+            powers=_cell_powers(svid, signals, stretches, shifts),
+            doppler_hz=shifts * stretches.spacing_hz - stretches.carrier_rest_hz,
+            rate_hz=stretches.rate_hz,
+            n_added=n_added,
+            threshold=threshold,
+        )
+        return choose(powers)
 
-    best = []
+    found: list[Acquisition] = []
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for done, cell in enumerate(pool.map(search, svids), start=1):
+        for done, signals_of_one in enumerate(pool.map(search, svids), start=1):
             if progress is not None:
                 progress(done, len(svids))
-            if cell.statistic > threshold:
-                best.append(cell)
-    floor = max((cell.cn0_dbhz for cell in best), default=0.0) - CROSS_CORRELATION_DB
-    return tuple(cell for cell in best if cell.cn0_dbhz > floor)
+            found.extend(signals_of_one)
+    floor = max((one.cn0_dbhz for one in found), default=0.0) - CROSS_CORRELATION_DB
+    return tuple(one for one in found if one.cn0_dbhz > floor)
 
 
-@dataclass(frozen=True, slots=True)
-class _Band:
-    """The FFT bins kept around the E1 carrier."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stretches:
+    """The spectra of all stretches around the E1 carrier."""
 
+    spectra: Complex64[np.ndarray, "stretches bins"]
+    starts_s: list[float]
     spacing_hz: float
-    carrier_bin: int  # the kept bin next to the carrier
-    carrier_rest_hz: float  # carrier minus that bin
+    carrier_rest_hz: float  # carrier minus the bin next to it
     guard: int  # bins kept on each side for the Doppler shift
 
+    @property
+    def kept(self) -> int:
+        """Bins of the decimated signal."""
+        return self.spectra.shape[1] - 2 * self.guard
 
-def _stretch_spectra(
-    batch: SampleBatch, doppler_span_hz: float
-) -> tuple[Complex64[np.ndarray, "stretches bins"], float, list[float], _Band]:
-    """Return the spectra of all stretches around the carrier, the decimated rate, the start times and the band."""
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the decimated signal."""
+        return self.kept * self.spacing_hz
+
+    @property
+    def n_phases(self) -> int:
+        """Code phases in a code period."""
+        return int(E1_CODE_PERIOD_S * self.rate_hz)
+
+
+def _stretches(batch: SampleBatch, doppler_span_hz: float, max_stretches: int) -> _Stretches:
+    """Return the spectra of the stretches that lie in the batch."""
     fs = batch.sample_rate_hz
     n = round(2 * E1_CODE_PERIOD_S * fs)
-    starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(MAX_STRETCHES))
+    starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(max_stretches))
     first = [start for start in starts if start + n <= batch.samples.size]
     spacing = fs / n
     kept = min(fft.next_fast_len(int(_SEARCH_BANDWIDTH_HZ / spacing)), n)
@@ -137,63 +236,52 @@ def _stretch_spectra(
     spectra = np.empty((len(first), indices.size), np.complex64)
     for row, start in enumerate(first):
         spectra[row] = fft.fft(batch.samples[start : start + n])[indices]
-    band = _Band(spacing, carrier_bin, carrier_hz - carrier_bin * spacing, guard)
-    return spectra, kept * spacing, [start / fs for start in first], band
-
-
-def _search_one(
-    svid: int,
-    spectra: Complex64[np.ndarray, "stretches bins"],
-    rate_hz: float,
-    starts_s: list[float],
-    band: _Band,
-    bins: np.ndarray,
-    n_phases: int,
-    threshold: float,
-) -> Acquisition:
-    """Return the strongest cell of one satellite."""
-    kept = spectra.shape[1] - 2 * band.guard
-    code = _code_spectrum(svid, kept, rate_hz)
-    best = (-1.0, 0, 0.0)
-    for shift in bins:
-        doppler_hz = float(shift) * band.spacing_hz - band.carrier_rest_hz
-        product = spectra[:, band.guard + shift : band.guard + shift + kept] * code
-        y = fft.ifft(product, axis=1, overwrite_x=True)[:, :n_phases]
-        total = _add_with_code_doppler(y, doppler_hz, starts_s, rate_hz)
-        peak = int(np.argmax(total))
-        noise = float(np.mean(total)) / (2 * spectra.shape[0])  # variance per dimension; the peak is 1 of 12,000 cells
-        if total[peak] / noise > best[0]:
-            best = (float(total[peak]) / noise, peak, doppler_hz)
-    statistic, peak, doppler_hz = best
-    k = spectra.shape[0]
-    snr = max(statistic / (2 * k) - 1.0, 1e-3)
-    return Acquisition(
-        svid=svid,
-        code_start_s=(peak / rate_hz) % E1_CODE_PERIOD_S,
-        doppler_hz=doppler_hz,
-        statistic=statistic,
-        threshold=threshold,
-        cn0_dbhz=float(10 * np.log10(snr / E1_CODE_PERIOD_S)),
+    return _Stretches(
+        spectra=spectra,
+        starts_s=[start / fs for start in first],
+        spacing_hz=spacing,
+        carrier_rest_hz=carrier_hz - carrier_bin * spacing,
+        guard=guard,
     )
 
 
+def _cell_powers(
+    svid: int, signals: tuple[SignalDefinition, ...], stretches: _Stretches, shifts: Int64[np.ndarray, " bins"]
+) -> Float32[np.ndarray, "bins phases"]:
+    """Return the powers of one satellite in units of the noise variance per dimension."""
+    codes = [_code_spectrum(signal, svid, stretches.kept, stretches.rate_hz) for signal in signals]
+    n_added = len(stretches.starts_s) * len(signals)
+    powers = np.zeros((shifts.size, stretches.n_phases), np.float32)
+    for total, shift in zip(powers, shifts, strict=True):
+        doppler_hz = float(shift) * stretches.spacing_hz - stretches.carrier_rest_hz
+        first = stretches.guard + int(shift)
+        for code in codes:
+            product = stretches.spectra[:, first : first + stretches.kept] * code
+            y = fft.ifft(product, axis=1, overwrite_x=True)[:, : stretches.n_phases]
+            _add_with_code_doppler(total, y, doppler_hz, stretches.starts_s, stretches.rate_hz)
+    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal is a few of 12,000 cells
+    return powers / np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
+
+
 def _add_with_code_doppler(
-    y: Complex64[np.ndarray, "stretches phases"], doppler_hz: float, starts_s: list[float], rate_hz: float
-) -> Float32[np.ndarray, " phases"]:
-    """Return Σ|y|² with every stretch moved back to the code phase of the first."""
-    total = np.zeros(y.shape[1], np.float32)
+    total: Float32[np.ndarray, " phases"],
+    y: Complex64[np.ndarray, "stretches phases"],
+    doppler_hz: float,
+    starts_s: list[float],
+    rate_hz: float,
+) -> None:
+    """Add Σ|y|² with every stretch moved back to the code phase of the first."""
     for row, start_s in zip(y, starts_s, strict=True):
         power = row.real**2 + row.imag**2
         nominal = start_s / E1_CODE_PERIOD_S
         drift_s = -start_s * doppler_hz / E1_CARRIER_HZ + (round(nominal) * E1_CODE_PERIOD_S - start_s)
         total += np.roll(power, -round(drift_s * rate_hz))
-    return total
 
 
-def _code_spectrum(svid: int, kept: int, rate_hz: float) -> Complex64[np.ndarray, " bins"]:
+def _code_spectrum(signal: SignalDefinition, svid: int, kept: int, rate_hz: float) -> Complex64[np.ndarray, " bins"]:
     """Return the conjugate spectrum of one period of BOC(1,1) code, in the order of the kept bins."""
     t = np.arange(int(E1_CODE_PERIOD_S * rate_hz)) / rate_hz
-    half_chips = (t * 2 * E1C.chip_rate_hz).astype(np.int64)
+    half_chips = (t * 2 * signal.chip_rate_hz).astype(np.int64)
     replica = np.zeros(kept, np.float32)
-    replica[: t.size] = primary_code(E1C, svid)[half_chips // 2] * (1 - 2 * (half_chips % 2))
+    replica[: t.size] = primary_code(signal, svid)[half_chips // 2] * (1 - 2 * (half_chips % 2))
     return np.conj(fft.fftshift(fft.fft(replica)))

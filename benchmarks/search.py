@@ -1,0 +1,240 @@
+"""The vestigial searches against the straightforward scipy versions, in one run.
+
+Exhaustive search of 4 ms, ±5 kHz: hypotheses a second of one core. The straightforward version is what a textbook
+writes: complex128, 10.24 MHz, blocks of two code lengths, one rolled spectrum and one inverse FFT for each of 80 bins.
+Hand-over: 500 places of 16 ms one by one, carrier by `np.exp`, against the matrix product, for the 7500 of 30 s; and E1
+over one period of 4 ms.
+
+Times are CPU times of one thread; rounds interleave all sides, a ratio is formed in each round, and the median is
+taken. With --full FOLDER a recording of 30 s at 10 MHz (600 MB, int8) is made there and searched end to end on all
+cores.
+
+    python benchmarks/search.py [--json FILE] [--rounds 7] [--full FOLDER [--integration-ms 4]]
+
+Exit status 1 if a bar is missed.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import argparse
+import json
+import platform
+import resource
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy import fft
+
+from vestige.acas_processor.search_budget import search_budget
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
+from vestige.recording.recording import open_recording
+from vestige.records import Band, ChipSequence, SampleBatch
+from vestige.sample_processor.search.e1_search import search_e1
+from vestige.sample_processor.search.engine import GRIDS, SIGMA
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+from vestige.sample_processor.search.fft_engine import FftEngine
+from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
+from vestige.sample_processor.search.sample_source import BatchSource
+from vestige.sample_processor.search.segment_engine import SegmentEngine
+from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+from vestige.signal_generator.noise_kernel import noise_key
+from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
+from vestige.signals.definitions import E1C
+from vestige.time import GalileoTime
+
+START = GalileoTime(1372, 480_600)
+RATE_HZ = 10e6
+CHIP_RATE = 5.115e6
+PLACES = 500
+BARS = {"fft": 2.0, "segment": 10.0, "handover_s": 0.6, "e1_s": 0.06, "full_4_s": 60.0, "full_16_s": 300.0}
+FULL_SIGNALS = ((19.3087654321, 42.0, -3312.5), (23.456789, 48.0, -3310.0))  # start in s, C/N0, Doppler
+
+
+def arrival(chips: ChipSequence, start_s: float, cn0_dbhz: float, doppler_hz: float) -> ReceivedSignal:
+    return ReceivedSignal(
+        chips=chips,
+        start_s=start_s,
+        doppler_hz=doppler_hz,
+        doppler_rate_hz_per_s=0.0,
+        delay_m=np.zeros(1),
+        amplitude=np.array([amplitude(cn0_dbhz, RATE_HZ) + 0j]),
+        ray_doppler_hz=np.zeros(1),
+    )
+
+
+def straightforward_block(samples: np.ndarray, code: np.ndarray) -> float:
+    """Search one block of two code lengths at 10.24 MHz; return the largest power."""
+    n = code.size
+    spectrum = fft.fft(samples)
+    replica = np.conj(fft.fft(code, 2 * n))
+    best = 0.0
+    for shift in range(-40, 40):
+        y = fft.ifft(np.roll(spectrum, -shift) * replica)[: n + 1]
+        best = max(best, float(np.max(np.abs(y) ** 2)))
+    return best
+
+
+def straightforward_place(x: np.ndarray, chips: np.ndarray, start: int, doppler_hz: float) -> float:
+    """Correlate 16 ms from one sample on; return the power."""
+    t = np.arange(int(chips.size / CHIP_RATE * RATE_HZ)) / RATE_HZ
+    replica = chips[np.floor(CHIP_RATE * (1 + doppler_hz / E6_CARRIER_HZ) * t).astype(int) % chips.size]
+    return float(np.abs(np.sum(x[start : start + t.size] * replica * np.exp(-2j * np.pi * doppler_hz * t))) ** 2)
+
+
+def seconds(work: Callable[[], object]) -> float:
+    begin = time.thread_time()
+    work()
+    return time.thread_time() - begin
+
+
+def measure(rounds: int) -> dict[str, list[float]]:
+    """Return hypotheses a second, or seconds, for each round."""
+    rng = np.random.default_rng(1)
+    chips = encrypted_chips(encryption_key(1), 11, START, 81_840)
+    n = 20_460
+    code = chips.chips[None, :n]
+    fast, plain = SegmentEngine(code), FftEngine(code)
+    noise = np.rint(SIGMA * rng.standard_normal((2, 2, n + fast.block))).clip(-100, 100).astype(np.int16)
+    text_code = chips.chips[np.arange(40_960) * n // 40_960].astype(complex)
+    text_samples = rng.standard_normal((81_920, 2)) @ [1, 1j]
+    bins = GRIDS[n].bins_hz.size
+
+    duration_s = (PLACES + 4) * 4e-3
+    e6 = synthesize(
+        (arrival(chips, 0.1, 40.0, 800.0),), sample_rate_hz=RATE_HZ, n_samples=int(duration_s * RATE_HZ),
+        noise_key=noise_key(1, 0, 6),
+    )  # fmt: skip
+    source = BatchSource(_batch(Band.E6, e6, RATE_HZ, E6_CARRIER_HZ))
+    line = HandoverLine(svid=11, chips=chips, anchor=START + 0.1, period_s=4e-3, doppler_hz=800.0)
+    assert len(search_handover(source, line, START, START + 30, 6.0, taps=1)) == 1
+    e1 = _batch(Band.E1, (rng.standard_normal((32_800, 2)) @ [1, 1j]).astype(np.complex64), 4.096e6, E1_CARRIER_HZ)
+
+    jobs: dict[str, Callable[[], float]] = {
+        "straightforward": lambda: 80 * 40_961 / seconds(lambda: straightforward_block(text_samples, text_code)),
+        "fft": lambda: bins * plain.block / seconds(lambda: plain.powers(noise[:1], plain.block)),
+        "segment": lambda: 2 * bins * fast.block / seconds(lambda: fast.powers(noise, fast.block)),
+        "straightforward place": lambda: (
+            seconds(lambda: [straightforward_place(e6, chips.chips, k * 40_000, 800.0) for k in range(20)]) / 20 * 7500
+        ),
+        "handover": lambda: (
+            seconds(lambda: search_handover(source, line, START, START + 30, 6.0, taps=1)) / PLACES * 7500
+        ),
+        "handover, 5 taps": lambda: (
+            seconds(lambda: search_handover(source, line, START, START + 30, 6.0)) / PLACES * 7500
+        ),
+        "e1": lambda: _process_seconds(lambda: search_e1(e1, [11], signals=(E1C,), periods=1)),
+    }
+    for job in jobs.values():
+        job()
+    results: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(rounds):
+        for name, job in jobs.items():
+            results[name].append(job())
+    return results
+
+
+def _process_seconds(work: Callable[[], object]) -> float:
+    """Return CPU time over all threads."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def _batch(band: Band, samples: np.ndarray, rate_hz: float, center_hz: float) -> SampleBatch:
+    return SampleBatch(
+        band=band, samples=samples, sample_rate_hz=rate_hz, center_frequency_hz=center_hz, first_sample=0, start=START
+    )
+
+
+def make_recording(folder: Path, chips: ChipSequence) -> None:
+    """Write 30.1 s of noise at 10 MHz, σ 16 LSB, with a signal and a later, stronger one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    signals = [arrival(chips, *one) for one in FULL_SIGNALS]
+    n = 1_000_000
+    with (folder / "e6.bin").open("wb") as file:
+        for first in range(0, 301_000_000, n):
+            near = tuple(one for one in signals if first - n < one.start_s * RATE_HZ < first + 2 * n)
+            x = synthesize(
+                near, sample_rate_hz=RATE_HZ, n_samples=n, noise_key=noise_key(5, 0, 6), first_sample=first
+            ).view(np.float32)
+            np.clip(np.rint(x * np.float32(16 * np.sqrt(2))), -127, 127).astype(np.int8).tofile(file)
+    (folder / "recording.toml").write_text(
+        f'start = "{START}"\nsample_rate_hz = 10e6\n[e6]\nfile = "e6.bin"\nformat = "int8"\nlayout = "iq"\n'
+        "center_frequency_hz = 1278.75e6\n"
+    )
+
+
+def full_search(folder: Path, integration_ms: float) -> dict[str, float]:
+    """Search 30 s end to end; print what is found; return times and memory."""
+    chips = encrypted_chips(encryption_key(1), 11, START, 81_840)
+    if not (folder / "e6.bin").exists():
+        make_recording(folder, chips)
+    reader = open_recording(folder).e6
+    assert reader is not None
+    search = ExhaustiveSearch(integration_s=integration_ms * 1e-3)
+    hypotheses = search.hypotheses(30.0)
+    budget = search_budget(hypotheses, search.integration_s)
+    wall, cpu = time.perf_counter(), time.process_time()
+    *_, state = search.run(reader, [chips], reader.start, reader.start + 30.0, budget.threshold)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    assert [round((one.start_time - START) * CHIP_RATE) for one in state.peaks] == [
+        round(start_s * CHIP_RATE) for start_s, _, _ in FULL_SIGNALS
+    ]
+    for one in state.peaks:
+        print(f"found at {one.start_time - START:.9f} s, {one.doppler_hz:.1f} Hz, {one.magnitude:.2f} σ")
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"{hypotheses:.4g} hypotheses of {integration_ms:g} ms: {wall:.1f} s, CPU {cpu:.1f} s, {memory:.2f} GB")
+    return {"wall_s": wall, "cpu_s": cpu, "cpu_per_core_s": cpu / (os.cpu_count() or 1), "memory_gb": memory}
+
+
+def main() -> int:
+    """Print the table; return 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(description="The vestigial searches against scipy.")
+    parser.add_argument("--json", type=Path, help="write the result to this file")
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--full", type=Path, help="folder for a recording of 30 s that is searched end to end")
+    parser.add_argument("--integration-ms", type=float, default=4.0)
+    arguments = parser.parse_args()
+    if arguments.full:
+        result = full_search(arguments.full, arguments.integration_ms)
+        bar = BARS["full_16_s" if arguments.integration_ms > 4 else "full_4_s"]
+        held = result["cpu_per_core_s"] <= bar and result["memory_gb"] <= 1.5
+        print(f"CPU time a core {result['cpu_per_core_s']:.1f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
+        return int(not held)
+
+    results = measure(arguments.rounds)
+    medians = {name: float(np.median(values)) for name, values in results.items()}
+    held = True
+    for name in ("straightforward", "fft", "segment"):
+        print(f"{name:24s}{medians[name] / 1e6:10.1f} million hypotheses/s")
+    for name in ("straightforward place", "handover", "handover, 5 taps", "e1"):
+        print(f"{name:24s}{medians[name]:10.3f} s")
+    ratios = {
+        name: float(np.median(np.divide(results[name], results["straightforward"]))) for name in ("fft", "segment")
+    }
+    for name, ratio in ratios.items():
+        held &= ratio >= BARS[name]
+        print(f"{name}: {ratio:.1f} x, bar {BARS[name]:.0f} x: {'held' if ratio >= BARS[name] else 'MISSED'}")
+    for name, bar in (("handover", "handover_s"), ("e1", "e1_s")):
+        held &= medians[name] <= BARS[bar]
+        print(f"{name}: bar {BARS[bar]:g} s: {'held' if medians[name] <= BARS[bar] else 'MISSED'}")
+    whole_s = 2.4e10 / medians["segment"]
+    print(
+        f"exhaustive (4 ms) over hand-over (7500 places and E1): {whole_s / (medians['handover'] + medians['e1']):.0f}"
+    )
+    if arguments.json:
+        machine = {"processor": platform.processor() or platform.machine(), "python": platform.python_version()}
+        report = {"medians": medians, "ratios": ratios, "bars": BARS, "rounds": arguments.rounds, "machine": machine}
+        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+    return int(not held)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

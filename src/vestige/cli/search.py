@@ -1,0 +1,329 @@
+"""`vestige search`: look for every signal of a satellite on E1, and for the encrypted signal anywhere in E6."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import FiniteRange, parse_svids, time_option
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from vestige.acas_processor.search_budget import SearchBudget
+    from vestige.acas_processor.vestigial import VestigialDecision
+    from vestige.recording.recording import Recording
+    from vestige.recording.samples import SampleReader
+    from vestige.records import Assistance, ChipSequence
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
+    from vestige.sample_processor.search.peak import Peak
+    from vestige.time import GalileoTime
+
+_path = click.Path(path_type=Path)
+_recording = click.argument("recording_path", metavar="RECORDING", type=_path)
+_assistance = click.option("--assistance", type=_path, help="Assistance folder [RECORDING/assistance].")
+_svids = click.option("--svids", default="1-36", show_default=True, help="Satellites, for example 2,3,7-9.")
+_start = click.option(
+    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
+)
+_p_fa = click.option(
+    "--p-fa-overall", type=FiniteRange(1e-15, 0.5), default=1e-3, show_default=True, help="Of the whole search."
+)
+_uncertainty = click.option(
+    "--uncertainty-s", type=FiniteRange(1e-6, 1e5), help="Time uncertainty ± around the expected arrival [recording]."
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+REPORT_EVERY_S = 5.0  # a line of progress
+INTERRUPTED = 130  # exit code of the shell for SIGINT
+
+
+@click.group()
+def command() -> None:
+    """Search for vestigial signals: the true one beside a spoofer's."""
+
+
+@command.command("e1")
+@_recording
+@_svids
+@_start
+@_p_fa
+@click.option("--periods", type=click.IntRange(1, 24), default=24, show_default=True, help="Code periods added.")
+@click.option("--doppler-span-hz", type=FiniteRange(100, 20_000), default=5000.0, show_default=True, help="±.")
+@_json
+def e1(
+    recording_path: Path,
+    svids: str,
+    start: GalileoTime | None,
+    p_fa_overall: float,
+    periods: int,
+    doppler_span_hz: float,
+    as_json: bool,
+) -> None:
+    """List every signal of every satellite on E1 at the start of RECORDING."""
+    from vestige.acas_processor.vestigial import E1_WINDOW_S
+    from vestige.cli.progress import progress
+    from vestige.records import Band
+    from vestige.sample_processor.search.e1_search import search_e1
+
+    recording = _open(recording_path, start)
+    reader = _reader(recording, Band.E1)
+    batch = reader.read(reader.first_sample, min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples))
+    with progress() as report:
+        found = search_e1(
+            batch,
+            parse_svids(svids),
+            overall_pfa=p_fa_overall,
+            doppler_span_hz=doppler_span_hz,
+            periods=periods,
+            progress=lambda done, total: report("E1 search", done, total),
+        )
+    if as_json:
+        fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
+        click.echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
+        return
+    for one in found:
+        rank = "" if sum(other.svid == one.svid for other in found) == 1 else "  one of several: spoofing"
+        click.echo(
+            f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
+            f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rank}"
+        )
+
+
+@command.command("handover")
+@_recording
+@_assistance
+@_svids
+@_start
+@_p_fa
+@_uncertainty
+@click.option(
+    "--taps", type=click.Choice(["1", "3", "5", "7", "9"]), default="5", show_default=True, help="Half chips."
+)
+@click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
+@_json
+def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
+    """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
+    from vestige.acas_processor.vestigial import E1_WINDOW_S, decide_vestigial, handover_peaks, line_stretches
+    from vestige.records import Band
+    from vestige.sample_processor.search.e1_search import search_e1
+
+    recording = _open(recording_path, start)
+    e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
+    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids))
+    count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
+    batch = e1_reader.read(e1_reader.first_sample, count)
+    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes))
+    decisions = []
+    for code in codes:
+        first, last = _window(recording, code, options["uncertainty_s"])
+        stretches = [
+            stretch
+            for signal in signals
+            if signal.svid == code.svid
+            for stretch in line_stretches(
+                e1_reader, signal, batch.start, code, first, last,
+                delay_m=_delay_m(assistance, code.svid, batch.start), secondary=not options["every_4_ms"],
+            )
+        ]  # fmt: skip
+        peaks, budget = handover_peaks(e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]))
+        decisions.append((decide_vestigial(code.svid, peaks), budget))
+    _print_decisions(decisions, as_json, complete=True)
+
+
+@command.command("exhaustive")
+@_recording
+@_assistance
+@_svids
+@_start
+@_p_fa
+@_uncertainty
+@click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
+@click.option("--doppler-span-hz", type=FiniteRange(100, 50_000), default=5000.0, show_default=True, help="±.")
+@click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
+@click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
+@click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
+@_json
+def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
+    """Search E6 at every half chip of the time uncertainty and every Doppler bin.
+
+    What the search costs is printed before it starts. Ctrl-C ends it; what was found until then is printed.
+    """
+    from vestige.acas_processor.search_budget import search_budget
+    from vestige.acas_processor.vestigial import decide_vestigial
+    from vestige.records import Band
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+
+    recording = _open(recording_path, start)
+    e6 = _reader(recording, Band.E6)
+    codes, _ = _codes(recording, recording_path, options["assistance"], parse_svids(svids))
+    search = ExhaustiveSearch(
+        integration_s=float(options["integration_ms"]) * 1e-3,
+        doppler_span_hz=options["doppler_span_hz"],
+        engine=options["engine"],
+        workers=options["workers"],
+    )
+    decisions, complete = [], True
+    for group in _together(codes):
+        first, last = _window(recording, group[0], options["uncertainty_s"])
+        hypotheses = search.hypotheses(searchable(e6, search.integration_s, first, last)[1], len(group))
+        budget = search_budget(
+            hypotheses,
+            search.integration_s,
+            overall_pfa=options["p_fa_overall"],
+            correlated_neighbours=options["correlated_neighbours"],
+        )
+        _print_budget(budget, search)
+        peaks, complete = _follow(search.run(e6, group, first, last, budget.threshold))
+        decisions += [(decide_vestigial(code.svid, peaks), budget) for code in group]
+        if not complete:
+            break
+    _print_decisions(decisions, as_json, complete=complete)
+    if not complete:
+        sys.exit(INTERRUPTED)
+
+
+def _open(path: Path, start: GalileoTime | None) -> Recording:
+    from vestige.recording.recording import open_recording
+
+    recording = open_recording(path, start=start)
+    for line in recording.notes:
+        click.echo(f"warning: {line}", err=True)
+    return recording
+
+
+def _reader(recording: Recording, band: Any) -> SampleReader:
+    from vestige.errors import VestigeError
+
+    reader = recording.reader(band)
+    if reader is None:
+        raise VestigeError(f"the recording has no {band.value} samples")
+    return reader
+
+
+def _codes(
+    recording: Recording, path: Path, folder: Path | None, svids: tuple[int, ...]
+) -> tuple[list[ChipSequence], Assistance]:
+    """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
+    from vestige.crypto.recs import decrypt
+    from vestige.errors import VestigeError
+    from vestige.recording.assistance import read_assistance
+    from vestige.recording.snapshots import time_span
+
+    folder = folder or (path if path.is_dir() else path.parent) / "assistance"
+    found = read_assistance(folder, window=time_span(recording), strict=False)
+    for line in (*found.problems, *found.missing, *found.cautions):
+        click.echo(f"warning: {line}", err=True)
+    keys = {key.time: key for key in found.assistance.keys}
+    segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
+    if not segments:
+        raise VestigeError(f"{folder}: no RECS of these satellites with a validated key")
+    return [decrypt(one, keys[one.key_time]) for one in segments], found.assistance
+
+
+def _delay_m(assistance: Assistance, svid: int, at: GalileoTime) -> float:
+    from vestige.acas_processor.handover import predicted_delay_m
+
+    valid = [one for one in assistance.group_delays if one.svid == svid and one.valid_from <= at]
+    return predicted_delay_m(
+        ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
+        bgd_e1_e6_s=max(valid, key=lambda one: one.valid_from).bgd_e1_e6_s if valid else 0.0,
+        hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
+    )
+
+
+def _window(recording: Recording, code: ChipSequence, uncertainty_s: float | None) -> tuple[GalileoTime, GalileoTime]:
+    """Return when the first chip may arrive: the travel time, and the clock's uncertainty on both sides."""
+    from vestige.recording.snapshots import TRAVEL_TIME_S
+
+    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
+    around_s = min(around_s, 1e5)  # infinite where nothing states it: all of the recording
+    return code.transmit_time + (TRAVEL_TIME_S[0] - around_s), code.transmit_time + (TRAVEL_TIME_S[1] + around_s)
+
+
+def _together(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
+    """Return the RECS of one transmission together: they are searched over the same samples."""
+    groups: dict[GalileoTime, list[ChipSequence]] = {}
+    for code in codes:
+        groups.setdefault(code.transmit_time, []).append(code)
+    return list(groups.values())
+
+
+def _print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
+    from vestige.sample_processor.search.speed import expected_seconds
+
+    seconds = expected_seconds(search, budget.hypotheses)
+    lines = (
+        ("hypotheses", f"{budget.hypotheses:.4g}"),
+        ("P_FA of all, P_fa of one", f"{budget.pfa_overall:g}, {budget.pfa:.3e}"),
+        ("threshold", f"{budget.threshold:.3f} σ"),
+        (
+            "C/N0 for P_d 0.9",
+            f"{budget.required_cn0_dbhz:.2f} dBHz on the grid, {budget.grid_loss_db:.2f} dB more between",
+        ),
+        ("expected run time", f"{seconds:.0f} s"),
+    )
+    for name, value in lines:
+        click.echo(f"{name:26}{value}", err=True)
+
+
+def _follow(states: Iterable[SearchState]) -> tuple[tuple[Peak, ...], bool]:
+    """Return the peaks of a search and whether it came to its end; says how fast it is and how long it takes."""
+    peaks: tuple[Peak, ...] = ()
+    begin = reported = time.monotonic()
+    try:
+        for state in states:
+            now = time.monotonic()
+            if len(state.peaks) != len(peaks) or now - reported > REPORT_EVERY_S:
+                rate = state.done / max(now - begin, 1e-9)
+                click.echo(
+                    f"{state.done / max(state.total, 1):6.1%}  {rate / 1e6:.0f} million hypotheses/s  "
+                    f"{(state.total - state.done) / max(rate, 1e-9):.0f} s left  {len(state.peaks)} peaks",
+                    err=True,
+                )
+                reported = now
+            peaks = state.peaks
+    except KeyboardInterrupt:
+        return peaks, False
+    return peaks, True
+
+
+def _print_decisions(decisions: list[tuple[VestigialDecision, SearchBudget]], as_json: bool, *, complete: bool) -> None:
+    if as_json:
+        results = [
+            {
+                "svid": decision.svid,
+                "spoofed": decision.spoofed,
+                "hypotheses": budget.hypotheses,
+                "peaks": [_as_dict(peak) for peak in decision.peaks],
+            }
+            for decision, budget in decisions
+        ]
+        click.echo(json.dumps({"complete": complete, "satellites": results}))
+        return
+    for decision, _ in decisions:
+        if decision.true is None:
+            click.echo(f"E{decision.svid:02d}  not found")
+        for peak in decision.peaks:
+            what = "true: the earliest" if peak is decision.true else "later: SPOOFING"
+            click.echo(
+                f"E{peak.svid:02d}  {peak.start_time}  Doppler {peak.doppler_hz:8.1f} Hz  "
+                f"{peak.magnitude:6.2f} σ (threshold {peak.threshold:.2f})  C/N0 {peak.cn0_dbhz:4.1f} dBHz  {what}"
+            )
+    if not complete:
+        click.echo("INTERRUPTED: the rest of the time uncertainty was not searched, an earlier signal may be there")
+
+
+def _as_dict(peak: Peak) -> dict[str, Any]:
+    return {
+        "start_time": str(peak.start_time),
+        "start_fraction_s": peak.start_time.fraction,
+        "doppler_hz": peak.doppler_hz,
+        "magnitude_sigma": peak.magnitude,
+        "threshold_sigma": peak.threshold,
+        "cn0_dbhz": peak.cn0_dbhz,
+    }

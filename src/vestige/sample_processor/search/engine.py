@@ -1,0 +1,102 @@
+"""What an engine of the exhaustive search is: it screens, it does not decide.
+
+An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
+bins. Its sums may lose a stated part of a decibel. Offsets near the threshold are computed again, exactly
+(`exact_cell`), and only that counts. So no engine's precision enters a published number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int16
+
+from vestige.signals.definitions import E6C
+
+CHIP_RATE_HZ = E6C.chip_rate_hz
+POINTS = 256  # of the Doppler transform
+SIGMA = 12.0  # of the chips that an engine gets: rounding costs 0.003 dB
+CLIP = 102  # 8.5 σ; 320 of them fit int16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """The Doppler bins of a coherent sum, and how the segment engine comes to them.
+
+    Attributes
+    ----------
+    segment_chips
+        M: chips in a segment, within which the carrier is left in.
+    stride
+        Only every `stride`-th of the bins R_c / (256 M) apart is wanted.
+    split
+        Groups of segments that are joined coherently, and sub-bins of a bin.
+    reach
+        Bins on each side of the middle.
+    half_width_hz
+        Largest distance from the middle: a replica with the code Doppler of the middle loses 0.24 dB at the most
+        there. A wider span takes several passes, each with its own middle.
+    """
+
+    segment_chips: int
+    stride: int
+    split: int
+    reach: int
+    half_width_hz: float
+
+    @property
+    def spacing_hz(self) -> float:
+        """Distance of the bins before they are split or left out."""
+        return CHIP_RATE_HZ / (self.segment_chips * POINTS)
+
+    @property
+    def sub_bin_hz(self) -> float:
+        """Distance of the outermost sub-bin from its bin."""
+        return self.spacing_hz * (0.5 - 0.5 / self.split)
+
+    @property
+    def bins_hz(self) -> Float64[np.ndarray, " bins"]:
+        """Doppler bins from the middle, 1/(2 T) apart but for 0.1 %."""
+        whole = np.arange(-(self.reach // self.stride) * self.stride, self.reach + 1, self.stride)
+        parts = (np.arange(self.split) + 0.5) / self.split - 0.5
+        return self.spacing_hz * (whole[:, None] + parts).reshape(-1)
+
+
+# by chips of the coherent sum: 1, 2, 4, 8 and 16 ms
+GRIDS = {
+    5115: Grid(segment_chips=160, stride=4, split=1, reach=40, half_width_hz=5000.0),
+    10_230: Grid(segment_chips=160, stride=2, split=1, reach=40, half_width_hz=5000.0),
+    20_460: Grid(segment_chips=160, stride=1, split=1, reach=40, half_width_hz=5000.0),
+    40_920: Grid(segment_chips=320, stride=1, split=1, reach=40, half_width_hz=2500.0),
+    81_840: Grid(segment_chips=320, stride=1, split=2, reach=27, half_width_hz=5000.0 / 3),
+}
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """A way to compute the powers.
+
+    Attributes
+    ----------
+    loss_db
+        The most that the power of a tested cell may be below its exact value.
+    block
+        Code offsets that are best computed at once.
+    """
+
+    loss_db: float
+    block: int
+
+    def powers(
+        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+    ) -> Float32[np.ndarray, "codes grids n_offsets"]:
+        """Return the largest |Σ chip · sample · e^{−j2πft}|² over the bins, for every code, grid and code offset.
+
+        Parameters
+        ----------
+        chips
+            Chips of the samples, real and imaginary parts: `n_offsets` and the length of the codes.
+        """
+        ...

@@ -1,0 +1,278 @@
+"""The exhaustive search: every half chip of the time uncertainty and every Doppler bin in E6 [WFO, Sec. III-D].
+
+Theory of operation
+-------------------
+The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`), scaled to int8 and handed to an
+engine in blocks of code offsets, which returns the largest power over the Doppler bins for every offset. So a file is
+read piece by piece, once for each pass, and a block's chips serve all codes.
+
+**Code Doppler.** A replica without it slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and loses up to
+0.72 dB. Where that is more than 0.3 dB the span is cut into passes, and each removes the Doppler of its own middle from
+carrier *and* code: two passes for 8 ms, three for 16 ms. What is left is at most 0.24 dB.
+
+**Decision.** Where a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
+again from the samples in complex128, over all bins, against the noise of its own samples (Σ|chip|², see
+`vestige.sample_processor.correlator`). That value alone is compared with the threshold. Then Doppler and code phase are
+made fine. The margin is there because noise falls differently on an engine's sum and the exact one; it costs a few
+exact cells an hour.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int16
+
+from vestige.records import ChipSequence
+from vestige.sample_processor.search.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA, Engine
+from vestige.sample_processor.search.exact_cell import Cell, exact_peak
+from vestige.sample_processor.search.fft_engine import FftEngine
+from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
+from vestige.sample_processor.search.peak import Peak, separated, shortened
+from vestige.sample_processor.search.sample_source import SampleSource
+from vestige.sample_processor.search.segment_engine import SegmentEngine
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.time import GalileoTime
+
+SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference of the two sums, at the threshold of 30 s
+_CLUSTER_CHIPS = 2.0  # offsets over the screen that are nearer belong together
+_CELLS_OF_CLUSTER = 4  # that are tried: the strongest may be one that the exact sum puts just below the threshold
+_AHEAD = 2  # blocks for each worker that are read before they are asked for
+
+ENGINES: dict[str, type[SegmentEngine] | type[FftEngine]] = {"segment": SegmentEngine, "fft": FftEngine}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchState:
+    """How far a search is.
+
+    Attributes
+    ----------
+    done, total
+        Hypotheses.
+    peaks
+        What it has found so far, in order of time.
+    """
+
+    done: float
+    total: float
+    peaks: tuple[Peak, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExhaustiveSearch:
+    """A search over code offsets and Doppler.
+
+    Attributes
+    ----------
+    integration_s
+        T_I: 1, 2, 4, 8 or 16 ms of the beginning of a RECS.
+    doppler_span_hz
+        Searched from −span to +span.
+    engine
+        `segment` is fast, `fft` is the reference.
+    workers
+        Threads; None for all cores. What is found does not depend on it.
+    """
+
+    integration_s: float = 4e-3
+    doppler_span_hz: float = 5000.0
+    engine: Literal["segment", "fft"] = "segment"
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        if round(self.integration_s * CHIP_RATE_HZ) not in GRIDS:
+            raise ValueError(f"the integration time must be 1, 2, 4, 8 or 16 ms, not {self.integration_s * 1e3:g} ms")
+        if not 0 < self.doppler_span_hz < 1e6:
+            raise ValueError(f"the Doppler span must be positive, not {self.doppler_span_hz} Hz")
+
+    @property
+    def n_chips(self) -> int:
+        """Chips that are correlated."""
+        return round(self.integration_s * CHIP_RATE_HZ)
+
+    @property
+    def passes_hz(self) -> tuple[float, ...]:
+        """Middles of the passes."""
+        count = int(np.ceil(self.doppler_span_hz / GRIDS[self.n_chips].half_width_hz - 1e-9))
+        width = 2 * self.doppler_span_hz / count
+        return tuple(-self.doppler_span_hz + (k + 0.5) * width for k in range(count))
+
+    @property
+    def bins_hz(self) -> Float64[np.ndarray, " bins"]:
+        """Bins of a pass from its middle: those within its part of the span and half a bin beyond it."""
+        bins = GRIDS[self.n_chips].bins_hz
+        half = self.doppler_span_hz / len(self.passes_hz) + 0.25 / self.integration_s
+        return bins[np.abs(bins) <= half * (1 + 1e-9)]
+
+    def hypotheses(self, uncertainty_s: float, n_codes: int = 1) -> float:
+        """Return N: two offsets a chip times the bins of all passes times the codes."""
+        return max(uncertainty_s, 0.0) * 2 * CHIP_RATE_HZ * self.bins_hz.size * len(self.passes_hz) * n_codes
+
+    def run(
+        self,
+        source: SampleSource,
+        codes: Iterable[ChipSequence],
+        first_start: GalileoTime,
+        last_start: GalileoTime,
+        threshold: float,
+    ) -> Iterator[SearchState]:
+        """Yield the state of the search, block after block; whoever stops in between keeps what was found.
+
+        Parameters
+        ----------
+        source
+            E6 samples. Only offsets at which they hold the whole sum are searched.
+        codes
+            Decrypted RECS, of one or more satellites, each with at least the chips of the integration time.
+        first_start, last_start
+            Time uncertainty: when the first chip may arrive at the earliest and at the latest.
+        threshold
+            On the magnitude, in standard deviations of the noise per dimension.
+
+        Raises
+        ------
+        ValueError
+            If a code is too short.
+        """
+        chips = tuple(shortened(one, self.n_chips) for one in codes)
+        if any(one.chips.size < self.n_chips for one in chips):
+            raise ValueError(f"a RECS holds fewer than the {self.n_chips} chips to be correlated")
+        begin, uncertainty_s = searchable(source, self.integration_s, first_start, last_start)
+        total = self.hypotheses(uncertainty_s, len(chips))
+        if total <= 0 or not chips:
+            yield SearchState(done=0.0, total=0.0, peaks=())
+            return
+        engine: Engine = ENGINES[self.engine](np.stack([one.chips for one in chips]))
+        n = int(uncertainty_s * CHIP_RATE_HZ) + 1
+        blocks = [
+            _Block(search=self, middle_hz=middle_hz, begin=begin, first=first, count=min(engine.block, n - first))
+            for middle_hz in self.passes_hz
+            for first in range(0, n, engine.block)
+        ]
+        done = 0
+        peaks: tuple[Peak, ...] = ()
+        work = sum(block.count for block in blocks)
+        pool = ThreadPoolExecutor(max_workers=self.workers or os.cpu_count())
+        waiting: deque[tuple[_Block, Future[list[Peak]]]] = deque()
+        ahead = _AHEAD * (self.workers or os.cpu_count() or 1)
+        try:
+            rest = iter(blocks)
+            while True:
+                for block in rest:
+                    waiting.append((block, pool.submit(block.peaks, source, engine, chips, threshold)))
+                    if len(waiting) >= ahead:
+                        break
+                if not waiting:
+                    return
+                block, future = waiting.popleft()
+                found = future.result()
+                done += block.count
+                if found:
+                    peaks = separated((*peaks, *found))
+                yield SearchState(done=total * done / work, total=total, peaks=peaks)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def searchable(
+    source: SampleSource, integration_s: float, first_start: GalileoTime, last_start: GalileoTime
+) -> tuple[GalileoTime, float]:
+    """Return the first start and the width in s of what can be searched: the samples hold the whole sum there."""
+    head = source.read(source.first_sample, 1)
+    # a few chips for the code Doppler and the last half chip
+    length_s = (source.end_sample - source.first_sample) / head.sample_rate_hz - integration_s - 2 / CHIP_RATE_HZ
+    begin_s = max(first_start - head.start, 0.0)
+    return head.start + begin_s, min(last_start - head.start, length_s) - begin_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Block:
+    """Code offsets of one pass that are searched at once; offset j starts j received chips after `begin`."""
+
+    search: ExhaustiveSearch
+    middle_hz: float
+    begin: GalileoTime
+    first: int
+    count: int
+
+    def peaks(
+        self, source: SampleSource, engine: Engine, codes: tuple[ChipSequence, ...], threshold: float
+    ) -> list[Peak]:
+        """Return the peaks of the block."""
+        chips = self._chips(source)
+        noise = float(np.mean(np.square(chips, dtype=np.float32))) * self.search.n_chips  # variance per dimension
+        if noise == 0:
+            return []
+        screen = threshold**2 * noise * 10 ** (-(engine.loss_db + SCREEN_MARGIN_DB) / 10)
+        found: list[Peak] = []
+        for code, powers in zip(codes, engine.powers(chips, self.count), strict=True):
+            for cluster in _clusters(powers, screen):
+                peak = self._decide(source, code, cluster, threshold)
+                if peak is not None:
+                    found.append(peak)
+        return found
+
+    def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> Peak | None:
+        """Return the peak of the first cell of a cluster, strongest first, whose exact value is above the threshold."""
+        for offset in offsets[:_CELLS_OF_CLUSTER]:
+            cell = Cell(
+                code=code,
+                start_time=self.begin + (self.first + offset) / self._code_rate(source),
+                middle_hz=self.middle_hz,
+            )
+            peak = exact_peak(source, cell, self.search.bins_hz, threshold)
+            if peak is not None:
+                return peak
+        return None
+
+    def _code_rate(self, source: SampleSource) -> float:
+        return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])
+
+    def _chips(self, source: SampleSource) -> Int16[np.ndarray, "2 2 n"]:
+        """Return the chips of the block, grid, real and imaginary part, σ `SIGMA`; zeros behind the last sample."""
+        n = self.count + self.search.n_chips
+        head = source.read(source.first_sample, 1)
+        rate, code_rate = head.sample_rate_hz, self._code_rate(source)
+        low = int((self.begin - head.start + self.first / code_rate) * rate) - 1
+        high = int((self.begin - head.start + (self.first + n + 1) / code_rate) * rate) + 2
+        low, high = max(low, 0) + source.first_sample, min(high + source.first_sample, source.end_sample)
+        batch = source.read(low, high - low)
+        halves = np.empty((2, 2 * n + 1), np.float32)
+        half_chip_sums(
+            batch.samples.view(np.float32),
+            batch.start - self.begin,
+            1.0 / rate,
+            code_rate,
+            0.0,
+            CARRIER_HZ[batch.band] - batch.center_frequency_hz + self.middle_hz,
+            0.0,
+            2 * self.first,
+            *halves,
+        )
+        sums = np.empty((2, 2, n), np.float32)
+        power = sum(chip_sums(halves[part], sums[0, part], sums[1, part]) for part in (0, 1))
+        scale = np.float32(SIGMA / np.sqrt(power / (2 * n))) if power > 0 else np.float32(0)
+        np.multiply(sums, scale, out=sums)
+        np.clip(np.rint(sums, out=sums), -CLIP, CLIP, out=sums)
+        return sums.astype(np.int16)
+
+
+def _clusters(powers: Float32[np.ndarray, "grids offsets"], screen: float) -> list[list[float]]:
+    """Return the code offsets in chips whose power is above the screen, in clusters, the strongest of each first."""
+    grid, offset = np.nonzero(powers > screen)
+    place = offset + 0.5 * grid
+    order = np.argsort(place)
+    cuts = np.flatnonzero(np.diff(place[order]) > _CLUSTER_CHIPS) + 1
+    strength = powers[grid, offset]
+    return [
+        [float(place[i]) for i in sorted(part, key=lambda i: -strength[i])]
+        for part in np.split(order, cuts)
+        if part.size
+    ]

@@ -1,0 +1,121 @@
+"""Samples turned into sums over half chips: the front of both searches in E6.
+
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t² and is added, free of its carrier,
+to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these numbers, the
+same as over samples: `vestige.sample_processor.correlator` finds the same chip for every sample.
+
+Phases of code and carrier are worked out in float64 for each block of 1024 samples; inside a block the code phase is an
+integer with 40 fraction bits, and the carrier a table.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+
+_PHASE_BITS = 40
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _wipe(x, cos, sin, turn_re, turn_im, slope, curve, y_re, y_im):
+    """Turn samples by the conjugate rotator, the block's turn and the small angle slope · k + curve · k²."""
+    for i in range(y_re.size):
+        a, b = x[2 * i], x[2 * i + 1]
+        re = a * cos[i] + b * sin[i]
+        im = b * cos[i] - a * sin[i]
+        k = np.float32(i - MIDDLE)
+        angle = k * (slope + curve * k)
+        re, im = re + im * angle, im - re * angle
+        y_re[i] = re * turn_re - im * turn_im
+        y_im[i] = im * turn_re + re * turn_im
+
+
+@njit(cache=True, nogil=True)
+def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, first_half, out_re, out_im):
+    """Fill float32 `out_re`, `out_im` with the sums of the samples in half chip `first_half` and on.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n_samples], real and imaginary parts in turn.
+    t0, dt
+        Time of the first sample after the start of half chip 0, and the sampling interval, in s.
+    code_rate, code_rate_rate
+        Received chips/s at t = 0, and its rate of change in chips/s².
+    if_hz, doppler_rate
+        Carrier frequency in the samples at t = 0 in Hz, and its rate of change in Hz/s.
+    first_half
+        Number of the half chip that goes to the first place.
+    """
+    out_re[:] = 0
+    out_im[:] = 0
+    n_samples, n_halves = x.size // 2, out_re.size
+    cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    y_re, y_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    rotator_table(if_hz * dt, cos, sin)
+    for b0 in range(0, n_samples, BLOCK):
+        n = min(BLOCK, n_samples - b0)
+        t = t0 + b0 * dt
+        tm = t + MIDDLE * dt
+        turn = np.conj(turn_at(if_hz, doppler_rate, tm))
+        slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
+        _wipe(
+            x[2 * b0 : 2 * (b0 + n)],
+            cos,
+            sin,
+            np.float32(turn.real),
+            np.float32(turn.imag),
+            np.float32(slope),
+            np.float32(curve),
+            y_re[:n],
+            y_im[:n],
+        )
+        step = 2 * (code_rate + code_rate_rate * tm) * dt
+        u0 = 2 * (code_rate * t + 0.5 * code_rate_rate * t * t)
+        base = np.floor(u0)
+        p = np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS))
+        dp = np.int64(np.round(step * 2.0**_PHASE_BITS))
+        first = np.int64(base) - first_half
+        if first >= 0 and first + ((p + n * dp) >> _PHASE_BITS) < n_halves:
+            for i in range(n):
+                j = first + (p >> _PHASE_BITS)
+                out_re[j] += y_re[i]
+                out_im[j] += y_im[i]
+                p += dp
+        else:
+            for i in range(n):
+                j = first + (p >> _PHASE_BITS)
+                if 0 <= j < n_halves:
+                    out_re[j] += y_re[i]
+                    out_im[j] += y_im[i]
+                p += dp
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def chip_sums(halves, even, odd):
+    """Fill `even` with h_2j + h_2j+1 and `odd` with h_2j+1 + h_2j+2: chips, and chips half a chip later; Σ even².
+
+    Parameters
+    ----------
+    halves
+        float32[2 · n + 1 or more], one dimension of the half-chip sums.
+    even, odd
+        float32[n].
+    """
+    total = 0.0
+    for first in range(0, even.size, BLOCK):
+        n = min(BLOCK, even.size - first)
+        h, e, o = halves[2 * first :], even[first : first + n], odd[first : first + n]
+        for j in range(n):
+            e[j] = h[2 * np.uint32(j)] + h[2 * np.uint32(j) + 1]
+        for j in range(n):
+            o[j] = h[2 * np.uint32(j) + 1] + h[2 * np.uint32(j) + 2]
+        power = np.float32(0.0)
+        for j in range(n):
+            power += e[j] * e[j]
+        total += float(power)
+    return total

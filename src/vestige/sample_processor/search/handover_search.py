@@ -1,0 +1,248 @@
+"""The hand-over search: E6 at every place where one signal on E1 says that it may be [WFO, Sec. III-E].
+
+Theory of operation
+-------------------
+A signal on E1 gives code phase and Doppler; what it leaves open is a multiple of its period, 4 ms, or 100 ms where the
+phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
+
+    u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
+
+that is, on the *received* period: with Doppler a grid of nominal 4 ms would be 120 chips off after 30 s at 1 kHz.
+
+The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), twice, half a chip apart: rows of
+4 ms. A RECS of 16 ms is four rows, and hypothesis m + 1 shares three of them with hypothesis m. So every row is
+multiplied once with all quarters of the RECS at all taps, one matrix product for each of the two grids of chips:
+
+    Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
+
+Carrier and code run on through all rows, so no phase has to be joined. At a tap k half chips off the middle the k/2
+outermost chips of the RECS are left out (0.0001 dB). The noise under each hypothesis is Σ|chip sum|² of its rows, see
+`vestige.sample_processor.correlator`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+
+from vestige.constants import E1_CODE_PERIOD_S
+from vestige.records import ChipSequence, Handover
+from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
+from vestige.sample_processor.search.peak import Peak, peak_at, separated
+from vestige.sample_processor.search.sample_source import SampleSource
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.time import GalileoTime
+
+_CHUNK = 96  # hypotheses in one matrix product; 16 MB of rows for each grid
+_INVERSION_STEPS = 4  # of u(τ); each gains five decimals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandoverLine:
+    """Where the chips may be by one signal on E1: at a known moment and every period before and after it.
+
+    Attributes
+    ----------
+    chips
+        The decrypted RECS.
+    anchor
+        A receiver-clock time at which the first chip may arrive.
+    period_s
+        4 ms, or a multiple of it, on the satellite's clock.
+    doppler_hz, doppler_rate_hz_per_s
+        On the E6 carrier at `anchor`.
+    """
+
+    svid: int
+    chips: ChipSequence
+    anchor: GalileoTime
+    period_s: float
+    doppler_hz: float
+    doppler_rate_hz_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        rows = self.period_s / E1_CODE_PERIOD_S
+        if rows < 0.5 or abs(rows - round(rows)) > 1e-6:
+            raise ValueError(f"the period must be a multiple of 4 ms, not {self.period_s} s")
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """The received code along a line: chips after the anchor against seconds after it."""
+
+    code_rate: float
+    code_rate_rate: float
+
+    def chips_at(self, t_s: float) -> float:
+        return self.code_rate * t_s + 0.5 * self.code_rate_rate * t_s**2
+
+    def time_of(self, chips: float) -> float:
+        t = chips / self.code_rate
+        for _ in range(_INVERSION_STEPS):
+            t = (chips - 0.5 * self.code_rate_rate * t**2) / self.code_rate
+        return t
+
+
+def search_handover(
+    source: SampleSource,
+    line: HandoverLine,
+    first_start: GalileoTime,
+    last_start: GalileoTime,
+    threshold: float,
+    *,
+    taps: int = 5,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Peak, ...]:
+    """Return the signals at the places that a line allows, in order of time.
+
+    Parameters
+    ----------
+    source
+        E6 samples. Places at which they do not hold the whole segment are not searched.
+    line
+        What one signal on E1 says.
+    first_start, last_start
+        Time uncertainty: when the first chip may arrive at the earliest and at the latest.
+    threshold
+        On the magnitude, in standard deviations of the noise per dimension.
+    taps
+        Code offsets half a chip apart that are tested at each place, an odd number.
+    progress
+        Called with the number of hypotheses that are done, and of all.
+    """
+    if taps < 1 or taps % 2 == 0:
+        raise ValueError(f"the number of taps must be odd, not {taps}")
+    places = positions(source, line, first_start, last_start)
+    found: list[Peak] = []
+    done = 0
+    for chunk, squares in _squares(source, line, places, taps):
+        best = np.max(squares, axis=1)
+        for row in np.flatnonzero(best > threshold**2):
+            tap = int(np.argmax(squares[row])) - taps // 2
+            peak = peak_at(source, _handover(source, line, int(chunk[row]), tap), threshold)
+            if peak is not None:
+                found.append(peak)
+        done += chunk.size * taps
+        if progress is not None:
+            progress(done, places.size * taps)
+    return separated(found)
+
+
+def positions(
+    source: SampleSource, line: HandoverLine, first_start: GalileoTime, last_start: GalileoTime
+) -> Int64[np.ndarray, " places"]:
+    """Return the numbers m of the places to search: in the time uncertainty, and with all their rows in the samples."""
+    scale, rows = _scale(source, line), _rows(line)
+    head = source.read(source.first_sample, 1)
+    begin_s = head.start - line.anchor
+    end_s = begin_s + (source.end_sample - source.first_sample) / head.sample_rate_hz
+    row_chips = E1_CODE_PERIOD_S * line.chips.chip_rate_hz
+    period_chips = line.period_s * line.chips.chip_rate_hz
+    low = max(scale.chips_at(first_start - line.anchor), scale.chips_at(begin_s))
+    high = min(scale.chips_at(last_start - line.anchor), scale.chips_at(end_s) - rows * row_chips)
+    return np.arange(int(np.ceil(low / period_chips)), int(np.floor(high / period_chips)) + 1)
+
+
+def _squares(
+    source: SampleSource, line: HandoverLine, places: Int64[np.ndarray, " places"], taps: int
+) -> Iterator[tuple[Int64[np.ndarray, " places"], Float64[np.ndarray, "places taps"]]]:
+    """Yield groups of places with the squared magnitudes of their hypotheses over the noise variance per dimension."""
+    n_rows = _rows(line)
+    stride = round(line.period_s / E1_CODE_PERIOD_S)
+    size = _CHUNK if stride < n_rows else 1  # places far apart share no rows
+    late = np.arange(taps) - taps // 2
+    grids = [(grid, late % 2 == grid) for grid in (0, 1) if np.any(late % 2 == grid)]
+    columns = [_columns(line.chips, late[which] // 2) for _, which in grids]
+    buffer = np.empty(len(grids) * 2 * ((size - 1) * stride + n_rows) * columns[0].shape[0], np.float32)
+    for begin in range(0, places.size, size):
+        chunk = places[begin : begin + size]
+        count = (chunk.size - 1) * stride + n_rows
+        rows = buffer[: len(grids) * 2 * count * columns[0].shape[0]].reshape(len(grids), 2, count, -1)
+        noise = _fill_rows(source, line, int(chunk[0]) * stride, rows)
+        sums, power = np.zeros((2, chunk.size, taps)), np.zeros(chunk.size)
+        first = np.arange(chunk.size) * stride
+        for chips, (_, which), column in zip(rows, grids, columns, strict=True):
+            products = (chips.reshape(2 * count, -1) @ column).reshape(2, count, n_rows, -1)
+            sums[:, :, which] = sum(products[:, first + quarter, quarter] for quarter in range(n_rows))
+        for quarter in range(n_rows):
+            power += noise[first + quarter]
+        yield chunk, (sums[0] ** 2 + sums[1] ** 2) / np.maximum(power / 2, 1e-30)[:, None]
+
+
+def _fill_rows(
+    source: SampleSource, line: HandoverLine, first_row: int, rows: Float32[np.ndarray, "grids 2 rows chips"]
+) -> Float64[np.ndarray, " rows"]:
+    """Fill rows of chips (grid, real and imaginary part, row, chip) from `first_row` on; return Σ|chip|² of each."""
+    scale = _scale(source, line)
+    n_rows, n_chips = rows.shape[2], rows.shape[3]
+    head = source.read(source.first_sample, 1)
+    begins_s = [scale.time_of((first_row + row) * n_chips) for row in range(n_rows + 1)]
+    since_head_s, rate = line.anchor - head.start, head.sample_rate_hz
+    starts = [max(int((since_head_s + begin_s) * rate) - 1, 0) for begin_s in begins_s]
+    half_chip = int(0.5 / line.chips.chip_rate_hz * rate) + 3
+    first = starts[0] + source.first_sample
+    batch = source.read(first, min(starts[-1] + half_chip + source.first_sample, source.end_sample) - first)
+    x = batch.samples.view(np.float32)
+    t0 = batch.start - line.anchor
+    if_hz = CARRIER_HZ[batch.band] - batch.center_frequency_hz + line.doppler_hz
+    halves = np.empty((2, 2 * n_chips + 1), np.float32)
+    spare = np.empty(n_chips, np.float32)
+    noise = np.zeros(n_rows)
+    for row in range(n_rows):
+        low, high = starts[row] - starts[0], starts[row + 1] - starts[0] + half_chip
+        half_chip_sums(
+            x[2 * low : 2 * high],
+            t0 + low / rate,
+            1.0 / rate,
+            scale.code_rate,
+            scale.code_rate_rate,
+            if_hz,
+            line.doppler_rate_hz_per_s,
+            2 * (first_row + row) * n_chips,
+            *halves,
+        )
+        for part in (0, 1):
+            odd = rows[1, part, row] if rows.shape[0] > 1 else spare
+            noise[row] += chip_sums(halves[part], rows[0, part, row], odd)
+    return noise
+
+
+def _columns(chips: ChipSequence, late: Int64[np.ndarray, " taps"]) -> Float32[np.ndarray, "chips columns"]:
+    """Return the chips of every quarter, `late` chips later, as the columns of a matrix."""
+    row_chips = round(E1_CODE_PERIOD_S * chips.chip_rate_hz)
+    n_rows = -(-chips.chips.size // row_chips)
+    columns = np.zeros((row_chips, n_rows, late.size), np.float32)
+    for tap, shift in enumerate(late):
+        code = np.zeros(n_rows * row_chips, np.float32)
+        low, high = max(shift, 0), min(code.size, chips.chips.size + shift)
+        code[low:high] = chips.chips[low - shift : high - shift]
+        columns[:, :, tap] = code.reshape(n_rows, -1).T
+    return columns.reshape(row_chips, -1)
+
+
+def _handover(source: SampleSource, line: HandoverLine, place: int, tap: int) -> Handover:
+    """Return the hypothesis at a place and tap."""
+    scale = _scale(source, line)
+    chips = place * line.period_s * line.chips.chip_rate_hz + tap / 2
+    at_s = scale.time_of(chips)
+    return Handover(
+        svid=line.svid,
+        chips=line.chips,
+        start_time=line.anchor + at_s,
+        doppler_hz=line.doppler_hz + line.doppler_rate_hz_per_s * at_s,
+        doppler_rate_hz_per_s=line.doppler_rate_hz_per_s,
+        expected_cn0_dbhz=float("nan"),
+    )
+
+
+def _scale(source: SampleSource, line: HandoverLine) -> _Scale:
+    carrier_hz = CARRIER_HZ[source.read(source.first_sample, 1).band]
+    rate = line.chips.chip_rate_hz
+    return _Scale(rate * (1 + line.doppler_hz / carrier_hz), rate * line.doppler_rate_hz_per_s / carrier_hz)
+
+
+def _rows(line: HandoverLine) -> int:
+    return -(-line.chips.chips.size // round(E1_CODE_PERIOD_S * line.chips.chip_rate_hz))

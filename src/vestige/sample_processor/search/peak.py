@@ -1,0 +1,107 @@
+"""A signal that a search in E6 found, and its exact place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import ChipSequence, Handover
+from vestige.sample_processor.correlator import correlate
+from vestige.sample_processor.search.sample_source import SampleSource
+from vestige.signals.definitions import E6C
+from vestige.time import GalileoTime
+
+_FINE_CHIPS = np.arange(-25, 26) / 20  # 0.05 chip apart, ±1.25 chips: the cell is within a chip of the peak
+_MARGIN_S = 1e-6  # of samples on both sides of the segment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peak:
+    """A signal in E6 that carries the chips of a RECS.
+
+    Attributes
+    ----------
+    start_time
+        Receiver-clock time at which the first chip arrives.
+    doppler_hz
+        Carrier Doppler on E6 at that time.
+    magnitude
+        At its exact place, in standard deviations of the noise per dimension.
+    threshold
+        Detection threshold in the same unit; the grid cell that was tested stood above it.
+    cn0_dbhz
+        C/N0 of E6-C that the magnitude speaks for.
+    """
+
+    svid: int
+    start_time: GalileoTime
+    doppler_hz: float
+    magnitude: float
+    threshold: float
+    cn0_dbhz: float
+
+
+def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak | None:
+    """Return the peak within 1¼ chips of a hand-over, its Doppler as it is; None if the samples do not hold it.
+
+    Parameters
+    ----------
+    handover
+        Where the cell is, with the chips that were correlated.
+    threshold
+        That the cell stood above, in standard deviations of the noise per dimension.
+    """
+    chips = handover.chips
+    duration_s = (chips.chips.size + 4) / chips.chip_rate_hz + 2 * _MARGIN_S
+    head = source.read(source.first_sample, 1)
+    rate = head.sample_rate_hz
+    first = head.first_sample + int((handover.start_time - head.start - _MARGIN_S) * rate)
+    first = max(first, source.first_sample)
+    count = min(int(np.ceil(duration_s * rate)), source.end_sample - first)
+    if count <= 0:
+        return None
+    batch = source.read(first, count)
+    for offsets in (_FINE_CHIPS, _FINE_CHIPS[_FINE_CHIPS >= 0], _FINE_CHIPS[_FINE_CHIPS <= 0]):  # at the ends
+        bank = correlate(batch, handover, offsets / chips.chip_rate_hz * SPEED_OF_LIGHT_MPS)
+        if bank is not None:
+            break
+    else:
+        return None
+    best = int(np.argmax(np.abs(bank.taps)))
+    magnitude = float(np.abs(bank.taps[best]) / np.sqrt(bank.noise_power / 2))
+    snr = max(magnitude**2 / 2 - 1.0, 1e-3)
+    return Peak(
+        svid=handover.svid,
+        start_time=handover.start_time + float(bank.offsets_m[best]) / SPEED_OF_LIGHT_MPS,
+        doppler_hz=handover.doppler_hz,
+        magnitude=magnitude,
+        threshold=threshold,
+        cn0_dbhz=float(10 * np.log10(snr / bank.integration_s)),
+    )
+
+
+def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
+    """Return the first `n_chips` of a sequence."""
+    return ChipSequence(
+        svid=chips.svid,
+        transmit_time=chips.transmit_time,
+        chip_rate_hz=chips.chip_rate_hz,
+        chips=np.ascontiguousarray(chips.chips[:n_chips]),
+    )
+
+
+def separated(peaks: Iterable[Peak]) -> tuple[Peak, ...]:
+    """Return the peaks in order of time; within one chip of a stronger one of its satellite a peak is the same signal.
+
+    A triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset: so whatever its
+    Doppler, a weaker peak within a chip is part of the stronger.
+    """
+    kept: list[Peak] = []
+    for peak in sorted(peaks, key=lambda one: -one.magnitude):
+        near = (abs(peak.start_time - other.start_time) * E6C.chip_rate_hz for other in kept if other.svid == peak.svid)
+        if all(chips > 1.0 for chips in near):
+            kept.append(peak)
+    return tuple(sorted(kept, key=lambda one: one.start_time))

@@ -1,0 +1,58 @@
+"""Where a search reads its samples: from a file in pieces (`vestige.recording`), or from memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from vestige.records import SampleBatch
+
+
+@runtime_checkable
+class SampleSource(Protocol):
+    """Samples of one band, read in pieces by the counter that both bands share."""
+
+    @property
+    def first_sample(self) -> int:
+        """Number of the first sample."""
+        ...
+
+    @property
+    def end_sample(self) -> int:
+        """Number after that of the last sample."""
+        ...
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return `count` samples from number `first` on, all of which are there."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class BatchSource:
+    """A batch as a source."""
+
+    batch: SampleBatch
+
+    @property
+    def first_sample(self) -> int:
+        """Number of the first sample."""
+        return self.batch.first_sample
+
+    @property
+    def end_sample(self) -> int:
+        """Number after that of the last sample."""
+        return self.batch.first_sample + self.batch.samples.size
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return `count` samples from number `first` on."""
+        skip = first - self.batch.first_sample
+        if skip < 0 or skip + count > self.batch.samples.size:
+            raise ValueError(f"samples {first} … {first + count - 1} are not all in the batch")
+        return SampleBatch(
+            band=self.batch.band,
+            samples=self.batch.samples[skip : skip + count],
+            sample_rate_hz=self.batch.sample_rate_hz,
+            center_frequency_hz=self.batch.center_frequency_hz,
+            first_sample=first,
+            start=self.batch.start + skip / self.batch.sample_rate_hz,
+        )

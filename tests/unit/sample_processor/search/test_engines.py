@@ -1,0 +1,104 @@
+"""Both engines against sums written out in complex128: the segment engine's own segmented sum, and the direct one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vestige.sample_processor.search.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
+from vestige.sample_processor.search.fft_engine import FftEngine
+from vestige.sample_processor.search.segment_engine import SegmentEngine
+
+MILLISECONDS = (1, 2, 4, 8, 16)
+N_OFFSETS = 600  # more than one vector block, and not a multiple of it
+CHECKED = (0, 1, 17, 333, 511, 512, 599)
+
+
+def _vector(ms: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return two codes, and noise with the second code near an edge of the band at offset 333 of grid 1."""
+    rng = np.random.default_rng(seed)
+    n = 5115 * ms
+    codes = (1 - 2 * rng.integers(0, 2, (2, n))).astype(np.int8)
+    x = SIGMA * rng.standard_normal((2, 2, n + N_OFFSETS))
+    f = GRIDS[n].bins_hz[1] + 0.1 / (n / CHIP_RATE_HZ)
+    signal = 12 * SIGMA * np.sqrt(2 / n) * codes[1] * np.exp(2j * np.pi * f * np.arange(n) / CHIP_RATE_HZ + 1j)
+    x[1, 0, 333 : 333 + n] += signal.real
+    x[1, 1, 333 : 333 + n] += signal.imag
+    return codes, np.clip(np.rint(x), -CLIP, CLIP).astype(np.int16)
+
+
+def _direct(codes: np.ndarray, x: np.ndarray, phases: np.ndarray) -> np.ndarray:
+    """Return the largest power at the checked offsets; `phases` is bins by chips, in cycles."""
+    table = np.exp(-2j * np.pi * phases)
+    z = x[:, 0] + 1j * x[:, 1]
+    n = codes.shape[1]
+    wiped = np.array([[[grid[o : o + n] * code for o in CHECKED] for grid in z] for code in codes])
+    return np.max(np.abs(wiped.reshape(-1, n) @ table.T) ** 2, axis=1).reshape(2, 2, len(CHECKED))
+
+
+def _segmented_phases(n: int) -> np.ndarray:
+    """Return the carrier as the segment engine takes it off: stepwise, and a group's sub-bin as one step."""
+    grid = GRIDS[n]
+    segment = np.arange(n) // grid.segment_chips
+    if grid.split == 1:
+        return np.outer(grid.bins_hz, segment * grid.segment_chips / CHIP_RATE_HZ)
+    whole = np.round(grid.bins_hz / grid.spacing_hz + 1e-6)
+    rest = grid.bins_hz / grid.spacing_hz - whole
+    assert np.allclose(np.abs(rest), 0.25)
+    return np.outer(whole, segment / 256) + np.outer(rest, segment // 128 * 0.5)
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_segment_engine_is_the_segmented_sum(ms: int) -> None:
+    codes, x = _vector(ms)
+    n = codes.shape[1]
+    powers = SegmentEngine(codes).powers(x, N_OFFSETS)
+    expected = _direct(codes, x, _segmented_phases(n))
+    assert np.max(np.abs(powers[:, :, CHECKED] - expected)) < 1e-5 * expected.max()
+    assert np.unravel_index(np.argmax(powers), powers.shape) == (1, 1, 333)
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_fft_engine_is_the_direct_sum(ms: int) -> None:
+    codes, x = _vector(ms)
+    n = codes.shape[1]
+    engine = FftEngine(codes)
+    powers = engine.powers(x, N_OFFSETS)
+    step = CHIP_RATE_HZ / (engine.block + n - 1)
+    rounded = np.rint(GRIDS[n].bins_hz / step) * step
+    expected = _direct(codes, x, np.outer(rounded, np.arange(n) / CHIP_RATE_HZ))
+    assert np.max(np.abs(powers[:, :, CHECKED] - expected)) < 1e-5 * expected.max()
+    assert np.unravel_index(np.argmax(powers), powers.shape) == (1, 1, 333)
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_bins_are_half_the_inverse_integration_time_apart(ms: int) -> None:
+    grid = GRIDS[5115 * ms]
+    np.testing.assert_allclose(np.diff(grid.bins_hz), 500 / ms, rtol=2e-3)
+    np.testing.assert_allclose(grid.bins_hz, -grid.bins_hz[::-1])
+    assert grid.bins_hz[-1] + 250 / ms >= grid.half_width_hz
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_the_stated_loss_holds_without_noise(ms: int) -> None:
+    """A strong signal on each of some bins, through both engines: never more is lost than they say."""
+    n = 5115 * ms
+    code = (1 - 2 * np.random.default_rng(ms).integers(0, 2, (1, n))).astype(np.int8)
+    segment, fft = SegmentEngine(code), FftEngine(code)
+    for f in GRIDS[n].bins_hz[[0, 1, 5, -1]]:
+        signal = 60 * code[0] * np.exp(2j * np.pi * f * np.arange(n) / CHIP_RATE_HZ)
+        x = np.zeros((1, 2, n + 16), np.int16)
+        x[0, 0, 7 : 7 + n], x[0, 1, 7 : 7 + n] = np.rint(signal.real), np.rint(signal.imag)
+        for engine in (segment, fft):
+            lost_db = 10 * np.log10((60.0 * n) ** 2 / engine.powers(x, 16)[0, 0, 7])
+            assert -0.01 < lost_db < engine.loss_db + 0.01
+
+
+def test_the_largest_numbers_do_not_wrap() -> None:
+    """All chips at the limit and in phase with the code: 320 of them in a segment."""
+    for n in GRIDS:
+        code = (1 - 2 * np.random.default_rng(n).integers(0, 2, (1, n))).astype(np.int8)
+        x = np.zeros((1, 2, n + 1), np.int16)
+        x[0, :, :n] = CLIP * code
+        share = SegmentEngine(code).powers(x, 1)[0, 0, 0] / (2.0 * (CLIP * n) ** 2)
+        assert 0.8 < share < 1.001  # 16 ms have no bin at 0 Hz: a quarter of a cycle off
