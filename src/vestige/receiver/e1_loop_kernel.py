@@ -1,4 +1,4 @@
-"""The compiled E1 loop: follows the stable zero of early minus late, step after step, in chips after the true signal."""
+"""The compiled E1 loop: follows the stable zero of early minus late, step by step, in chips after the true signal."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 
