@@ -33,6 +33,7 @@ from vestige.scenario.preset import Presets
 from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
+from vestige.spoofer.spoofer import AnyAttack, Spoofer
 from vestige.time import GalileoTime
 
 Ionosphere = Annotated[
@@ -160,6 +161,8 @@ class CampaignScenario(Section):
         Number of RECS, and the time between them in s.
     fidelity
         `samples`, the reference, or `correlators`, the same distribution without samples.
+    attack
+        What the attacker does, one `[[attack]]` each, all at once.
     """
 
     kind: Literal["campaign"]
@@ -172,6 +175,7 @@ class CampaignScenario(Section):
     recs: RecsTable = RecsTable()
     receiver: ReceiverTable
     processor: ProcessorTable = ProcessorTable()
+    attack: tuple[AnyAttack, ...] = ()
 
     @field_validator("start")
     @classmethod
@@ -223,4 +227,5 @@ class CampaignScenario(Section):
             n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
             key_delay=self.recs.key_delay,
             processor=self.processor.processor(),
+            spoofer=Spoofer(attacks=self.attack),
         )

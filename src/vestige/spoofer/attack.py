@@ -18,12 +18,17 @@ from math import inf
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.constants import MAX_SVID
+from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.jammers import AnyJammer
 from vestige.spoofer.phase import Coherent, DelayedCarrier, Locked, Slipping
-from vestige.spoofer.profiles import AnyProfile, as_profile
+from vestige.spoofer.profiles import AnyProfile, as_profile, extremes, fastest
+
+MAX_DELAY_S = 60.0
+_MAX_EARLY_M = 3e5  # an attacker who foretells a public code has no need of more than a code period
+_MAX_RATE_MPS = 1e4
+MAX_LEVEL_DB = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,3 +157,19 @@ def delayed(
         doppler_hz=phase.doppler_hz(carrier),
         own_chips=own_chips,
     )
+
+
+def check_delay(delay_m: AnyProfile | float) -> None:
+    """Raise ValueError if a delay profile goes where no attack does: 1 ms early to 60 s late, 10 km/s."""
+    low_m, high_m = extremes(delay_m)
+    if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
+        raise ValueError(f"delays lie between -300 km and {MAX_DELAY_S:g} s, found {low_m:g} to {high_m:g} m")
+    if not fastest(delay_m) <= _MAX_RATE_MPS:
+        raise ValueError(f"delays change by at most {_MAX_RATE_MPS:g} m/s, found {fastest(delay_m):g} m/s")
+
+
+def check_level(level_db: AnyProfile | float) -> None:
+    """Raise ValueError if a power is not at most 100 dB over what it is compared with; -inf is no power."""
+    high_db = extremes(level_db)[1]
+    if not high_db <= MAX_LEVEL_DB:
+        raise ValueError(f"powers are at most {MAX_LEVEL_DB:g} dB, found {high_db:g} dB")

@@ -17,9 +17,9 @@ from jaxtyping import Bool, Float
 
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
-from vestige.spoofer.attack import Attack, Counterfeit
+from vestige.spoofer.attack import Attack, Counterfeit, check_delay, check_level
 from vestige.spoofer.phase import COHERENT, DelayedCarrier, Phase
-from vestige.spoofer.profiles import Profile, as_profile
+from vestige.spoofer.profiles import Profile, Ramp, as_profile
 from vestige.spoofer.repeaters import BOTH
 
 
@@ -54,6 +54,9 @@ class BetweenRecs(Attack):
         Attack.__post_init__(self)
         if not 0 < self.guard_s < self.period_s / 2:
             raise ValueError(f"a guard lies between 0 and half a period, found {self.guard_s} of {self.period_s} s")
+        rise_s = self.period_s / 2 - self.guard_s
+        check_delay(Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0)
+        check_level(self.power_db)
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Return whether the attack is on."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from vestige.constants import FUNDAMENTAL_FREQUENCY_HZ
 from vestige.records import Band
-from vestige.spoofer.attack import Attack, Jamming
+from vestige.spoofer.attack import Attack, Jamming, check_level
 from vestige.spoofer.jammers import WIDEBAND, Jammer
 from vestige.spoofer.profiles import Profile, as_profile
 from vestige.spoofer.repeaters import BOTH
@@ -40,6 +40,12 @@ class Jam(Attack):
     noise_bandwidth_hz: float = NOISE_BANDWIDTH_HZ
     kind: Literal["jamming"] = "jamming"
 
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_level(self.j_over_n_db)
+        if not 1e3 <= self.noise_bandwidth_hz <= 1e9:
+            raise ValueError(f"a noise bandwidth lies between 1 kHz and 1 GHz, found {self.noise_bandwidth_hz:g} Hz")
+
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
         """Return the jamming waveform that it adds to a band; None for none."""
         if band not in self.bands:
@@ -66,6 +72,10 @@ class OsnmaDenial(Attack):
 
     j_over_n_db: Profile = 10.0
     kind: Literal["osnma-denial"] = "osnma-denial"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_level(self.j_over_n_db)
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the density of white noise that it adds to a band, over N0."""

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Discriminator, Tag
+from pydantic import BeforeValidator, Discriminator, Tag, ValidationInfo
 
 from vestige.spoofer.profile_table import read_profile_table
 
@@ -228,13 +228,23 @@ def _tag(value: Any) -> str:
     return str(kind)
 
 
+def _with_points(table: Any, info: ValidationInfo) -> Any:
+    """Return a table of a scenario with the points of its file, whose path starts at the scenario file."""
+    if not (isinstance(table, dict) and table.get("path") and isinstance(table["path"], str)):
+        return table
+    if "time_s" in table or "values" in table:
+        raise ValueError("the points of a table are given or in a file, not both")
+    time_s, values = read_profile_table((info.context or {}).get("folder", Path()) / table["path"])
+    return table | {"time_s": time_s, "values": values}
+
+
 Profile = Annotated[
     Annotated[float, Tag("number")]
     | Annotated[Constant, Tag("constant")]
     | Annotated[Ramp, Tag("ramp")]
     | Annotated[Sine, Tag("sine")]
     | Annotated[Trapezoid, Tag("trapezoid")]
-    | Annotated[Table, Tag("table")],
+    | Annotated[Table, BeforeValidator(_with_points), Tag("table")],
     Discriminator(_tag),
 ]
 
@@ -268,18 +278,39 @@ def _finite(*values: float) -> None:
         raise ValueError("the values of a profile that moves are finite; a signal that is off has an attack's start")
 
 
-def lowest(profile: AnyProfile | float) -> float:
-    """Return the smallest value that a profile ever has; each of them turns only at the values it is given."""
+def extremes(profile: AnyProfile | float) -> tuple[float, float]:
+    """Return the smallest and the largest value that a profile ever has: it turns only at values it is given."""
     match profile:
         case Constant():
-            return profile.constant
+            values: tuple[float, ...] = (profile.constant,)
         case Ramp():
-            return min(profile.first, profile.last)
+            values = (profile.first, profile.last)
         case Sine():
-            return min(profile.first, profile.turn, profile.last)
+            values = (profile.first, profile.turn, profile.last)
         case Trapezoid():
-            return min(profile.base, profile.top)
+            values = (profile.base, profile.top)
         case Table():
-            return min(profile.values)
+            values = profile.values
         case _:
-            return float(profile)
+            values = (float(profile),)
+    return min(values), max(values)
+
+
+def fastest(profile: AnyProfile | float) -> float:
+    """Return the largest rate that a profile ever has, without its sign, per s."""
+    match profile:
+        case Ramp():
+            return _flank(profile.last - profile.first, profile.stop_s - profile.start_s, profile.smooth)
+        case Sine():
+            approach = _flank(profile.turn - profile.first, profile.turn_s - profile.start_s, smooth=True)
+            return max(approach, _flank(profile.last - profile.turn, profile.stop_s - profile.turn_s, smooth=True))
+        case Trapezoid():
+            return _flank(profile.top - profile.base, min(profile.rise_s, profile.fall_s), profile.smooth)
+        case Table():
+            return float(np.max(np.abs(np.diff(profile.values) / np.diff(profile.time_s))))
+        case _:
+            return 0.0
+
+
+def _flank(step: float, duration_s: float, smooth: bool) -> float:
+    return abs(step) / duration_s * (np.pi / 2 if smooth else 1.0)

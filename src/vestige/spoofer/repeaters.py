@@ -21,9 +21,9 @@ from jaxtyping import Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
-from vestige.spoofer.attack import Attack, Counterfeit, delayed
+from vestige.spoofer.attack import MAX_DELAY_S, Attack, Counterfeit, check_delay, check_level, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
-from vestige.spoofer.profiles import Constant, Profile, as_profile, lowest
+from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
 BOTH = (Band.E1, Band.E6)
 RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky and a good antenna
@@ -49,10 +49,16 @@ class _LiftOffAttack(Attack):
     bands: tuple[Band, ...] = BOTH
     reception_gain_db: float = RECEPTION_GAIN_DB
 
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
+
     @property
     def outside_assumption_2(self) -> str:
         """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
-        if Band.E6 in self.bands and lowest(self.delay_m) < 0:
+        if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
             return "the encrypted counterfeit arrives before the true signal"
         return ""
 
@@ -86,7 +92,7 @@ class PositionPush(_LiftOffAttack):
     kind: Literal["position-push"] = "position-push"
 
     def __post_init__(self) -> None:
-        Attack.__post_init__(self)
+        _LiftOffAttack.__post_init__(self)
         if not self.svids:
             raise ValueError("a position push names its satellites in svids; of all satellites it is a time push")
 
@@ -98,7 +104,7 @@ class TimePush(_LiftOffAttack):
     kind: Literal["time-push"] = "time-push"
 
     def __post_init__(self) -> None:
-        Attack.__post_init__(self)
+        _LiftOffAttack.__post_init__(self)
         if self.svids:
             raise ValueError("a time push is of all satellites, without svids; of some it is a position push")
 
@@ -121,6 +127,11 @@ class E1Asynchronous(Attack):
     power_db: Profile = 10.0
     acquired: bool = True
     kind: Literal["e1-asynchronous"] = "e1-asynchronous"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
 
     @property
     def reacquired(self) -> bool:
@@ -161,8 +172,10 @@ class Meaconing(Attack):
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
-        if not 0 <= self.delay_s <= 60:
-            raise ValueError(f"a meaconer delays by 0 to 60 s, found {self.delay_s}")
+        if not 0 <= self.delay_s <= MAX_DELAY_S:
+            raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
 
     @property
     def reacquired(self) -> bool:
@@ -207,10 +220,17 @@ class Scer(Attack):
     reception_gain_db: float = RECEPTION_GAIN_DB
     kind: Literal["scer"] = "scer"
 
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_delay(self.e6_lag_m)
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
+
     @property
     def outside_assumption_2(self) -> str:
         """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
-        early = lowest(self.delay_m) + self.e6_lag_m < 0
+        early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
         return "the encrypted counterfeit arrives before the true signal" if early else ""
 
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
@@ -250,6 +270,11 @@ class Forgery(Attack):
     delay_m: Profile = 0.0
     kind: Literal["forgery"] = "forgery"
 
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
+
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band is not Band.E6:
@@ -278,6 +303,10 @@ class Nulling(Attack):
     bands: tuple[Band, ...] = (Band.E1,)
     kind: Literal["nulling"] = "nulling"
 
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_level(self.gain_db)
+
     @property
     def outside_assumption_2(self) -> str:
         """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
@@ -297,3 +326,8 @@ def repeated_noise(
     """Return η/G over epochs, 0 while the attack is off."""
     over_db = as_profile(power_db).value(times_s) - reception_gain_db
     return np.where(attack.on(times_s), 10 ** (over_db / 10), 0.0)
+
+
+def _check_gain(reception_gain_db: float) -> None:
+    if not -50 <= reception_gain_db <= 100:
+        raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")

@@ -181,6 +181,9 @@ class Spoofer:
         )
 
 
+NOBODY = Spoofer()
+
+
 def _nothing(n: int) -> Counterfeit:
     zero = np.zeros(n)
     return Counterfeit(delay_m=zero, delay_rate_mps=zero, power_db=np.full(n, -inf), phase_rad=zero, doppler_hz=zero)
