@@ -139,7 +139,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def _check_numbers(value: Any, place: str, path: Path) -> None:
-    """Raise if a number is not finite or beyond all reason; only a power may be −inf dB, which is none."""
+    """Raise if a number is not finite or beyond all reason; only the power of an attack may be −inf dB."""
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_numbers(inner, f"{place}.{key}" if place else key, path)
@@ -147,7 +147,7 @@ def _check_numbers(value: Any, place: str, path: Path) -> None:
         for index, inner in enumerate(value):
             _check_numbers(inner, f"{place}.{index}", path)
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
-        if value == -math.inf and place.endswith("_db"):
+        if value == -math.inf and place.startswith("attack.") and place.endswith("_db"):
             return  # no power
         raise InputFileError(path, place, value, f"a number of at most {LARGEST_NUMBER:g}")
 
