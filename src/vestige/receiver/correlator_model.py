@@ -153,7 +153,9 @@ class CorrelatorModel:
                 correlation = np.where(far, stranger, correlation)
             taps += strength[:, ray, None] * correlation
         peak, noise = self._levels()
-        noise_power = variance * noise * draws.floor + peak**2 * np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
+        between = delay_m * CHIPS_A_METRE % 1.0  # a chip of the signal falls on two of the replica
+        own_share = np.sum(np.abs(amplitude) ** 2 * ((1 - between) ** 2 + between**2), axis=1) / self.n_chips
+        noise_power = variance * noise * draws.floor + peak**2 * own_share
         if disturbance is None:
             return taps, noise_power
         rise = noise * disturbance.white + disturbance.rise

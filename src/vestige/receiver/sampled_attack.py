@@ -20,6 +20,7 @@ from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.synthesis import ReceivedSignal
 from vestige.signals.definitions import E6C
+from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
 _SPARE_CHIPS = 16  # on both sides: of what is on air by less than a chip's accuracy
@@ -109,7 +110,7 @@ def jammer_samples(
     return tuple(
         JammerSamples(
             waveform=one.waveform,
-            power=float(one.j_over_n[row]) * one.noise_bandwidth_hz / input_rate_hz,
+            power=power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, input_rate_hz),
             key=noise_key(seed, epoch, _JAMMER + number),
         )
         for number, one in enumerate(truth.e6.jammers)
