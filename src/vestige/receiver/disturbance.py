@@ -99,8 +99,8 @@ def drawn_disturbance(
         covariance = one.waveform.covariance(E6C, lags.ravel(), one.noise_bandwidth_hz).reshape(lags.shape)
         power, vectors = np.linalg.eigh(covariance)
         factor = vectors * np.sqrt(np.maximum(power, 0.0))
-        z = np.concatenate([_circular(seed, number, block, (block_epochs, chips.size)) for block in blocks])[mine]
-        waveforms += (z @ factor.T) * np.sqrt(one.j_over_n)[:, None]
+        coloured = [_circular(seed, number, block, (block_epochs, chips.size)) @ factor.T for block in blocks]
+        waveforms += np.concatenate(coloured)[mine] * np.sqrt(one.j_over_n)[:, None]
         rise += one.j_over_n * covariance[0, 0].real
     return Disturbance(white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, own_chips=own_chips)
 

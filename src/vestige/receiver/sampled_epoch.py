@@ -131,11 +131,21 @@ class Window:
     stop_s: float
 
 
+def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
+    """Return when the last sample of RECS that are expected at some times after transmission is taken."""
+    first = np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
+    return (first + _n_samples(n_chips, front_end)) / front_end.sample_rate_hz
+
+
+def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
+    return int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * front_end.sample_rate_hz))
+
+
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     """Return the samples from a little before a RECS is expected to a little after it has passed."""
     rate_hz = front_end.sample_rate_hz
     first = int(np.floor((expected_s - _MARGIN_S) * rate_hz))
-    n_samples = int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * rate_hz))
+    n_samples = _n_samples(n_chips, front_end)
     margin_s = front_end.margin_samples / front_end.input_rate_hz
     return Window(
         first=first,

@@ -42,6 +42,7 @@ from vestige.receiver.sampled_epoch import (
     osnma_chain,
     osnma_keys,
     received_signal,
+    recorded_until_s,
     window,
 )
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
@@ -285,11 +286,14 @@ class Simulation:
         if not self.spoofer.attacks:
             return lost
         expected_s = arrival(self.line_of_sight, truth).dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
-        for row in range(lost.size):
-            sent = self.transmit_time(first + row)
-            key, taken = self._key(sent), window(float(expected_s[row]), self.n_chips, self.front_end)
-            received_at = sent + (taken.first + taken.n_samples) / self.front_end.sample_rate_hz
-            lost[row] = self._withheld(key) or not key.disclosed_at - received_at > self.time_uncertainty_s
+        received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
+        _, firsts, place = np.unique(
+            np.floor((self.start.second + truth.time_s) / SUBFRAME_S), return_index=True, return_inverse=True
+        )
+        for subframe, row in enumerate(firsts):
+            key, mine = self._key(self.transmit_time(first + int(row))), place == subframe
+            left_s = key.disclosed_at - self.start - received_s[mine]
+            lost[mine] = self._withheld(key) | ~(left_s > self.time_uncertainty_s)
         return lost
 
     def _key(self, sent: GalileoTime) -> ValidatedKey:

@@ -158,6 +158,8 @@ def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
     for part in loc:
         if isinstance(raw, dict) and part not in raw and raw.get("kind") == part:
             continue
+        if isinstance(raw, str | int | float):
+            break  # what follows is what it might have been
         parts.append(str(part))
         inside = raw.get(part) if isinstance(raw, dict) else None
         raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside

@@ -33,18 +33,18 @@ class Constant:
 
     Attributes
     ----------
-    constant
+    level
         The value; −inf dB is no signal.
     kind
         Name of the profile in a scenario.
     """
 
-    constant: float
+    level: float
     kind: Literal["constant"] = "constant"
 
     def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the value at each time in s after the scenario's start."""
-        return np.full(t_s.shape, self.constant)
+        return np.full(t_s.shape, self.level)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the derivative, 0."""
@@ -251,7 +251,7 @@ Profile = Annotated[
 
 def as_profile(profile: AnyProfile | float) -> AnyProfile:
     """Return a plain number as a `Constant`, and a profile as it is."""
-    return Constant(constant=float(profile)) if isinstance(profile, int | float) else profile
+    return Constant(level=float(profile)) if isinstance(profile, int | float) else profile
 
 
 def _share(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
@@ -282,7 +282,7 @@ def extremes(profile: AnyProfile | float) -> tuple[float, float]:
     """Return the smallest and the largest value that a profile ever has: it turns only at values it is given."""
     match profile:
         case Constant():
-            values: tuple[float, ...] = (profile.constant,)
+            values: tuple[float, ...] = (profile.level,)
         case Ramp():
             values = (profile.first, profile.last)
         case Sine():

@@ -317,7 +317,7 @@ class Nulling(Attack):
         if band not in self.bands:
             return None
         opposite = Locked(phase_rad=pi + self.phase_error_rad)
-        return delayed(self, band, times_s, delay_m=Constant(constant=0.0), power_db=self.gain_db, phase=opposite)
+        return delayed(self, band, times_s, delay_m=Constant(level=0.0), power_db=self.gain_db, phase=opposite)
 
 
 def repeated_noise(

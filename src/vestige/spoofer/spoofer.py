@@ -54,7 +54,7 @@ ALL_ATTACKS = (
     Jam,
     OsnmaDenial,
 )
-_Union = (
+Attacks = (
     E1Asynchronous
     | LiftOff
     | PositionPush
@@ -67,7 +67,7 @@ _Union = (
     | Jam
     | OsnmaDenial
 )
-AnyAttack = Annotated[_Union, Field(discriminator="kind")]
+AnyAttack = Annotated[Attacks, Field(discriminator="kind")]
 
 _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
@@ -120,7 +120,7 @@ class Spoofer:
         What it does; all at once.
     """
 
-    attacks: tuple[_Union, ...] = ()
+    attacks: tuple[Attacks, ...] = ()
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
         """Return what a receiver sees in one band of one satellite.
