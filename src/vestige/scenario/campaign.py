@@ -28,7 +28,7 @@ from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.empirical import EmpiricalIonosphereTable
-from vestige.scenario.limits import check_clock, check_length, check_motion, check_weak_signal
+from vestige.scenario.limits import check_attacks, check_clock, check_length, check_motion, check_weak_signal
 from vestige.scenario.preset import Presets
 from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
@@ -192,6 +192,7 @@ class CampaignScenario(Section):
         duration_s, front_end = self.epochs * self.interval_s, self.receiver.front_end
         check_length(self.fidelity, duration_s)
         if self.fidelity == "correlators":
+            check_attacks(front_end.front_end(self.receiver.sample_rate_hz), Spoofer(attacks=self.attack))
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
         else:
             check_motion(self.line_of_sight, duration_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 LARGEST_NUMBER = 1e15
+_POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db")
 
 
 class Section(BaseModel):
@@ -147,7 +149,7 @@ def _check_numbers(value: Any, place: str, path: Path) -> None:
         for index, inner in enumerate(value):
             _check_numbers(inner, f"{place}.{index}", path)
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
-        if value == -math.inf and place.startswith("attack.") and place.endswith("_db"):
+        if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
             return  # no power
         raise InputFileError(path, place, value, f"a number of at most {LARGEST_NUMBER:g}")
 

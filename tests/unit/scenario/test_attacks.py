@@ -12,6 +12,7 @@ from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.test_case import AcasTestCase, placed
 from vestige.spoofer.jammers import Chirp
 from vestige.spoofer.profiles import Ramp, Table
 from vestige.spoofer.repeaters import LiftOff, Nulling
@@ -121,3 +122,25 @@ def test_schema_names_every_attack() -> None:
     for attack in ALL_ATTACKS:
         (kind,) = (field.default for field in fields(attack) if field.name == "kind")
         assert f"'{kind}'" in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "place"),
+    [
+        (["receiver.front_end.bits=2"], "receiver.front_end.bits"),
+        (["receiver.front_end.bandwidth_hz=8e6"], "receiver.front_end"),
+    ],
+)
+def test_what_the_model_of_correlators_does_not_know(tmp_path: Path, settings: list[str], place: str) -> None:
+    text = 'kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "cw"}\n'
+    with pytest.raises(InputFileError) as error:
+        _with(tmp_path, text, *settings)
+    assert error.value.place == place
+    _with(tmp_path, text, 'fidelity="samples"', *settings)
+
+
+def test_a_test_case_has_no_attacker(tmp_path: Path) -> None:
+    scenario = load_scenario(SCENARIOS / "liftoff.toml")
+    assert isinstance(scenario, CampaignScenario)
+    with pytest.raises(VestigeError, match="attack: found an attacker"):
+        AcasTestCase(scenario=placed(scenario), first=0, end=2)
