@@ -1,10 +1,9 @@
 """One epoch under attack against one without, from chips to correlators, at the `samples` fidelity.
 
 Both are epochs of a scenario as `vestige run` makes them: new chips, encryption under the epoch's key, samples with
-rays
-and noise, the real processor. The attacks are that of `scenarios/liftoff.toml` while it is on, and each of the jamming
-waveforms. Times are CPU times of one thread. Rounds interleave all of them; a ratio is formed in each round, and the
-median is taken.
+rays and noise, the real processor. The attacks are that of `scenarios/liftoff.toml` while it is on, and each of the
+jamming waveforms. Times are CPU times of one thread. Rounds interleave all of them; a ratio is formed in each round,
+and the median is taken.
 
     python benchmarks/attack.py [--json FILE] [--rounds 9]
 
