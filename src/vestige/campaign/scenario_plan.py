@@ -13,6 +13,7 @@ from vestige.acas_processor.detection_block import DetectionBlock, detect_block
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.mitigation import Limits, status_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.plan import Column, Coord
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
@@ -81,7 +82,7 @@ class ScenarioPlan:
     @property
     def columns(self) -> Mapping[str, Column]:
         """The variables of the results."""
-        return COLUMNS
+        return COLUMNS | ATTACK_COLUMNS if self.scenario.attack else COLUMNS
 
     @property
     def coords(self) -> Mapping[str, Coord]:
@@ -94,7 +95,7 @@ class ScenarioPlan:
             "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
             "detector": Coord(dim="detector", values=np.array(list(DETECTORS)), units="1", long_name="detector"),
             "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
-        }
+        } | attack_coords(simulation)
 
     @property
     def attrs(self) -> Mapping[str, Any]:
@@ -143,18 +144,20 @@ class ScenarioPlan:
                 "magnitude_sigma": np.stack([block.magnitude_sigma for block in found.values()]),
                 "phase_rad": np.stack([block.phase_rad for block in found.values()]),
                 "range_offset_m": np.stack([block.range_offset_m for block in found.values()]),
-                "status": self._status(simulation, found[self.scenario.processor.detector]),
+                "status": self._status(simulation, truth, found[self.scenario.processor.detector]),
             }
         )
-        return {name: _shaped(values[name], column) for name, column in COLUMNS.items()}
+        if self.scenario.attack:
+            values |= attack_columns(simulation, truth)
+        return {name: _shaped(values[name], column) for name, column in self.columns.items()}
 
-    def _status(self, simulation: Simulation, found: DetectionBlock) -> np.ndarray:
+    def _status(self, simulation: Simulation, truth: TruthBlock, found: DetectionBlock) -> np.ndarray:
         processor = simulation.processor
-        expected_dbhz = simulation.cn0_e1_dbhz + processor.e6_over_e1_db
+        expected_dbhz, place = np.unique(e1_cn0_dbhz(simulation, truth) + processor.e6_over_e1_db, return_inverse=True)
         integration_s = simulation.n_chips / E6C.chip_rate_hz
-        predicted_pd = float(probability_of_detection(expected_dbhz, integration_s, processor.p_fa))
+        predicted_pd = probability_of_detection(expected_dbhz, integration_s, processor.p_fa)[place]
         limits = Limits(budget=processor.budget, kappa=processor.kappa, min_pd=processor.min_pd)
-        return status_block(found.tap >= 0, found.range_offset_m, np.full(found.tap.size, predicted_pd), limits)
+        return status_block(found.tap >= 0, found.range_offset_m, predicted_pd, limits)
 
 
 class _Preparation:

@@ -75,4 +75,5 @@ def _lines(path: Path, scenario: Scenario) -> list[str]:
         f"  front_end: {'none' if front_end.transparent else front_end}",
         *(f"  {name}: {getattr(scenario.receiver, name) or 'none'}" for name in models),
         f"  processing: {scenario.processor}",
+        *(f"  attack {number}: {attack}" for number, attack in enumerate(scenario.attack, start=1)),
     ]

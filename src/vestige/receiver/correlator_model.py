@@ -13,6 +13,8 @@ outputs are normalised so that the line of sight alone, on a tap, gives 1. It is
 front end: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that. Behind a
 filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
+Under attack, counterfeits are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
+
 The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
 """
 
@@ -23,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.disturbance import CHIPS_A_METRE, Disturbance, unrelated_correlation
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.front_end_correlation import noise_correlation, signal_correlation, spread
 from vestige.signals.definitions import E6C
@@ -84,7 +86,7 @@ class CorrelatorModel:
         ValueError
             If two taps coincide.
         """
-        chips = np.asarray(self.offsets_m) / SPEED_OF_LIGHT_MPS * E6C.chip_rate_hz
+        chips = np.asarray(self.offsets_m) * CHIPS_A_METRE
         lags = np.subtract.outer(chips, chips)
         if np.min(np.abs(lags[~np.eye(chips.size, dtype=bool)]), initial=1.0) < 1e-6:
             raise ValueError("two correlators have the same offset")
@@ -113,6 +115,7 @@ class CorrelatorModel:
         delay_m: Float[np.ndarray, "n_epochs n_rays"],
         amplitude: Complex128[np.ndarray, "n_epochs n_rays"],
         doppler_hz: Float[np.ndarray, "n_epochs n_rays"],
+        disturbance: Disturbance | None = None,
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
@@ -128,25 +131,37 @@ class CorrelatorModel:
             Complex amplitude of every ray; 1 is the line of sight's magnitude.
         doppler_hz
             Residual Doppler of every ray in Hz.
+        disturbance
+            What an attack adds beside its counterfeits; None without one.
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
         amplitude = np.zeros_like(amplitude) if absent else amplitude
-        taps = draws.noise * np.sqrt(variance)
+        density = 1.0 if disturbance is None else 1.0 + disturbance.white[:, None]
+        taps = draws.noise * np.sqrt(variance * density)
         turns = doppler_hz * self.integration_s
         strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
         steps = 1 if self._shaping is None else _STEPS_PER_CHIP
-        scale = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS * steps
         rows = np.arange(delay_m.shape[0])[:, None]
         for ray in range(delay_m.shape[1]):
-            distance = np.abs(delay_m[:, ray, None] - np.asarray(self.offsets_m)) * scale
+            chips = (delay_m[:, ray, None] - np.asarray(self.offsets_m)) * CHIPS_A_METRE
+            distance = np.abs(chips) * steps
             lag = np.minimum(distance.astype(np.int64), _SELF_NOISE_LAGS * steps)
             part = np.minimum(distance - lag, 1.0)
             correlation = (1 - part) * draws.correlation[rows, lag] + part * draws.correlation[rows, lag + 1]
+            if disturbance is not None:
+                far = disturbance.own_chips[ray] | np.any(np.abs(chips) > _SELF_NOISE_LAGS, axis=1, keepdims=True)
+                stranger = unrelated_correlation(disturbance.unrelated[:, ray], chips) / np.sqrt(self.n_chips)
+                correlation = np.where(far, stranger, correlation)
             taps += strength[:, ray, None] * correlation
         peak, noise = self._levels()
-        noise_power = variance * noise * draws.floor + peak**2 * np.sum(np.abs(amplitude) ** 2, axis=1) / self.n_chips
-        return taps, noise_power
+        between = delay_m * CHIPS_A_METRE % 1.0  # a chip of the signal falls on two of the replica
+        own_share = np.sum(np.abs(amplitude) ** 2 * ((1 - between) ** 2 + between**2), axis=1) / self.n_chips
+        noise_power = variance * noise * draws.floor + peak**2 * own_share
+        if disturbance is None:
+            return taps, noise_power
+        rise = noise * disturbance.white + disturbance.rise
+        return taps + disturbance.waveforms * np.sqrt(variance), noise_power + variance * rise * draws.floor
 
     def _levels(self) -> tuple[float, float]:
         """Return R_h(0) and R_n(0)."""

@@ -6,7 +6,11 @@ Every epoch is one RECS. With P the pseudorange that geometry and receiver clock
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
 so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other ray
-comes its excess delay later.
+comes its excess delay later. Under attack e1_error, what the E1 loop followed, is in P1 as well, and counterfeits,
+noise and jamming are in E6 (`sampled_attack`, `disturbance`).
+
+When E1 is wrong by more than 0.1 s, all satellites were delayed alike: then it is the receiver's clock that follows,
+and every time label with it. Only `received_at` is on the independent clock that is good to `time_uncertainty_s`.
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and
   noise, and the real processor decrypts and correlates an ordinary `Snapshot`.
@@ -15,11 +19,11 @@ comes its excess delay later.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Bool, Complex128, Float
 
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
@@ -27,9 +31,20 @@ from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.errors import VestigeError
 from vestige.receiver.correlator_model import CorrelatorModel
+from vestige.receiver.disturbance import drawn_disturbance
 from vestige.receiver.e1_multipath import e1_multipath_error_m
 from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.sampled_epoch import carrier, e6_samples, observation, osnma_chain, osnma_keys, received_signal
+from vestige.receiver.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.sampled_epoch import (
+    arrival,
+    e6_samples,
+    observation,
+    osnma_chain,
+    osnma_keys,
+    received_signal,
+    recorded_until_s,
+    window,
+)
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
 from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot, ValidatedKey
 from vestige.sample_processor.correlator import CorrelatableSamples
@@ -37,7 +52,8 @@ from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.synthesis import amplitude
-from vestige.streams import stream
+from vestige.spoofer.spoofer import NOBODY, Spoofer
+from vestige.streams import stream, stream_key
 from vestige.time import GalileoTime
 
 Fidelity = Literal["samples", "correlators"]
@@ -45,6 +61,7 @@ Fidelity = Literal["samples", "correlators"]
 SVID = 11  # the paper's single line of sight needs a name
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
+_CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
 
 
 class Banks(NamedTuple):
@@ -79,6 +96,8 @@ class Simulation:
         Length of a RECS and its KDI.
     processor
         The receiver's processing.
+    spoofer
+        Who attacks.
     """
 
     seed: int
@@ -94,6 +113,7 @@ class Simulation:
     n_chips: int
     key_delay: int
     processor: AcasProcessor
+    spoofer: Spoofer = NOBODY
 
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""
@@ -104,6 +124,7 @@ class Simulation:
             interval_s=self.interval_s,
             seed=self.seed,
             svid=SVID,
+            spoofer=self.spoofer,
         )
 
     def transmit_time(self, epoch: int) -> GalileoTime:
@@ -125,6 +146,11 @@ class Simulation:
             return np.zeros(truth.time_s.size)
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
+    def prediction_error_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+        """Return how much later than the hand-over predicts the line of sight arrives in E6, in m."""
+        e1_m = truth.e1_noise_m + self.e1_multipath_m(truth) + truth.e1.error_m
+        return truth.iono_diff_m + truth.bias_m - e1_m
+
     def banks(self, fidelity: Fidelity, first: int, truth: TruthBlock) -> Banks:
         """Return taps and noise power of the epochs from `first` on; pure, and independent of the cut.
 
@@ -141,9 +167,10 @@ class Simulation:
         epochs = [
             self._correlated(first + row, row, truth, float(e1_multipath_m[row])) for row in range(truth.time_s.size)
         ]
+        nothing = np.full(self.processor.n_taps, np.nan + 0j)
         return Banks(
-            np.array([bank.taps for bank, _ in epochs]),
-            np.array([bank.noise_power for bank, _ in epochs]),
+            np.array([nothing if bank is None else bank.taps for bank, _ in epochs]),
+            np.array([np.nan if bank is None else bank.noise_power for bank, _ in epochs]),
             tuple(status for _, status in epochs),
         )
 
@@ -152,13 +179,19 @@ class Simulation:
             offsets_m=tuple(self.processor.offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end
         )
         n = truth.time_s.size
-        error_m = (truth.iono_diff_m + truth.bias_m - truth.e1_noise_m - self.e1_multipath_m(truth))[:, None]
-        rate_error_mps = truth.e1_rate_noise_mps[:, None]
+        rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
         los_doppler_hz = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * rate_error_mps
-        delay_m = np.concatenate([error_m, error_m + truth.rays.delay_m], axis=1)
-        strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude], axis=1)
-        doppler_hz = np.concatenate([los_doppler_hz, los_doppler_hz + truth.rays.doppler_hz], axis=1)
-        phasor = carrier(truth.range_m + truth.clock_m + truth.iono_diff_m + truth.bias_m)[:, None]
+        error_m, attack = self.prediction_error_m(truth)[:, None], truth.e6
+        moved_m = attack.delay_rate_mps * model.integration_s / 2
+        delay_m = np.concatenate([error_m, error_m + truth.rays.delay_m, error_m + attack.delay_m + moved_m], axis=1)
+        strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude, attack.amplitude], axis=1)
+        relative_hz = np.concatenate([np.zeros_like(error_m), truth.rays.doppler_hz, attack.doppler_hz], axis=1)
+        doppler_hz = los_doppler_hz + relative_hz
+        phasor = arrival(self.line_of_sight, truth).carrier[:, None]
+        own_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.own_chips])
+        disturbance = self.spoofer.attacks and drawn_disturbance(
+            attack, self.processor.offsets_m, own_chips, seed=self.seed, first=first, block_epochs=DRAW_BLOCK
+        )
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
         for block in range(first // DRAW_BLOCK, (first + n - 1) // DRAW_BLOCK + 1):
@@ -171,16 +204,22 @@ class Simulation:
                 delay_m=delay_m[part],
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
+                disturbance=disturbance.part(part.start, part.stop) if disturbance else None,
             )
+        lost = self._undecryptable(first, truth)
+        taps[lost], noise_power[lost] = np.nan, np.nan
         return Banks(taps, noise_power, None)
 
     def _correlated(
         self, epoch: int, row: int, truth: TruthBlock, e1_multipath_m: float
-    ) -> tuple[CorrelatorBank, FrontEndStatus]:
-        """Return the bank that the real processor makes of one epoch's samples, and the state of the front end."""
+    ) -> tuple[CorrelatorBank | None, FrontEndStatus]:
+        """Return the bank that the real processor makes of one epoch's samples, and the state of the front end.
+
+        The bank is None where an attack kept the receiver from decrypting.
+        """
         snapshot, assistance = self.snapshot(epoch, row, truth, e1_multipath_m)
         (satellite,) = self.processor.measure(snapshot, assistance).satellites
-        if satellite.bank is None:
+        if satellite.bank is None and not (self.spoofer.attacks and satellite.handover is None):
             raise VestigeError(
                 f"epoch {epoch}: the errors that the scenario asks for put the hand-over beyond the recorded samples "
                 f"({satellite.unavailable})"
@@ -199,30 +238,63 @@ class Simulation:
         e1_multipath_m
             Its E1 range error by multipath in m.
         """
-        sent = self.transmit_time(epoch)
-        chips = encrypted_chips(encryption_key(self.seed), SVID, sent, self.n_chips)
+        sent, secret = self.transmit_time(epoch), encryption_key(self.seed)
+        chips = encrypted_chips(secret, SVID, sent, self.n_chips)
         key = self._key(sent)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz)
         signal = received_signal(chips, self.line_of_sight, truth, row, amplitude=strength)
+        late_s = float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS
+        taken = window(signal.start_s + late_s, self.n_chips, self.front_end)
+        where = (SVID, sent, self.line_of_sight, truth, row, taken)
+        forged = stream_key(self.seed, "chips that an attacker makes up")
         batch, status = e6_samples(
-            (signal,),
+            (
+                true_signal(secret, *where, amplitude=strength) or signal,
+                *counterfeit_signals((secret, forged), *where, amplitude=strength),
+            ),
             sent,
-            arrival_s=signal.start_s,
-            n_chips=self.n_chips,
+            taken,
             front_end=self.front_end,
             noise_key=noise_key(self.seed, epoch, _E6_NOISE),
+            noise_power=1.0 + float(truth.e6.white[row]),
+            jammers=jammer_samples(truth, row, seed=self.seed, epoch=epoch, input_rate_hz=self.front_end.input_rate_hz),
         )
-        error_m = float(truth.e1_noise_m[row]) + e1_multipath_m
+        received_at = batch.start + batch.samples.size / batch.sample_rate_hz
+        error_m = float(truth.e1_noise_m[row]) + e1_multipath_m + float(truth.e1.error_m[row])
+        if abs(late_s) > _CLOCK_FOLLOWS_S:
+            batch = replace(batch, start=batch.start + -late_s)
+            error_m -= float(truth.e1.error_m[row])
         snapshot = Snapshot(
             index=epoch,
             time=sent,
-            received_at=batch.start + batch.samples.size / batch.sample_rate_hz,
+            received_at=received_at,
             time_uncertainty_s=self.time_uncertainty_s,
             observations={SVID: observation(SVID, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
             e6=CorrelatableSamples(batch),
             front_end={Band.E6: status},
         )
-        return snapshot, Assistance(segments=(encrypt(chips, key.data, key_delay=self.key_delay),), keys=(key,))
+        segments = (encrypt(chips, key.data, key_delay=self.key_delay),)
+        return snapshot, Assistance(segments=segments, keys=() if self._withheld(key) else (key,))
+
+    def _withheld(self, key: ValidatedKey) -> bool:
+        """Return whether the attacker keeps a key from the receiver."""
+        return self.spoofer.withholds_osnma(key.disclosed_at - self.start, key.complete_at - self.start)
+
+    def _undecryptable(self, first: int, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
+        """Return whether the receiver has no key, or cannot know that it recorded before the key's disclosure."""
+        lost = np.zeros(truth.time_s.size, bool)
+        if not self.spoofer.attacks:
+            return lost
+        expected_s = arrival(self.line_of_sight, truth).dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
+        received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
+        _, firsts, place = np.unique(
+            np.floor((self.start.second + truth.time_s) / SUBFRAME_S), return_index=True, return_inverse=True
+        )
+        for subframe, row in enumerate(firsts):
+            key, mine = self._key(self.transmit_time(first + int(row))), place == subframe
+            left_s = key.disclosed_at - self.start - received_s[mine]
+            lost[mine] = self._withheld(key) | ~(left_s > self.time_uncertainty_s)
+        return lost
 
     def _key(self, sent: GalileoTime) -> ValidatedKey:
         return osnma_keys(self.seed, self.start, self._subframes)[key_time(sent, self.key_delay)]

@@ -14,12 +14,17 @@ from jaxtyping import Float
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.e1_loop import E1Loop, E1Tracking
 from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
 from vestige.receiver.error_process import named_streams
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
 from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
 from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.records import Band
 from vestige.signal_generator.range_model import RangeModel
+from vestige.spoofer.spoofer import NOBODY, BandEffects, Spoofer
+
+_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +66,10 @@ class TruthBlock:
         By how much E6 is later than E1 in truth and not in the prediction.
     e1_noise_m, e1_rate_noise_mps
         Noise of the pseudorange and of the range rate that E1 delivers.
+    e1
+        What an attack does to E1 tracking.
+    e1_attack, e6
+        What it adds to the bands.
     rays
         Rays beside the line of sight.
     """
@@ -75,6 +84,9 @@ class TruthBlock:
     bias_m: Float[np.ndarray, " n"]
     e1_noise_m: Float[np.ndarray, " n"]
     e1_rate_noise_mps: Float[np.ndarray, " n"]
+    e1: E1Tracking
+    e1_attack: BandEffects
+    e6: BandEffects
     rays: RayBlock
 
 
@@ -91,6 +103,8 @@ class TruthProcess:
         Time between epochs.
     seed, svid
         Whose streams are used.
+    spoofer
+        Who attacks.
     """
 
     def __init__(
@@ -102,13 +116,17 @@ class TruthProcess:
         interval_s: float,
         seed: int,
         svid: int,
+        spoofer: Spoofer = NOBODY,
     ) -> None:
         receiver, own = named_streams(seed), named_streams(seed, svid)
+        self._spoofer, self._svid = spoofer, svid
         self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
         self._multipath = models.multipath and models.multipath.process(own)
         self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)
+        bandwidth_hz = models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0
+        self._loop = E1Loop(spoofer, svid, interval_s=interval_s, cn0_dbhz=cn0_e1_dbhz, loop_bandwidth_hz=bandwidth_hz)
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
 
     def advance(self, first: int, count: int) -> TruthBlock:
@@ -117,6 +135,8 @@ class TruthProcess:
         zero = np.zeros(count)
         clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
         code_m, _, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
+        e1 = self._loop.advance(first, count)
+        noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
         return TruthBlock(
             time_s=times_s,
             range_m=self._line_of_sight.range_m(times_s),
@@ -126,8 +146,11 @@ class TruthProcess:
             clock_drift_mps=drift_mps,
             iono_diff_m=self._ionosphere.advance(times_s) if self._ionosphere else zero,
             bias_m=self._bias.advance(times_s) if self._bias else zero,
-            e1_noise_m=code_m,
-            e1_rate_noise_mps=-doppler_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
+            e1_noise_m=code_m * noisier,
+            e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
+            e1=e1,
+            e1_attack=self._spoofer.effects(Band.E1, self._svid, times_s),
+            e6=self._spoofer.effects(Band.E6, self._svid, times_s),
             rays=self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays),
         )
 

@@ -29,11 +29,12 @@ from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.empirical import EmpiricalIonosphereTable
-from vestige.scenario.limits import check_clock, check_length, check_motion, check_weak_signal
+from vestige.scenario.limits import check_attacks, check_clock, check_length, check_motion, check_weak_signal
 from vestige.scenario.preset import Presets
 from vestige.scenario.toml_file import Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
+from vestige.spoofer.spoofer import AnyAttack, Spoofer
 from vestige.time import GalileoTime
 
 Ionosphere = Annotated[
@@ -160,6 +161,8 @@ class CampaignScenario(Section):
         Number of RECS, and the time between them in s.
     fidelity
         `samples`, the reference, or `correlators`, the same distribution without samples.
+    attack
+        What the attacker does, one `[[attack]]` each, all at once.
     """
 
     kind: Literal["campaign"]
@@ -172,6 +175,7 @@ class CampaignScenario(Section):
     recs: RecsTable = RecsTable()
     receiver: ReceiverTable
     processor: ProcessorTable = ProcessorTable()
+    attack: tuple[AnyAttack, ...] = ()
 
     @field_validator("start")
     @classmethod
@@ -188,6 +192,7 @@ class CampaignScenario(Section):
         duration_s, front_end = self.epochs * self.interval_s, self.receiver.front_end
         check_length(self.fidelity, duration_s)
         if self.fidelity == "correlators":
+            check_attacks(front_end.front_end(self.receiver.sample_rate_hz), Spoofer(attacks=self.attack))
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
         else:
             check_motion(self.line_of_sight, duration_s)
@@ -223,4 +228,5 @@ class CampaignScenario(Section):
             n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
             key_delay=self.recs.key_delay,
             processor=self.processor.processor(),
+            spoofer=Spoofer(attacks=self.attack),
         )

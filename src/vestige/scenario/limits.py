@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.front_end_correlation import LARGEST_SIGNAL_DB
+from vestige.records import Band
 from vestige.scenario.toml_file import MisfitError
 from vestige.signal_generator.range_model import RangeModel
+from vestige.spoofer.spoofer import Spoofer
 
 LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
 _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
@@ -52,6 +56,17 @@ def check_clock(clock: TwoStateClock | None, duration_s: float) -> None:
             f"an error of {sigma_s:.3g} s (1σ) at the end of the run",
             f"at most {_LONGEST_DELAY_S / _SIGMAS:.3g} s; a shorter run or a better clock",
         )
+
+
+def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
+    """Raise if the model of correlators does not know what the front end makes of an attack."""
+    if not spoofer.attacks or front_end.transparent:
+        return
+    samples = 'fidelity = "samples", which knows'
+    if front_end.bits is not None:
+        raise MisfitError("receiver.front_end.bits", f"{front_end.bits} under attack", samples)
+    if spoofer.effects(Band.E6, 0, np.zeros(1)).jammers:
+        raise MisfitError("receiver.front_end", "a filter before a jamming waveform", samples)
 
 
 def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:

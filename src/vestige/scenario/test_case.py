@@ -63,6 +63,11 @@ class AcasTestCase:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: expected first:end within the scenario's 0:{self.scenario.epochs}"
             )
+        if self.scenario.attack:
+            raise VestigeError(
+                "attack: found an attacker, expected none in a test case; attacks are simulated epoch by epoch, by "
+                "vestige run (--set attack=none)"
+            )
         if not self.simulation.front_end.transparent:
             raise VestigeError(
                 "receiver.front_end: found a filter or a quantiser, expected none in a test case, which is what the "

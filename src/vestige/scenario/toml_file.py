@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -13,6 +15,7 @@ from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 LARGEST_NUMBER = 1e15
+_POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db")
 
 
 class Section(BaseModel):
@@ -70,11 +73,14 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
         *tables, key = name.strip().split(".")
         if not equals or not key:
             raise VestigeError(f"--set {setting}: expected table.key=value")
-        place = result
+        place: Any = result
         for table in tables:
-            place = place.setdefault(table, {})
-            if not isinstance(place, dict):
+            inner = _inside(place, table)
+            if not isinstance(inner, dict | list):
                 raise VestigeError(f"--set {setting}: {table} is not a table")
+            place = inner
+        if isinstance(place, list):
+            raise VestigeError(f"--set {setting}: {key} is not a key, but one of several tables")
         if text.strip() != NOTHING:
             place[key] = _value(setting, text)
         elif key in place:
@@ -95,10 +101,17 @@ def _value(setting: str, text: str) -> Any:
     return parsed["value"]
 
 
+def _inside(place: Any, name: str) -> Any:
+    """Return a table by name, a new one if there is none; in an array of tables by its number from 0 on."""
+    if isinstance(place, dict):
+        return place.setdefault(name, {})
+    return place[int(name)] if name.isdecimal() and int(name) < len(place) else None
+
+
 def _copy(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _copy(inner) for key, inner in value.items()}
-    return list(value) if isinstance(value, list) else value
+    return [_copy(inner) for inner in value] if isinstance(value, list) else value
 
 
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
@@ -128,7 +141,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def _check_numbers(value: Any, place: str, path: Path) -> None:
-    """Raise if a number is not finite or beyond all reason; no key takes one, and arithmetic would choke on it."""
+    """Raise if a number is not finite or beyond all reason; only the power of an attack may be −inf dB."""
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_numbers(inner, f"{place}.{key}" if place else key, path)
@@ -136,6 +149,8 @@ def _check_numbers(value: Any, place: str, path: Path) -> None:
         for index, inner in enumerate(value):
             _check_numbers(inner, f"{place}.{index}", path)
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
+        if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
+            return  # no power
         raise InputFileError(path, place, value, f"a number of at most {LARGEST_NUMBER:g}")
 
 
@@ -145,6 +160,8 @@ def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
     for part in loc:
         if isinstance(raw, dict) and part not in raw and raw.get("kind") == part:
             continue
+        if isinstance(raw, str | int | float):
+            break  # what follows is what it might have been
         parts.append(str(part))
         inside = raw.get(part) if isinstance(raw, dict) else None
         raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside

@@ -82,6 +82,7 @@ def synthesize(
     sample_rate_hz: float,
     n_samples: int,
     noise_key: np.uint64 | None,
+    noise_power: float = 1.0,
     first_sample: int = 0,
     origin_sample: int = 0,
     carrier_hz: float = E6C.carrier_hz,
@@ -99,6 +100,8 @@ def synthesize(
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
     origin_sample
         Sample from which the signals count `start_s`; near to them in a long recording, where float64 would round.
+    noise_power
+        Variance of the noise; strengths refer to 1, so more than 1 is interference as white as noise.
     carrier_hz
         Carrier of all signals.
     center_frequency_hz
@@ -111,7 +114,7 @@ def synthesize(
     if noise_key is None:
         x[:] = 0
     else:
-        fill_normals(noise_key, np.int64(first), _SIGMA, x)
+        fill_normals(noise_key, np.int64(first), _SIGMA * np.float32(np.sqrt(noise_power)), x)
     for signal in signals:
         _add(
             x,

@@ -5,10 +5,12 @@ import pytest
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.continuous import ContinuousTruth
+from vestige.receiver.e1_loop import E1Loop
 from vestige.receiver.multipath import RayBlock
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeModel
+from vestige.spoofer.spoofer import NOBODY
 
 PATH = RangeModel(s0_m=2.5e7, v_mps=51.0, amplitude_m=0.5, omega_radps=3.1)
 TIMES = np.array([3.0, 4.0, 5.0, 6.0])
@@ -28,6 +30,9 @@ def truth(e1_multipath: bool = False) -> ContinuousTruth:
         bias_m=np.array([0.1, 0.2, 0.3, 0.4]),
         e1_noise_m=np.zeros(4),
         e1_rate_noise_mps=np.zeros(4),
+        e1=E1Loop(NOBODY, 11, interval_s=1.0, cn0_dbhz=35.0).advance(0, 4),
+        e1_attack=NOBODY.effects(Band.E1, 11, TIMES),
+        e6=NOBODY.effects(Band.E6, 11, TIMES),
         rays=RayBlock(
             delay_m=rng.uniform(1, 50, (4, 2)),
             amplitude=strength,

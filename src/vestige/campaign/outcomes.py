@@ -1,0 +1,204 @@
+"""What a detector had under attack, by the truth: the true signal, the spoofer, both in one, or nothing.
+
+Theory of operation
+-------------------
+A detection says how much later than the prediction a signal arrived. The truth says the same of the line of sight and
+of each counterfeit, so a detection belongs to the signal that it is nearest to. Two signals within the *resolution* of
+each other make one peak between them, and a detection there belongs to both: MIXED. The correlation function of E6-C
+is a triangle of ±1 chip, and the sum of two has two maxima only if they are more than some half of its base apart; the
+default is one chip, 58.6 m, where the triangles cease to reach each other's peak. The early detector has its two peaks
+in view from about there on.
+
+A counterfeit counts from `floor_db` below the true signal on. Weaker ones move a detection by less than a metre on
+average. One with chips of the attacker's own makes no peak and never counts.
+
+With status AUTHENTIC the receiver accepts its E1 pseudorange, and with it that error:
+
+    time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) in it
+    time to mitigate    from there to the epoch from which on `share` of the detections were of the true signal
+    worst accepted      largest error of E1 in epochs that were AUTHENTIC, and since the epoch before each of them
+
+All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import xarray
+from jaxtyping import Bool, Float, Int8
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Status
+from vestige.signals.definitions import E6C
+
+RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # one chip of E6-C
+FLOOR_DB = -15.0
+SHARE = 0.97
+_ALARMS = (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED)
+
+
+class Outcome(IntEnum):
+    """Which signal a detection is of."""
+
+    NONE = 0
+    TRUE = 1
+    SPOOFER = 2
+    MIXED = 3
+
+
+def classify(
+    range_offset_m: Float[np.ndarray, " n"],
+    prediction_error_m: Float[np.ndarray, " n"],
+    spoofer_offset_m: Float[np.ndarray, "n n_attacks"],
+    spoofer_power_db: Float[np.ndarray, "n n_attacks"],
+    *,
+    resolution_m: float = RESOLUTION_M,
+    floor_db: float = FLOOR_DB,
+) -> Int8[np.ndarray, " n"]:
+    """Return the `Outcome` of every epoch.
+
+    Parameters
+    ----------
+    range_offset_m
+        Of the detections, NaN where nothing was detected.
+    prediction_error_m
+        How much later than predicted the line of sight arrives.
+    spoofer_offset_m, spoofer_power_db
+        Delay and power of the counterfeits after and over the line of sight.
+    resolution_m
+        Distance below which two signals are one.
+    floor_db
+        Power below which a counterfeit does not count.
+    """
+    found_m = range_offset_m - prediction_error_m
+    counts = spoofer_power_db > floor_db
+    distance_m = np.where(counts, np.abs(found_m[:, None] - spoofer_offset_m), np.inf)
+    spoofer = np.min(distance_m, axis=1, initial=np.inf) < np.abs(found_m)
+    near = counts & (np.abs(spoofer_offset_m) < resolution_m)
+    mixed = np.any(near & (distance_m < np.abs(found_m)[:, None] + resolution_m), axis=1)
+    outcome = np.where(mixed, Outcome.MIXED, np.where(spoofer, Outcome.SPOOFER, Outcome.TRUE))
+    return np.where(np.isnan(range_offset_m), Outcome.NONE, outcome).astype(np.int8)
+
+
+def outcomes(
+    results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M, floor_db: float = FLOOR_DB
+) -> xarray.DataArray:
+    """Return the `Outcome` over (detector, epoch, satellite).
+
+    Parameters
+    ----------
+    results
+        Results of a campaign.
+    resolution_m, floor_db
+        See `classify`.
+    """
+    offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
+    values = np.full(offset.shape, Outcome.NONE, np.int8)
+    for satellite in range(offset.sizes["satellite"]):
+        truth = _truth(results.isel(satellite=satellite))
+        for detector in range(offset.sizes["detector"]):
+            found_m = offset.values[detector, :, satellite].astype(np.float64)
+            values[detector, :, satellite] = classify(found_m, *truth, resolution_m=resolution_m, floor_db=floor_db)
+    flags = {"flag_values": [int(one) for one in Outcome], "flag_meanings": " ".join(one.name for one in Outcome)}
+    return xarray.DataArray(values, dims=offset.dims, coords=offset.coords, name="outcome", attrs=flags)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttackReport:
+    """What came of an attack on one satellite.
+
+    Attributes
+    ----------
+    detector
+        Whose outcomes these are; the status is that of the detector which the scenario chose.
+    shares
+        Share of each outcome in the epochs of the attack.
+    time_to_detect_s
+        From the attack's first epoch to the first alarm in it; NaN if there is none.
+    time_to_mitigate_s
+        From the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if
+        it always had.
+    worst_accepted_m
+        Largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted.
+    e1_captured
+        Share of the attack's epochs in which E1 tracking was on a counterfeit.
+    """
+
+    detector: str
+    shares: dict[Outcome, float]
+    time_to_detect_s: float
+    time_to_mitigate_s: float
+    worst_accepted_m: float
+    e1_captured: float
+
+
+def report(
+    results: xarray.Dataset, detector: str = "early", *, satellite: int = 0, share: float = SHARE
+) -> AttackReport | None:
+    """Return what came of the attack on a satellite; None if no epoch has an attack.
+
+    The attack's epochs are those with a counterfeit or added noise on either band.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign with an attack.
+    detector
+        Whose outcomes.
+    satellite
+        Place on the axis.
+    share
+        Of the detections that must be of the true signal to call the attack mitigated.
+    """
+    if "truth_spoofed" not in results:
+        return None
+    one = results.isel(satellite=satellite)
+    noisy = np.maximum(one["truth_noise_rise_db"].values, one["truth_e1_noise_rise_db"].values) > 0
+    attacked = one["truth_spoofed"].values | noisy
+    if not attacked.any():
+        return None
+    time_s = one["time_s"].values[attacked]
+    outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
+    status = one["status"].values[attacked]
+    alarm = np.isin(status, [_position(alarm) for alarm in _ALARMS])
+    accepted = status == _position(Status.AUTHENTIC)
+    return AttackReport(
+        detector=detector,
+        shares={kind: float(np.mean(outcome == kind)) for kind in Outcome},
+        time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
+        time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome, share),
+        worst_accepted_m=_worst(one["truth_e1_worst_error_m"].values[attacked][accepted]),
+        e1_captured=float(np.mean(one["truth_e1_captured"].values[attacked])),
+    )
+
+
+def _truth(one: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arguments of `classify` that are truth, of one satellite."""
+    if "truth_spoofed" not in one:
+        names = ("truth_iono_diff_m", "truth_bias_m", "truth_e1_noise_m", "truth_e1_multipath_m")
+        iono_m, bias_m, noise_m, multipath_m = (one[name].values for name in names)
+        nobody = np.zeros((iono_m.size, 0))
+        return iono_m + bias_m - noise_m - multipath_m, nobody, nobody
+    power_db = one["truth_spoofer_power_db"].transpose("epoch", "attack").values.astype(np.float64)
+    power_db = np.where(one["forged"].values, -np.inf, power_db)
+    offset_m = one["truth_spoofer_offset_m"].transpose("epoch", "attack").values
+    return one["truth_prediction_error_m"].values, offset_m, power_db
+
+
+def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarray, " n"], share: float) -> float:
+    detected: Bool[np.ndarray, " n"] = outcome != Outcome.NONE
+    true_after = np.cumsum((outcome == Outcome.TRUE)[::-1])[::-1]
+    found_after = np.cumsum(detected[::-1])[::-1]
+    held = (true_after >= share * found_after) & (found_after > 0)
+    return float(time_s[np.argmax(held)] - time_s[0]) if held.any() else float("nan")
+
+
+def _worst(error_m: Float[np.ndarray, " n"]) -> float:
+    return float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan")
+
+
+def _position(status: Status) -> int:
+    return list(Status).index(status)

@@ -1,0 +1,129 @@
+"""What an attack adds to drawn banks of correlators beside further rays: noise, jamming, chips that do not match.
+
+Theory of operation
+-------------------
+**Chips that do not match.** Against a signal that carries other chips than the replica (made up by an attacker, or the
+same keystream many chips away), the correlator at distance x gives
+
+    R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
+
+the self-noise of the code without its peak. Each signal has its own B.
+
+**White noise** (repeated by a meaconer, or of a wideband jammer) of density w N0 scales the noise by √(1 + w).
+
+**Waveforms** are Gaussian with the covariance of `vestige.spoofer.jammers`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.signals.definitions import E6C
+from vestige.spoofer.spoofer import BandEffects
+from vestige.streams import stream
+
+CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbance:
+    """The part of an attack on E6 that is not rays, over epochs.
+
+    Attributes
+    ----------
+    white
+        Density of white noise over N0.
+    waveforms
+        What jamming waveforms leave in the taps, for noise of σ = 1 there.
+    rise
+        By how much they raise the noise power, in the same unit.
+    unrelated
+        B of every ray, of variance 1.
+    own_chips
+        Rays whose chips never match.
+    """
+
+    white: Float[np.ndarray, " n"]
+    waveforms: Complex128[np.ndarray, "n n_taps"]
+    rise: Float[np.ndarray, " n"]
+    unrelated: Float[np.ndarray, "n n_rays n_lags"]
+    own_chips: Bool[np.ndarray, " n_rays"]
+
+    def part(self, first: int, last: int) -> Disturbance:
+        """Return that of some of the epochs."""
+        return Disturbance(
+            white=self.white[first:last],
+            waveforms=self.waveforms[first:last],
+            rise=self.rise[first:last],
+            unrelated=self.unrelated[first:last],
+            own_chips=self.own_chips,
+        )
+
+
+def drawn_disturbance(
+    effects: BandEffects,
+    offsets_m: Float[np.ndarray, " n_taps"],
+    own_chips: Bool[np.ndarray, " n_rays"],
+    *,
+    seed: int,
+    first: int,
+    block_epochs: int,
+) -> Disturbance:
+    """Return the disturbance of the epochs from `first` on; independent of the cut.
+
+    Parameters
+    ----------
+    effects
+        Of E6, over the epochs.
+    offsets_m
+        Offsets of the taps.
+    own_chips
+        Rays whose chips never match.
+    seed, first, block_epochs
+        Seed, number of the first epoch, and how many epochs share a stream of draws.
+    """
+    n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
+    n_lags = int(np.ceil(np.ptp(chips))) + 2
+    blocks = range(first // block_epochs, (first + n - 1) // block_epochs + 1) if n else range(0)
+    mine = slice(first % block_epochs, first % block_epochs + n)
+    shape = (block_epochs, own_chips.size, n_lags)
+    drawn = [stream(seed, "unrelated chips", block).standard_normal(shape) for block in blocks]
+    unrelated = np.concatenate(drawn or [np.zeros((0, *shape[1:]))])[mine]
+    waveforms, rise = np.zeros((n, chips.size), np.complex128), np.zeros(n)
+    lags = np.subtract.outer(chips, chips)
+    for number, one in enumerate(effects.jammers):
+        covariance = one.waveform.covariance(E6C, lags.ravel(), one.noise_bandwidth_hz).reshape(lags.shape)
+        power, vectors = np.linalg.eigh(covariance)
+        factor = vectors * np.sqrt(np.maximum(power, 0.0))
+        coloured = [_circular(seed, number, block, (block_epochs, chips.size)) @ factor.T for block in blocks]
+        waveforms += np.concatenate(coloured)[mine] * np.sqrt(one.j_over_n)[:, None]
+        rise += one.j_over_n * covariance[0, 0].real
+    return Disturbance(white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, own_chips=own_chips)
+
+
+def unrelated_correlation(
+    noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
+) -> Float[np.ndarray, "n n_taps"]:
+    """Return R_u at each tap, B counted from the tap with the smallest distance.
+
+    Parameters
+    ----------
+    noise
+        B.
+    distance_chips
+        Delay of the signal after each tap.
+    """
+    lag = np.floor(distance_chips).astype(np.int64)
+    part = distance_chips - lag
+    lag -= lag.min(axis=1, keepdims=True)
+    rows = np.arange(lag.shape[0])[:, None]
+    return (1 - part) * noise[rows, lag] + part * noise[rows, lag + 1]
+
+
+def _circular(seed: int, number: int, block: int, shape: tuple[int, int]) -> Complex128[np.ndarray, "n n_taps"]:
+    rng = stream(seed, "jamming", number, block)
+    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)

@@ -1,0 +1,142 @@
+"""The compiled E1 loop: follows the stable zero of early minus late, step by step, in chips after the true signal."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_STEPS_PER_SPACING = 8
+_REACH_CHIPS = 1.0  # a walk that finds no zero so far stays where it was
+_HALVINGS = 40
+_NEAR = 1e-6  # chips: where a zero is looked at for its stability
+_TIE = 1e-9  # of the power: early and late are equal
+
+
+@njit(cache=True, nogil=True)
+def correlation(levels, x):
+    """Return R(x) by straight lines between its values at equal distances over −1 … 1 chip; 0 beyond."""
+    half = (levels.size - 1) // 2
+    at = abs(x) * half
+    k = int(at)
+    if k >= half:
+        return 0.0
+    return levels[half + k] + (at - k) * (levels[half + k + 1] - levels[half + k])
+
+
+@njit(cache=True, nogil=True)
+def power(levels, x, delay, product):
+    """Return Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)."""
+    total = 0.0
+    for i in range(delay.size):
+        r = correlation(levels, x - delay[i])
+        if r != 0.0:
+            total += product[i, i] * r * r
+            for j in range(i):
+                total += 2.0 * product[i, j] * r * correlation(levels, x - delay[j])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _early_side(levels, x, delay, product, half_spacing):
+    """Return whether the loop at x moves earlier, or has nothing that moves it later."""
+    early = power(levels, x - half_spacing, delay, product)
+    late = power(levels, x + half_spacing, delay, product)
+    return early - late > -_TIE * (early + late)
+
+
+@njit(cache=True, nogil=True)
+def _next(n_levels, x, delay, half_spacing, direction):
+    """Return where to look next: D is quadratic between the kinks of its correlation functions, so at every kink."""
+    half = (n_levels - 1) // 2
+    best = 2.0 * half_spacing / _STEPS_PER_SPACING
+    for tau in delay:
+        for side in (-half_spacing, half_spacing):
+            for level in range(-half, half + 1):
+                ahead = direction * (tau + side + level / half - x)
+                if _TIE < ahead < best:
+                    best = ahead
+    return x + direction * best
+
+
+@njit(cache=True, nogil=True)
+def settle(levels, x, delay, product, half_spacing):
+    """Return the stable zero of D = early − late that a loop at x comes to; x if there is none within reach.
+
+    D > 0 moves it earlier. Where D does not decide, it moves earlier, so that of two equal signals it keeps the first.
+    """
+    after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
+    before = _early_side(levels, x - _NEAR, delay, product, half_spacing)
+    if after and not before:
+        return x
+    earlier = _early_side(levels, x, delay, product, half_spacing)
+    a = x
+    while abs(a - x) < _REACH_CHIPS:
+        b = _next(levels.size, a, delay, half_spacing, -1.0 if earlier else 1.0)
+        if _early_side(levels, b, delay, product, half_spacing) != earlier:
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (a + b)
+                if _early_side(levels, middle, delay, product, half_spacing) == earlier:
+                    a = middle
+                else:
+                    b = middle
+            return 0.5 * (a + b)
+        a = b
+    return x
+
+
+@njit(cache=True, nogil=True)
+def strongest(levels, delay, product):
+    """Return the delay of the signal at which the power is largest; of equal ones the first."""
+    best, at = -1.0, 0.0
+    for i in range(delay.size):
+        here = power(levels, delay[i], delay, product)
+        if product[i, i] > 0.0 and here > best * (1.0 + _TIE):
+            best, at = here, delay[i]
+    return at
+
+
+@njit(cache=True, nogil=True)
+def follow(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_spacing, pole_hz):
+    """Return the loop's place, the power of its prompt correlator, and the signal that is strongest in it.
+
+    Parameters
+    ----------
+    levels
+        R over −1 … 1 chip at equal distances.
+    x
+        Where the loop is before the first step, in chips after the true signal.
+    delay, amplitude, doppler_hz
+        [n_steps, n_signals] in chips, complex, Hz; the true signal is the first.
+    anew
+        Steps at which the receiver acquires anew.
+    lock_power
+        Power of the prompt correlator below which lock is lost.
+    half_spacing, pole_hz
+        Half the early-late spacing in chips; the loop's pole, over which beats are averaged.
+    """
+    n, k = delay.shape
+    place, prompt, dominant = np.empty(n), np.empty(n), np.empty(n, np.int64)
+    product = np.empty((k, k))
+    for step in range(n):
+        for i in range(k):
+            for j in range(i + 1):
+                beat = (doppler_hz[step, i] - doppler_hz[step, j]) / pole_hz
+                z = amplitude[step, i] * np.conj(amplitude[step, j]) / complex(1.0, beat)
+                product[i, j] = z.real
+                product[j, i] = z.real
+        if anew[step]:
+            x = strongest(levels, delay[step], product)
+        x = settle(levels, x, delay[step], product, half_spacing)
+        here = power(levels, x, delay[step], product)
+        if here < lock_power[step]:
+            x = settle(levels, strongest(levels, delay[step], product), delay[step], product, half_spacing)
+            here = power(levels, x, delay[step], product)
+        best = -1.0
+        for i in range(k):
+            r = correlation(levels, x - delay[step, i])
+            if product[i, i] * r * r > best * (1.0 + _TIE):
+                best, dominant[step] = product[i, i] * r * r, i
+        place[step], prompt[step] = x, here
+    return place, prompt, dominant

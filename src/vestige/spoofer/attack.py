@@ -1,0 +1,175 @@
+"""What every attack is: when it is on, whom it hits, and what it adds to each band.
+
+An attack adds at most one counterfeit signal to a band of a satellite, noise, and a jamming waveform. All of it is
+relative to the true signal of that satellite in that band, and a function of time alone: an attack has no memory and no
+randomness of its own. Times are those of the epoch, in s after the scenario's start.
+
+**Assumption 2** [WFO, Sec. II]: the true encrypted signal is always there and always comes first. An attack that breaks
+it can be simulated, but says so in `outside_assumption_2`.
+"""
+
+# ruff: noqa: ARG002  an attack that adds nothing looks at nothing
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
+from vestige.records import Band
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.spoofer.jammers import AnyJammer
+from vestige.spoofer.phase import Coherent, DelayedCarrier, Locked, Slipping
+from vestige.spoofer.profiles import AnyProfile, as_profile, extremes, fastest
+
+MAX_DELAY_S = 60.0
+_MAX_EARLY_M = 3e5  # an attacker who foretells a public code has no need of more than a code period
+_MAX_RATE_MPS = 1e4
+MAX_LEVEL_DB = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counterfeit:
+    """A counterfeit of one satellite in one band, against the true signal there, over epochs.
+
+    Attributes
+    ----------
+    delay_m, delay_rate_mps
+        Delay after the line of sight, and its rate; positive is later.
+    power_db
+        Power relative to the line of sight; −inf for none.
+    phase_rad
+        Phase relative to the line of sight.
+    doppler_hz
+        Doppler of its carrier relative to the line of sight: the rate of `phase_rad`.
+    own_chips
+        On E6, whether the attacker made the chips up. Otherwise they are the true ones, received and sent again.
+    """
+
+    delay_m: Float[np.ndarray, " n"]
+    delay_rate_mps: Float[np.ndarray, " n"]
+    power_db: Float[np.ndarray, " n"]
+    phase_rad: Float[np.ndarray, " n"]
+    doppler_hz: Float[np.ndarray, " n"]
+    own_chips: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jamming:
+    """A jamming waveform in one band: J/N over epochs, and the bandwidth in which N is meant."""
+
+    waveform: AnyJammer
+    j_over_n: Float[np.ndarray, " n"]
+    noise_bandwidth_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attack:
+    """An attack that does nothing: the kinds say what they add.
+
+    Attributes
+    ----------
+    start_s, stop_s
+        When it is on, in s after the scenario's start; at `stop_s` it is off.
+    svids
+        Satellites whose signals are counterfeited; none named means all. Noise and jamming hit all of them.
+    """
+
+    start_s: float = 0.0
+    stop_s: float = inf
+    svids: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start_s < self.stop_s:
+            raise ValueError(f"an attack starts at 0 s or later and then stops, found {self.start_s} and {self.stop_s}")
+        if not all(1 <= svid <= MAX_SVID for svid in self.svids):
+            raise ValueError(f"satellites have numbers from 1 to {MAX_SVID}, found {self.svids}")
+
+    @property
+    def outside_assumption_2(self) -> str:
+        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        return ""
+
+    @property
+    def reacquired(self) -> bool:
+        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        return False
+
+    def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+        """Return whether the attack is on."""
+        return (times_s >= self.start_s) & (times_s < self.stop_s)
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        return None
+
+    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the density of white noise that it adds to a band, over N0."""
+        return np.zeros(times_s.shape)
+
+    def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
+        """Return the jamming waveform that it adds to a band; None for none."""
+        return None
+
+    def withholds_osnma(self, first_s: float, last_s: float) -> bool:
+        """Return whether it keeps an OSNMA key from the receiver that is sent between two times."""
+        return False
+
+
+def delayed(
+    attack: Attack,
+    band: Band,
+    times_s: Float[np.ndarray, " n"],
+    *,
+    delay_m: AnyProfile | float,
+    power_db: AnyProfile | float,
+    phase: Locked | Slipping | Coherent,
+    own_chips: bool = False,
+) -> Counterfeit:
+    """Return a counterfeit by its profiles, off while the attack is.
+
+    Parameters
+    ----------
+    attack
+        Whose it is.
+    band, times_s
+        Where and when.
+    delay_m, power_db, phase
+        Profiles; a number is a constant.
+    own_chips
+        Whether the attacker makes the chips up.
+    """
+    delay = as_profile(delay_m)
+    carrier = DelayedCarrier(
+        since_start_s=times_s - attack.start_s,
+        delay_m=delay.value(times_s),
+        delay_rate_mps=delay.rate(times_s),
+        carrier_hz=CARRIER_HZ[band],
+    )
+    return Counterfeit(
+        delay_m=carrier.delay_m,
+        delay_rate_mps=carrier.delay_rate_mps,
+        power_db=np.where(attack.on(times_s), as_profile(power_db).value(times_s), -inf),
+        phase_rad=phase.phase(carrier),
+        doppler_hz=phase.doppler_hz(carrier),
+        own_chips=own_chips,
+    )
+
+
+def check_delay(delay_m: AnyProfile | float) -> None:
+    """Raise ValueError if a delay profile goes where no attack does: 1 ms early to 60 s late, 10 km/s."""
+    low_m, high_m = extremes(delay_m)
+    if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
+        raise ValueError(f"delays lie between -300 km and {MAX_DELAY_S:g} s, found {low_m:g} to {high_m:g} m")
+    if not fastest(delay_m) <= _MAX_RATE_MPS:
+        raise ValueError(f"delays change by at most {_MAX_RATE_MPS:g} m/s, found {fastest(delay_m):g} m/s")
+
+
+def check_level(level_db: AnyProfile | float) -> None:
+    """Raise ValueError if a power is not at most 100 dB over what it is compared with; -inf is no power."""
+    high_db = extremes(level_db)[1]
+    if not high_db <= MAX_LEVEL_DB:
+        raise ValueError(f"powers are at most {MAX_LEVEL_DB:g} dB, found {high_db:g} dB")

@@ -1,0 +1,84 @@
+"""An attack that is over before the next RECS: nothing that ACAS records ever sees it.
+
+Between two RECS the counterfeit switches on over the true signal, leaves with the tracking loop and brings it back
+before it switches off. With x the time since the last RECS, from `guard_s` to `period_s − guard_s`:
+
+    τ = top_m sin²(π (x − guard)/(period − 2 guard))        power on
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.records import Band
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.spoofer.attack import Attack, Counterfeit, check_delay, check_level
+from vestige.spoofer.phase import COHERENT, DelayedCarrier, Phase
+from vestige.spoofer.profiles import Profile, Ramp, as_profile
+from vestige.spoofer.repeaters import BOTH
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BetweenRecs(Attack):
+    """A lift-off and return within each gap between two RECS.
+
+    Attributes
+    ----------
+    top_m
+        Largest delay.
+    power_db
+        Power while it is on, relative to the true signal.
+    period_s, first_recs_s
+        When there is a RECS: the first, and the time between two.
+    guard_s
+        Time after and before a RECS at which it is off.
+    phase, bands
+        As for a lift-off. The noise that E6 would repeat is never recorded, and left out.
+    """
+
+    top_m: float
+    power_db: Profile
+    period_s: float
+    first_recs_s: float = 0.0
+    guard_s: float = 1.0
+    phase: Phase = COHERENT
+    bands: tuple[Band, ...] = BOTH
+    kind: Literal["between-recs"] = "between-recs"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        if not 0 < self.guard_s < self.period_s / 2:
+            raise ValueError(f"a guard lies between 0 and half a period, found {self.guard_s} of {self.period_s} s")
+        rise_s = self.period_s / 2 - self.guard_s
+        check_delay(Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0)
+        check_level(self.power_db)
+
+    def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+        """Return whether the attack is on."""
+        since_s = (times_s - self.first_recs_s) % self.period_s
+        return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band not in self.bands:
+            return None
+        rate = 1 / (self.period_s - 2 * self.guard_s)
+        share = np.clip(((times_s - self.first_recs_s) % self.period_s - self.guard_s) * rate, 0.0, 1.0)
+        carrier = DelayedCarrier(
+            since_start_s=times_s - self.start_s,
+            delay_m=self.top_m * np.sin(pi * share) ** 2,
+            delay_rate_mps=self.top_m * pi * rate * np.sin(2 * pi * share),
+            carrier_hz=CARRIER_HZ[band],
+        )
+        return Counterfeit(
+            delay_m=carrier.delay_m,
+            delay_rate_mps=carrier.delay_rate_mps,
+            power_db=np.where(self.on(times_s), as_profile(self.power_db).value(times_s), -inf),
+            phase_rad=self.phase.phase(carrier),
+            doppler_hz=self.phase.doppler_hz(carrier),
+        )

@@ -1,0 +1,184 @@
+"""Jamming waveforms: as samples, and as what passes a correlator.
+
+Theory of operation
+-------------------
+A correlator multiplies by random chips c and integrates over T ≫ T_c. What a jammer of spectral density S_J leaves in
+correlators at delays d_i and d_k is Gaussian (a sum of many chips) with covariance
+
+    C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
+
+White noise N0 gives N0/T · R(d_i − d_k). So with J/N in a noise bandwidth B, J = (J/N) N0 B, and in units of N0/T
+
+    wideband, pulsed noise   (J/N) R(Δ)                   white while on; mean power counts, many pulses fall in T
+    continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
+    chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
+
+Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep: some 3 % more at 12.5 MHz, which
+is left out. C(0) is the *rise*: by how much the jammer raises the noise density behind the correlator. The phase of the
+wave, and where a sweep or pulse stands, are drawn once an epoch.
+"""
+
+# ruff: noqa: ARG002  one signature for all waveforms
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Complex64, Complex128, Float
+from pydantic import Field
+
+from vestige.signal_generator.noise_kernel import fill_normals
+from vestige.signals.definitions import SignalDefinition
+from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
+
+_FINE = 256  # samples of a wave that share a coarse phase
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wideband:
+    """White Gaussian noise, wider than the receiver."""
+
+    kind: Literal["wideband"] = "wideband"
+    white: ClassVar[bool] = True  # while it is on
+
+    def covariance(
+        self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
+    ) -> Complex128[np.ndarray, " n"]:
+        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
+
+    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+        """Add the waveform to samples.
+
+        Parameters
+        ----------
+        x
+            Samples; noise has variance 1.
+        power
+            Mean |waveform|² in the samples.
+        sample_rate_hz
+            Sampling rate.
+        key
+            Key of its randomness (`noise_kernel.noise_key`).
+        """
+        _add_noise(x, power, key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContinuousWave:
+    """A line, `offset_hz` above the carrier."""
+
+    offset_hz: float = 0.0
+    kind: Literal["cw"] = "cw"
+    white: ClassVar[bool] = False  # while it is on
+
+    def covariance(
+        self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
+    ) -> Complex128[np.ndarray, " n"]:
+        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        density = float(spectrum(signal.pulse, np.array([self.offset_hz]), signal.chip_rate_hz)[0])
+        turns = self.offset_hz * lag_chips / signal.chip_rate_hz
+        return noise_bandwidth_hz * density * np.exp(2j * pi * turns)
+
+    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+        """Add the waveform to samples, see `Wideband.add`."""
+        step = 2j * pi * self.offset_hz / sample_rate_hz
+        fine = np.exp(step * np.arange(_FINE)).astype(np.complex64)
+        coarse = np.exp(step * _FINE * np.arange(-(-x.size // _FINE)) + 2j * pi * _uniform(key))
+        x += np.outer((np.sqrt(power) * coarse).astype(np.complex64), fine).reshape(-1)[: x.size]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chirp:
+    """A sawtooth sweep over `bandwidth_hz` around the carrier, one each `sweep_s`, rounded to whole samples."""
+
+    bandwidth_hz: float = 10e6
+    sweep_s: float = 20e-6
+    kind: Literal["chirp"] = "chirp"
+    white: ClassVar[bool] = False  # while it is on
+
+    def __post_init__(self) -> None:
+        if not (0 < self.bandwidth_hz <= 1e9 and 1e-6 <= self.sweep_s <= 1e-3):
+            raise ValueError("a chirp has a bandwidth up to 1 GHz and a sweep of 1 µs to 1 ms")
+
+    def covariance(
+        self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
+    ) -> Complex128[np.ndarray, " n"]:
+        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        passed = band_limited_autocorrelation(
+            signal.pulse, lag_chips, chip_rate_hz=signal.chip_rate_hz, bandwidth_hz=self.bandwidth_hz
+        )
+        return noise_bandwidth_hz / self.bandwidth_hz * passed + 0j
+
+    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+        """Add the waveform to samples, see `Wideband.add`."""
+        n = max(2, round(self.sweep_s * sample_rate_hz))
+        t = np.arange(n) / sample_rate_hz - self.sweep_s / 2
+        sweep = np.exp(1j * pi * self.bandwidth_hz / self.sweep_s * t**2)
+        turn = np.exp(2j * pi * _uniform(key))
+        start = int(_uniform(key ^ np.uint64(1)) * n)
+        sweep = np.roll(np.sqrt(power) * turn * sweep, -start).astype(np.complex64)
+        x += np.resize(sweep, x.size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pulsed:
+    """Wideband noise for a share `duty` of every `period_s`; its power is the mean over time."""
+
+    duty: float = 0.1
+    period_s: float = 1e-3
+    kind: Literal["pulsed"] = "pulsed"
+    white: ClassVar[bool] = True  # while it is on
+
+    def __post_init__(self) -> None:
+        if not (0 < self.duty <= 1 and 1e-5 <= self.period_s <= 1e-2):
+            raise ValueError("pulses have a duty in (0, 1] and a period of 10 µs to 10 ms")
+
+    def covariance(
+        self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
+    ) -> Complex128[np.ndarray, " n"]:
+        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
+
+    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+        """Add the waveform to samples, see `Wideband.add`."""
+        period = self.period_s * sample_rate_hz
+        first = -_uniform(key ^ np.uint64(1)) * period
+        for k in range(int((x.size - first) / period) + 1):
+            begin, end = round(first + k * period), round(first + (k + self.duty) * period)
+            begin, end = max(begin, 0), min(end, x.size)
+            if begin < end:
+                _add_noise(x[begin:end], power / self.duty, key, first=begin)
+
+
+WIDEBAND = Wideband()
+ALL_JAMMERS = (Wideband, ContinuousWave, Chirp, Pulsed)
+AnyJammer = Wideband | ContinuousWave | Chirp | Pulsed
+Jammer = Annotated[AnyJammer, Field(discriminator="kind")]
+
+
+def rise(jammer: AnyJammer, signal: SignalDefinition, noise_bandwidth_hz: float) -> float:
+    """Return C(0) for J/N = 1: by how many N0 the jammer raises the noise density behind a correlator."""
+    return float(jammer.covariance(signal, np.zeros(1), noise_bandwidth_hz)[0].real)
+
+
+def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: float, sample_rate_hz: float) -> float:
+    """Return the mean power of a jammer in samples whose noise has variance 1.
+
+    Of white noise the samples hold as much as their rate lets in; a wave is in them as it is, against N0 B = B/f_s.
+    """
+    return j_over_n if jammer.white else j_over_n * noise_bandwidth_hz / sample_rate_hz
+
+
+def _uniform(key: np.uint64) -> float:
+    """Return a number in [0, 1) that follows from the key, which is a hash."""
+    return int(key) / 2.0**64
+
+
+def _add_noise(x: Complex64[np.ndarray, " n"], power: float, key: np.uint64, first: int = 0) -> None:
+    noise = np.empty(2 * x.size, np.float32)
+    fill_normals(key, np.int64(first), np.float32(np.sqrt(power / 2)), noise)
+    x += noise.view(np.complex64)

@@ -1,0 +1,84 @@
+"""The phase of a counterfeit against the true signal, on its carrier.
+
+    locked      φ = φ0                              whatever the delay: the carrier phase aligned attack
+    slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
+    coherent    φ = φ0 − 2π f_c τ(t)/c              what a delay line does: one turn a wavelength of delay
+
+The true signal and the counterfeit add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. A locked
+or slipping counterfeit whose delay moves has code and carrier that diverge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DelayedCarrier:
+    """What a phase law is told of the counterfeit: time since the attack's start, delay and its rate, carrier."""
+
+    since_start_s: Float[np.ndarray, " n"]
+    delay_m: Float[np.ndarray, " n"]
+    delay_rate_mps: Float[np.ndarray, " n"]
+    carrier_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Locked:
+    """A constant phase φ0 in rad."""
+
+    phase_rad: float = 0.0
+    kind: Literal["locked"] = "locked"
+
+    def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return φ in rad."""
+        return np.full(signal.delay_m.shape, self.phase_rad)
+
+    def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return dφ/dt / 2π in Hz: 0."""
+        return np.zeros(signal.delay_m.shape)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slipping:
+    """A constant frequency error f in Hz, from φ0 in rad on."""
+
+    slip_hz: float
+    phase_rad: float = 0.0
+    kind: Literal["slipping"] = "slipping"
+
+    def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return φ in rad."""
+        return self.phase_rad + 2 * np.pi * ((self.slip_hz * signal.since_start_s) % 1.0)
+
+    def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return dφ/dt / 2π in Hz."""
+        return np.full(signal.delay_m.shape, self.slip_hz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coherent:
+    """The phase that the delay itself makes, and φ0 in rad."""
+
+    phase_rad: float = 0.0
+    kind: Literal["coherent"] = "coherent"
+
+    def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return φ in rad."""
+        return self.phase_rad - 2 * np.pi * ((signal.carrier_hz / SPEED_OF_LIGHT_MPS * signal.delay_m) % 1.0)
+
+    def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
+        """Return dφ/dt / 2π in Hz."""
+        return -signal.carrier_hz / SPEED_OF_LIGHT_MPS * signal.delay_rate_mps
+
+
+COHERENT = Coherent()
+ALL_PHASES = (Locked, Slipping, Coherent)
+Phase = Annotated[Locked | Slipping | Coherent, Field(discriminator="kind")]

@@ -1,0 +1,47 @@
+"""A profile as a CSV file: a line `time_s,value`, then one point a line; empty lines and lines with # are skipped."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+
+from vestige.errors import InputFileError
+
+_HEADER = "time_s,value"
+
+
+def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the times in s and the values of a table.
+
+    Raises
+    ------
+    InputFileError
+        If it is not such a file, holds fewer than two points or a number that is not finite, or times do not ascend.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a CSV file") from error
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputFileError(path, "file", reason, "a CSV file with a profile") from error
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if not lines or lines[0][1].replace(" ", "") != _HEADER:
+        raise InputFileError(path, "first line", lines[0][1] if lines else "nothing", _HEADER)
+    times_s: list[float] = []
+    values: list[float] = []
+    for number, line in lines[1:]:
+        try:
+            time_s, value = (float(part) for part in line.split(","))
+        except ValueError as error:
+            raise InputFileError(path, f"line {number}", line, "two numbers, time_s and value") from error
+        if not (isfinite(time_s) and isfinite(value)):
+            raise InputFileError(path, f"line {number}", line, "finite numbers")
+        if times_s and time_s <= times_s[-1]:
+            raise InputFileError(path, f"line {number}", line, f"a time after {times_s[-1]:g} s")
+        times_s.append(time_s)
+        values.append(value)
+    if len(times_s) < 2:
+        raise InputFileError(path, "end of file", f"{len(times_s)} points", "two points or more")
+    return tuple(times_s), tuple(values)

@@ -1,0 +1,316 @@
+"""Profiles: delay in m, or power in dB, against time, with the exact derivative.
+
+Every profile holds its first value before it starts and its last after it stops, so that it is defined at all times;
+when the attacker switches on and off is the attack's `start_s` and `stop_s`. Joins:
+
+| profile | value | rate |
+|---|---|---|
+| `Constant` | – | – |
+| `Ramp` | continuous | jumps at both ends; `smooth` gives half a cosine, and the rate is continuous |
+| `Sine` | continuous | continuous: half a cosine in, half a cosine out, at rest where it turns |
+| `Trapezoid` | continuous | jumps at four corners; `smooth` as above |
+| `Table` | continuous: straight lines | jumps at the points |
+
+In a scenario a plain number is a `Constant`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import BeforeValidator, Discriminator, Tag, ValidationInfo
+
+from vestige.spoofer.profile_table import read_profile_table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant:
+    """The same value at all times.
+
+    Attributes
+    ----------
+    level
+        The value; −inf dB is no signal.
+    kind
+        Name of the profile in a scenario.
+    """
+
+    level: float
+    kind: Literal["constant"] = "constant"
+
+    def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the value at each time in s after the scenario's start."""
+        return np.full(t_s.shape, self.level)
+
+    def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the derivative, 0."""
+        return np.zeros(t_s.shape)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ramp:
+    """From one value to another, in a straight line or smoothly.
+
+    Attributes
+    ----------
+    first, last
+        Values before `start_s` and after `stop_s`.
+    start_s, stop_s
+        In s after the scenario's start.
+    smooth
+        Half a cosine instead of the straight line.
+    kind
+        Name of the profile in a scenario.
+    """
+
+    first: float
+    last: float
+    start_s: float
+    stop_s: float
+    smooth: bool = False
+    kind: Literal["ramp"] = "ramp"
+
+    def __post_init__(self) -> None:
+        _ascending(self.start_s, self.stop_s)
+        _finite(self.first, self.last)
+
+    def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the value at each time in s after the scenario's start."""
+        return self.first + (self.last - self.first) * _share(t_s, self.start_s, self.stop_s, self.smooth)
+
+    def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the derivative per s; at a corner that of what follows."""
+        return (self.last - self.first) * _share_rate(t_s, self.start_s, self.stop_s, self.smooth)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sine:
+    """Approach and departure, at rest where it turns [WFO, Sec. VI-B].
+
+    Half a cosine from `first` to `turn` and another one from there to `last`; the paper's spoofer comes from the right
+    to the true signal, where it turns, and leaves to the right.
+
+    Attributes
+    ----------
+    first, turn, last
+        Values before `start_s`, at `turn_s` and after `stop_s`.
+    start_s, turn_s, stop_s
+        In s after the scenario's start.
+    kind
+        Name of the profile in a scenario.
+    """
+
+    first: float
+    turn: float
+    last: float
+    start_s: float
+    turn_s: float
+    stop_s: float
+    kind: Literal["sine"] = "sine"
+
+    def __post_init__(self) -> None:
+        _ascending(self.start_s, self.turn_s, self.stop_s)
+        _finite(self.first, self.turn, self.last)
+
+    def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the value at each time in s after the scenario's start."""
+        approach = (self.first - self.turn) * (1 - _share(t_s, self.start_s, self.turn_s, smooth=True))
+        departure = (self.last - self.turn) * _share(t_s, self.turn_s, self.stop_s, smooth=True)
+        return self.turn + approach + departure
+
+    def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the derivative per s."""
+        approach = (self.turn - self.first) * _share_rate(t_s, self.start_s, self.turn_s, smooth=True)
+        departure = (self.last - self.turn) * _share_rate(t_s, self.turn_s, self.stop_s, smooth=True)
+        return approach + departure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trapezoid:
+    """Up, stay, and back.
+
+    Attributes
+    ----------
+    base, top
+        Values outside and on the plateau.
+    start_s, stop_s
+        Where it leaves the base and where it is back, in s after the scenario's start.
+    rise_s, fall_s
+        How long each flank takes.
+    smooth
+        Flanks of half a cosine instead of straight lines.
+    kind
+        Name of the profile in a scenario.
+    """
+
+    base: float
+    top: float
+    start_s: float
+    stop_s: float
+    rise_s: float
+    fall_s: float
+    smooth: bool = False
+    kind: Literal["trapezoid"] = "trapezoid"
+
+    def __post_init__(self) -> None:
+        _ascending(self.start_s, self.start_s + self.rise_s)
+        _ascending(self.stop_s - self.fall_s, self.stop_s)
+        _finite(self.base, self.top)
+        if self.start_s + self.rise_s > self.stop_s - self.fall_s:
+            raise ValueError("the flanks of a trapezoid are longer than the trapezoid")
+
+    def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the value at each time in s after the scenario's start."""
+        up = _share(t_s, self.start_s, self.start_s + self.rise_s, self.smooth)
+        down = _share(t_s, self.stop_s - self.fall_s, self.stop_s, self.smooth)
+        return self.base + (self.top - self.base) * (up - down)
+
+    def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the derivative per s; at a corner that of what follows."""
+        up = _share_rate(t_s, self.start_s, self.start_s + self.rise_s, self.smooth)
+        down = _share_rate(t_s, self.stop_s - self.fall_s, self.stop_s, self.smooth)
+        return (self.top - self.base) * (up - down)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Straight lines between points, given here or in a CSV file (`profile_table`).
+
+    The points of a file are taken in when the profile is made: a scenario that was read does not depend on it any more.
+
+    Attributes
+    ----------
+    path
+        CSV file with a line `time_s,value` and one point a line; empty if the points are given.
+    time_s, values
+        Points, times ascending.
+    kind
+        Name of the profile in a scenario.
+    """
+
+    path: str = ""
+    time_s: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
+    kind: Literal["table"] = "table"
+
+    def __post_init__(self) -> None:
+        if self.path and not self.time_s:
+            time_s, values = read_profile_table(Path(self.path))
+            object.__setattr__(self, "time_s", time_s)
+            object.__setattr__(self, "values", values)
+        if len(self.time_s) < 2 or len(self.time_s) != len(self.values):
+            raise ValueError("a table has two points or more, each with a time and a value")
+        _ascending(*self.time_s)
+        _finite(*self.values)
+
+    def value(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the value at each time in s after the scenario's start."""
+        return np.interp(t_s, self.time_s, self.values)
+
+    def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the derivative per s; at a point that of what follows."""
+        slopes = np.concatenate([[0.0], np.diff(self.values) / np.diff(self.time_s), [0.0]])
+        return slopes[np.searchsorted(self.time_s, t_s, side="right")]
+
+
+ALL_PROFILES = (Constant, Ramp, Sine, Trapezoid, Table)
+AnyProfile = Constant | Ramp | Sine | Trapezoid | Table
+
+
+def _tag(value: Any) -> str:
+    if isinstance(value, int | float | str):
+        return "number"
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return str(kind)
+
+
+def _with_points(table: Any, info: ValidationInfo) -> Any:
+    """Return a table of a scenario with the points of its file, whose path starts at the scenario file."""
+    if not (isinstance(table, dict) and table.get("path") and isinstance(table["path"], str)):
+        return table
+    if "time_s" in table or "values" in table:
+        raise ValueError("the points of a table are given or in a file, not both")
+    time_s, values = read_profile_table((info.context or {}).get("folder", Path()) / table["path"])
+    return table | {"time_s": time_s, "values": values}
+
+
+Profile = Annotated[
+    Annotated[float, Tag("number")]
+    | Annotated[Constant, Tag("constant")]
+    | Annotated[Ramp, Tag("ramp")]
+    | Annotated[Sine, Tag("sine")]
+    | Annotated[Trapezoid, Tag("trapezoid")]
+    | Annotated[Table, BeforeValidator(_with_points), Tag("table")],
+    Discriminator(_tag),
+]
+
+
+def as_profile(profile: AnyProfile | float) -> AnyProfile:
+    """Return a plain number as a `Constant`, and a profile as it is."""
+    return Constant(level=float(profile)) if isinstance(profile, int | float) else profile
+
+
+def _share(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
+    """Return how far from start to stop, 0 … 1."""
+    share = np.clip((t_s - start_s) / (stop_s - start_s), 0.0, 1.0)
+    return np.sin(np.pi / 2 * share) ** 2 if smooth else share
+
+
+def _share_rate(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
+    """Return the derivative of `_share`."""
+    rate = 1 / (stop_s - start_s)
+    if smooth:
+        return np.pi / 2 * rate * np.sin(np.pi * np.clip((t_s - start_s) * rate, 0.0, 1.0))
+    return np.where((t_s >= start_s) & (t_s < stop_s), rate, 0.0)
+
+
+def _ascending(*times_s: float) -> None:
+    if not (np.all(np.isfinite(times_s)) and np.all(np.diff(times_s) > 0)):
+        raise ValueError(f"times of a profile are finite and ascend, found {', '.join(f'{t:g}' for t in times_s[:4])}")
+
+
+def _finite(*values: float) -> None:
+    if not np.all(np.isfinite(values)):
+        raise ValueError("the values of a profile that moves are finite; a signal that is off has an attack's start")
+
+
+def extremes(profile: AnyProfile | float) -> tuple[float, float]:
+    """Return the smallest and the largest value that a profile ever has: it turns only at values it is given."""
+    match profile:
+        case Constant():
+            values: tuple[float, ...] = (profile.level,)
+        case Ramp():
+            values = (profile.first, profile.last)
+        case Sine():
+            values = (profile.first, profile.turn, profile.last)
+        case Trapezoid():
+            values = (profile.base, profile.top)
+        case Table():
+            values = profile.values
+        case _:
+            values = (float(profile),)
+    return min(values), max(values)
+
+
+def fastest(profile: AnyProfile | float) -> float:
+    """Return the largest rate that a profile ever has, without its sign, per s."""
+    match profile:
+        case Ramp():
+            return _flank(profile.last - profile.first, profile.stop_s - profile.start_s, profile.smooth)
+        case Sine():
+            approach = _flank(profile.turn - profile.first, profile.turn_s - profile.start_s, smooth=True)
+            return max(approach, _flank(profile.last - profile.turn, profile.stop_s - profile.turn_s, smooth=True))
+        case Trapezoid():
+            return _flank(profile.top - profile.base, min(profile.rise_s, profile.fall_s), profile.smooth)
+        case Table():
+            return float(np.max(np.abs(np.diff(profile.values) / np.diff(profile.time_s))))
+        case _:
+            return 0.0
+
+
+def _flank(step: float, duration_s: float, smooth: bool) -> float:
+    return abs(step) / duration_s * (np.pi / 2 if smooth else 1.0)

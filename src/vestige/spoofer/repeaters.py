@@ -1,0 +1,333 @@
+"""Attacks that bring counterfeits of the navigation signals: the lift-off family, meaconing, SCER, forgery, nulling.
+
+E1 codes are public, so the attacker makes its E1 counterfeit itself. E6-C is encrypted, so its counterfeit is the true
+signal, received and sent again: with the noise of the attacker's own reception. If the counterfeit has η times the true
+power at the victim, and the attacker receives with a C/N0 that is G times the victim's, the repeated noise has
+
+    N_repeated / N0 = η / G
+
+so without a better antenna (G = 1) a counterfeit of equal power doubles the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Band
+from vestige.signals.definitions import E6C
+from vestige.spoofer.attack import MAX_DELAY_S, Attack, Counterfeit, check_delay, check_level, delayed
+from vestige.spoofer.phase import COHERENT, Locked, Phase
+from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
+
+BOTH = (Band.E1, Band.E6)
+RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky and a good antenna
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _LiftOffAttack(Attack):
+    """A counterfeit by profiles, the same in every band that it comes in.
+
+    Attributes
+    ----------
+    delay_m, power_db, phase
+        Delay and power relative to the true signal, and the phase law.
+    bands
+        Where it comes; on E1 alone there is no encrypted counterfeit.
+    reception_gain_db
+        G in dB, C/N0 of the attacker's reception on E6 over the victim's.
+    """
+
+    delay_m: Profile
+    power_db: Profile
+    phase: Phase = COHERENT
+    bands: tuple[Band, ...] = BOTH
+    reception_gain_db: float = RECEPTION_GAIN_DB
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
+
+    @property
+    def outside_assumption_2(self) -> str:
+        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
+            return "the encrypted counterfeit arrives before the true signal"
+        return ""
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band not in self.bands:
+            return None
+        return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
+
+    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the repeated noise, on E6."""
+        if band is Band.E1 or band not in self.bands:
+            return np.zeros(times_s.shape)
+        return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiftOff(_LiftOffAttack):
+    """Comes to the true signal, rises above it and leaves with whoever follows [WFO, Sec. VI-B].
+
+    With `bands = ["E1"]` it is the spoofer who knows nothing of E6, with both the zero-delay E6 and E1 meaconing.
+    """
+
+    kind: Literal["lift-off"] = "lift-off"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionPush(_LiftOffAttack):
+    """A lift-off of some of the satellites: their common delay moves the victim. `svids` must be given."""
+
+    kind: Literal["position-push"] = "position-push"
+
+    def __post_init__(self) -> None:
+        _LiftOffAttack.__post_init__(self)
+        if not self.svids:
+            raise ValueError("a position push names its satellites in svids; of all satellites it is a time push")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimePush(_LiftOffAttack):
+    """A lift-off of all satellites alike: the common delay moves the victim's clock. There are no `svids`."""
+
+    kind: Literal["time-push"] = "time-push"
+
+    def __post_init__(self) -> None:
+        _LiftOffAttack.__post_init__(self)
+        if self.svids:
+            raise ValueError("a time push is of all satellites, without svids; of some it is a position push")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Asynchronous(Attack):
+    """An E1 spoofer that does not know where the true signal is; E6 is left alone.
+
+    A tracking loop on the true signal never sees it. It captures a receiver that acquires while it is there.
+
+    Attributes
+    ----------
+    delay_m, power_db
+        Relative to the true signal; before it, too.
+    acquired
+        Whether the receiver acquires after the attack's start (switched on, or jammed before).
+    """
+
+    delay_m: Profile
+    power_db: Profile = 10.0
+    acquired: bool = True
+    kind: Literal["e1-asynchronous"] = "e1-asynchronous"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
+
+    @property
+    def reacquired(self) -> bool:
+        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        return self.acquired
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band is not Band.E1:
+            return None
+        return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meaconing(Attack):
+    """Receives whole bands and sends them again: one delay, one power, and the noise, on every band.
+
+    Attributes
+    ----------
+    delay_s
+        From the fraction of a microsecond of a repeater to seconds of a recorder.
+    power_db
+        Relative to the true signal.
+    bands
+        What is repeated.
+    reception_gain_db
+        G in dB, C/N0 of the attacker's reception over the victim's.
+    acquired
+        Whether the receiver acquires after the attack's start (switched on, or jammed before).
+    """
+
+    delay_s: float
+    power_db: Profile
+    bands: tuple[Band, ...] = BOTH
+    reception_gain_db: float = 0.0
+    acquired: bool = True
+    kind: Literal["meaconing"] = "meaconing"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        if not 0 <= self.delay_s <= MAX_DELAY_S:
+            raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
+
+    @property
+    def reacquired(self) -> bool:
+        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        return self.acquired and Band.E1 in self.bands
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band not in self.bands:
+            return None
+        delay_m = self.delay_s * SPEED_OF_LIGHT_MPS
+        return delayed(self, band, times_s, delay_m=delay_m, power_db=self.power_db, phase=COHERENT)
+
+    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the repeated noise."""
+        if band not in self.bands:
+            return np.zeros(times_s.shape)
+        return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scer(Attack):
+    """Security code estimation and replay: E1-B symbols guessed within a symbol, E6 meaconed.
+
+    The attacker learns each E1-B symbol from its first part and is on time with code and symbol; E6-C chips are under
+    the noise (−22 dB at 45 dBHz), so there it is a meaconer that comes `e6_lag_m` behind its own E1 counterfeit.
+
+    Attributes
+    ----------
+    delay_m, power_db, phase
+        Of the E1 counterfeit.
+    e6_lag_m
+        How much later the E6 counterfeit is; at least one E6 chip, which the attacker cannot know sooner.
+    reception_gain_db
+        G in dB, C/N0 of the attacker's reception on E6 over the victim's.
+    """
+
+    delay_m: Profile
+    power_db: Profile
+    phase: Phase = COHERENT
+    e6_lag_m: float = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
+    reception_gain_db: float = RECEPTION_GAIN_DB
+    kind: Literal["scer"] = "scer"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_delay(self.e6_lag_m)
+        check_level(self.power_db)
+        _check_gain(self.reception_gain_db)
+
+    @property
+    def outside_assumption_2(self) -> str:
+        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
+        return "the encrypted counterfeit arrives before the true signal" if early else ""
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        lag_m = self.e6_lag_m if band is Band.E6 else 0.0
+        on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
+        if not lag_m:
+            return on_time
+        return Counterfeit(
+            delay_m=on_time.delay_m + lag_m,
+            delay_rate_mps=on_time.delay_rate_mps,
+            power_db=on_time.power_db,
+            phase_rad=on_time.phase_rad,
+            doppler_hz=on_time.doppler_hz,
+        )
+
+    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the repeated noise, on E6."""
+        if band is Band.E1:
+            return np.zeros(times_s.shape)
+        return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forgery(Attack):
+    """Chips that the attacker made up on E6, strong: raises the power there without knowing the encryption.
+
+    Attributes
+    ----------
+    power_db
+        Relative to the true signal.
+    delay_m
+        Where its chips change sign; as good as arbitrary.
+    """
+
+    power_db: Profile
+    delay_m: Profile = 0.0
+    kind: Literal["forgery"] = "forgery"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_delay(self.delay_m)
+        check_level(self.power_db)
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band is not Band.E6:
+            return None
+        return delayed(
+            self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT, own_chips=True
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nulling(Attack):
+    """The true signal with the opposite sign, not quite: |1 − g e^{je}|² of it is left.
+
+    Attributes
+    ----------
+    gain_db
+        g² in dB; 0 would be perfect.
+    phase_error_rad
+        e.
+    bands
+        What is nulled. E6 is outside Assumption 2.
+    """
+
+    gain_db: Profile = -1.0
+    phase_error_rad: float = 0.0
+    bands: tuple[Band, ...] = (Band.E1,)
+    kind: Literal["nulling"] = "nulling"
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        check_level(self.gain_db)
+
+    @property
+    def outside_assumption_2(self) -> str:
+        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        if band not in self.bands:
+            return None
+        opposite = Locked(phase_rad=pi + self.phase_error_rad)
+        return delayed(self, band, times_s, delay_m=Constant(level=0.0), power_db=self.gain_db, phase=opposite)
+
+
+def repeated_noise(
+    attack: Attack, power_db: Profile, reception_gain_db: float, times_s: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return η/G over epochs, 0 while the attack is off."""
+    over_db = as_profile(power_db).value(times_s) - reception_gain_db
+    return np.where(attack.on(times_s), 10 ** (over_db / 10), 0.0)
+
+
+def _check_gain(reception_gain_db: float) -> None:
+    if not -50 <= reception_gain_db <= 100:
+        raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")

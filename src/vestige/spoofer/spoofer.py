@@ -1,0 +1,189 @@
+"""All attacks of a scenario together: what they add to one band of one satellite, epoch by epoch.
+
+| attack | E1 | E6 |
+|---|---|---|
+| `E1Asynchronous` | counterfeit anywhere | – |
+| `LiftOff` | counterfeit | counterfeit, repeated noise |
+| `PositionPush`, `TimePush` | lift-off of some satellites, of all | the same |
+| `Meaconing` | counterfeit, repeated noise | the same |
+| `Scer` | counterfeit on time | counterfeit a chip later, repeated noise |
+| `BetweenRecs` | lift-off and return between two RECS | the same |
+| `Nulling` | opposite signal | outside Assumption 2 |
+| `Forgery` | – | chips of the attacker's own |
+| `Jam` | waveform | waveform |
+| `OsnmaDenial` | white noise, keys are lost | – |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float
+from pydantic import Field
+
+from vestige.records import Band
+from vestige.signals.definitions import E1C, E6C
+from vestige.spoofer.attack import Counterfeit, Jamming
+from vestige.spoofer.between_recs import BetweenRecs
+from vestige.spoofer.interference import Jam, OsnmaDenial
+from vestige.spoofer.jammers import Wideband, rise
+from vestige.spoofer.repeaters import (
+    E1Asynchronous,
+    Forgery,
+    LiftOff,
+    Meaconing,
+    Nulling,
+    PositionPush,
+    Scer,
+    TimePush,
+)
+
+ALL_ATTACKS = (
+    E1Asynchronous,
+    LiftOff,
+    PositionPush,
+    TimePush,
+    Meaconing,
+    Scer,
+    BetweenRecs,
+    Nulling,
+    Forgery,
+    Jam,
+    OsnmaDenial,
+)
+Attacks = (
+    E1Asynchronous
+    | LiftOff
+    | PositionPush
+    | TimePush
+    | Meaconing
+    | Scer
+    | BetweenRecs
+    | Nulling
+    | Forgery
+    | Jam
+    | OsnmaDenial
+)
+AnyAttack = Annotated[Attacks, Field(discriminator="kind")]
+
+_PILOT = {Band.E1: E1C, Band.E6: E6C}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandEffects:
+    """What the attacks add to one band of one satellite; the second axis is that of the attacks.
+
+    Attributes
+    ----------
+    delay_m, delay_rate_mps, power_db, phase_rad, doppler_hz
+        Counterfeits relative to the line of sight (`Counterfeit`); an attack without one has −inf dB at delay 0.
+    own_chips
+        Which counterfeits carry chips of the attacker's own.
+    white
+        Density of white noise that is added, over N0: repeated noise and wideband jamming.
+    jammers
+        Jamming with a waveform of its own.
+    """
+
+    delay_m: Float[np.ndarray, "n k"]
+    delay_rate_mps: Float[np.ndarray, "n k"]
+    power_db: Float[np.ndarray, "n k"]
+    phase_rad: Float[np.ndarray, "n k"]
+    doppler_hz: Float[np.ndarray, "n k"]
+    own_chips: Bool[np.ndarray, " k"]
+    white: Float[np.ndarray, " n"]
+    jammers: tuple[Jamming, ...]
+
+    @property
+    def amplitude(self) -> Complex128[np.ndarray, "n k"]:
+        """√η e^{jφ} of every counterfeit."""
+        return 10 ** (self.power_db / 20) * np.exp(1j * self.phase_rad)
+
+    def rise(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return the noise density that is added behind a correlator of the band's pilot, over N0."""
+        total = self.white.copy()
+        for one in self.jammers:
+            total += one.j_over_n * rise(one.waveform, _PILOT[band], one.noise_bandwidth_hz)
+        return total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spoofer:
+    """The attacker.
+
+    Attributes
+    ----------
+    attacks
+        What it does; all at once.
+    """
+
+    attacks: tuple[Attacks, ...] = ()
+
+    def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
+        """Return what a receiver sees in one band of one satellite.
+
+        Parameters
+        ----------
+        band, svid
+            Where.
+        times_s
+            Epochs in s after the scenario's start.
+        """
+        found = [
+            (attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None)
+            or _nothing(times_s.size)
+            for attack in self.attacks
+        ]
+        white, jammers = np.zeros(times_s.size), []
+        for attack in self.attacks:
+            white += attack.noise_over_n0(band, times_s)
+            jamming = attack.jamming(band, times_s)
+            if jamming is not None and isinstance(jamming.waveform, Wideband):
+                white += jamming.j_over_n
+            elif jamming is not None:
+                jammers.append(jamming)
+        shape = (times_s.size, len(found))
+        columns = {
+            name: np.array([getattr(one, name) for one in found]).reshape(shape[::-1]).T
+            for name in ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")
+        }
+        own_chips = np.array([one.own_chips for one in found], dtype=bool)
+        return BandEffects(**columns, own_chips=own_chips, white=white, jammers=tuple(jammers))
+
+    def acquired_anew(
+        self, svid: int, after_s: Float[np.ndarray, " n"], until_s: Float[np.ndarray, " n"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire E1 anew.
+
+        An attack without power makes nobody acquire.
+        """
+        anew = np.zeros(until_s.shape, bool)
+        for attack in self.attacks:
+            if attack.reacquired and (not attack.svids or svid in attack.svids):
+                counterfeit = attack.counterfeit(Band.E1, until_s)
+                heard = counterfeit is not None and counterfeit.power_db > -inf
+                anew |= (after_s < attack.start_s) & (attack.start_s <= until_s) & heard
+        return anew
+
+    def withholds_osnma(self, first_s: float, last_s: float) -> bool:
+        """Return whether an OSNMA key that is sent between two times does not reach the receiver."""
+        return any(attack.withholds_osnma(first_s, last_s) for attack in self.attacks)
+
+    def cautions(self) -> tuple[str, ...]:
+        """Return one line for each attack that is beyond what [WFO] assumes."""
+        return tuple(
+            f"attack {number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"
+            for number, attack in enumerate(self.attacks, start=1)
+            if attack.outside_assumption_2
+        )
+
+
+NOBODY = Spoofer()
+
+
+def _nothing(n: int) -> Counterfeit:
+    zero = np.zeros(n)
+    return Counterfeit(delay_m=zero, delay_rate_mps=zero, power_db=np.full(n, -inf), phase_rad=zero, doppler_hz=zero)

@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vestige.campaign.outcomes import RESOLUTION_M, Outcome, classify, outcomes, report
+from vestige.campaign.run import run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.records import Status
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+
+
+def _one(found_m: float, truth_m: float, spoofer_m: float, power_db: float) -> Outcome:
+    values = np.array([found_m]), np.array([truth_m]), np.array([[spoofer_m]]), np.array([[power_db]])
+    return Outcome(int(classify(*values)[0]))
+
+
+@pytest.mark.parametrize(
+    ("found_m", "truth_m", "spoofer_m", "power_db", "expected"),
+    [
+        (nan, 0.0, 80.0, 3.0, Outcome.NONE),
+        (2.0, 0.0, 80.0, 3.0, Outcome.TRUE),
+        (-22.5, 0.0, 80.0, 3.0, Outcome.TRUE),  # on the flank
+        (79.0, 0.0, 80.0, 3.0, Outcome.SPOOFER),
+        (-5.0, -80.0, 80.0, 3.0, Outcome.SPOOFER),  # E1 follows the spoofer, which is where it predicts
+        (-78.0, -80.0, 80.0, 3.0, Outcome.TRUE),
+        (10.0, 0.0, 20.0, 3.0, Outcome.MIXED),
+        (10.0, 0.0, 20.0, -20.0, Outcome.TRUE),  # too weak to count
+        (79.0, 0.0, 80.0, -inf, Outcome.TRUE),
+        (10.0, 0.0, RESOLUTION_M - 0.1, 3.0, Outcome.MIXED),
+        (10.0, 0.0, RESOLUTION_M + 0.1, 3.0, Outcome.TRUE),
+        (-19.0, 0.0, -20.0, 3.0, Outcome.MIXED),
+    ],
+)
+def test_classes(found_m: float, truth_m: float, spoofer_m: float, power_db: float, expected: Outcome) -> None:
+    assert _one(found_m, truth_m, spoofer_m, power_db) is expected
+
+
+@given(st.floats(-80, 80), st.floats(-20, 20), st.floats(-200, 200), st.floats(-14, 20), st.floats(-500, 500))
+def test_only_differences_count(
+    found_m: float, truth_m: float, spoofer_m: float, power_db: float, shift_m: float
+) -> None:
+    moved = _one(found_m + shift_m, truth_m + shift_m, spoofer_m, power_db)
+    distances = abs(found_m - truth_m), abs(found_m - truth_m - spoofer_m)
+    if abs(distances[0] - distances[1]) > 1e-6 and abs(abs(spoofer_m) - RESOLUTION_M) > 1e-6:
+        assert moved is _one(found_m, truth_m, spoofer_m, power_db)
+        if abs(spoofer_m) > RESOLUTION_M:
+            assert moved is (Outcome.TRUE if distances[0] < distances[1] else Outcome.SPOOFER)
+
+
+def test_of_several_the_nearest_counts() -> None:
+    offset_m, power_db = np.array([[100.0, -90.0, 200.0]]), np.array([[3.0, 3.0, -inf]])
+    for found_m, expected in (
+        (95.0, Outcome.SPOOFER),
+        (-80.0, Outcome.SPOOFER),
+        (199.0, Outcome.SPOOFER),
+        (3.0, Outcome.TRUE),
+    ):
+        assert classify(np.array([found_m]), np.zeros(1), offset_m, power_db)[0] == expected
+
+
+def _results(**columns: list[float]) -> xarray.Dataset:
+    """Return results of one satellite, one attack and one detector; a column is a list over epochs."""
+    n = len(columns["time_s"])
+    given = {"spoofed": [1.0] * n, "error": [0.0] * n, "offset": [100.0] * n, "power": [3.0] * n} | columns
+    status = [list(Status).index(Status[str(name)]) for name in given.pop("status", ["AUTHENTIC"] * n)]
+    one = ("epoch", "satellite")
+
+    def column(values: list[float]) -> np.ndarray:
+        return np.array(values, float)[:, None]
+
+    return xarray.Dataset(
+        {
+            "time_s": ("epoch", np.array(given["time_s"])),
+            "range_offset_m": (("detector", *one), column(given["found"])[None]),
+            "status": (one, np.array(status, np.int8)[:, None]),
+            "truth_spoofed": (one, column(given["spoofed"]).astype(bool)),
+            "truth_prediction_error_m": (one, column([0.0] * n)),
+            "truth_spoofer_offset_m": ((*one, "attack"), column(given["offset"])[..., None]),
+            "truth_spoofer_power_db": ((*one, "attack"), column(given["power"])[..., None]),
+            "truth_noise_rise_db": (one, column([0.0] * n)),
+            "truth_e1_noise_rise_db": (one, column([0.0] * n)),
+            "truth_e1_worst_error_m": (one, column(given["error"])),
+            "truth_e1_captured": (one, np.abs(column(given["error"])) > 50),
+        },
+        coords={"detector": ["early"], "forged": ("attack", [False])},
+    )
+
+
+def test_report() -> None:
+    results = _results(
+        time_s=[0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+        spoofed=[0, 1, 1, 1, 1, 1],
+        found=[0.0, 100.0, nan, 99.0, 1.0, -2.0],
+        error=[0.0, 10.0, -70.0, 60.0, 0.0, 0.0],
+        status=["AUTHENTIC", "AUTHENTIC", "NOT_DETECTED", "AUTHENTIC", "SPOOFED", "AUTHENTIC"],  # type: ignore[list-item]
+    )
+    found = report(results)
+    assert found is not None
+    assert found.shares == {Outcome.NONE: 0.2, Outcome.TRUE: 0.4, Outcome.SPOOFER: 0.4, Outcome.MIXED: 0.0}
+    assert found.time_to_detect_s == 1.0
+    assert found.time_to_mitigate_s == 3.0
+    assert found.worst_accepted_m == 60.0
+    assert found.e1_captured == pytest.approx(0.4)
+
+
+def test_report_of_what_never_happens() -> None:
+    results = _results(time_s=[0.0, 1.0], found=[100.0, 100.0], status=["NOT_AVAILABLE"] * 2)  # type: ignore[list-item]
+    found = report(results)
+    assert found is not None
+    assert np.isnan([found.time_to_detect_s, found.time_to_mitigate_s, found.worst_accepted_m]).all()
+    assert report(_results(time_s=[0.0], spoofed=[0], found=[0.0])) is None
+
+
+def test_forged_chips_are_nobody(tmp_path: Path) -> None:
+    results = _results(time_s=[0.0], found=[100.0]).assign_coords(forged=("attack", [True]))
+    assert outcomes(results).item() == Outcome.TRUE
+
+
+def test_outcomes_of_a_run(tmp_path: Path) -> None:
+    """Before the attack all is TRUE; after 1050 s the detectors differ, as the flags say."""
+    scenario = load_scenario(SCENARIOS / "liftoff.toml", ['fidelity="correlators"', "epochs=1300"])
+    assert isinstance(scenario, CampaignScenario)
+    results = run(ScenarioPlan(scenario=scenario), tmp_path / "liftoff")
+    found = outcomes(results)
+    assert found.attrs["flag_meanings"] == "NONE TRUE SPOOFER MIXED"
+    before, after = found.isel(epoch=slice(0, 500)), found.isel(epoch=slice(1050, 1300))
+    assert np.isin(before, [Outcome.TRUE, Outcome.NONE]).all()
+    assert np.mean(after.sel(detector="early") == Outcome.TRUE) > 0.95
+    assert np.mean(after.sel(detector="maximum") == Outcome.SPOOFER) > 0.8
+    early, maximum = report(results, "early"), report(results, "maximum")
+    assert early is not None
+    assert maximum is not None
+    assert 300 < early.time_to_mitigate_s < 550  # "after some minutes"
+    assert np.isnan(maximum.time_to_mitigate_s)
+    assert early.e1_captured == 0
+    quick = load_scenario(SCENARIOS / "quick.toml", ["epochs=200"])
+    assert isinstance(quick, CampaignScenario)
+    undisturbed = run(ScenarioPlan(scenario=quick), tmp_path / "quick")
+    assert report(undisturbed) is None
+    assert np.isin(outcomes(undisturbed), [Outcome.TRUE, Outcome.NONE]).all()

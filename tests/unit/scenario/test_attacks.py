@@ -1,0 +1,146 @@
+"""Attacks in scenario files: what is understood, and one clear line for what is not."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from vestige.errors import InputFileError, VestigeError
+from vestige.records import Band
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.cautions import cautions
+from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.test_case import AcasTestCase, placed
+from vestige.spoofer.jammers import Chirp
+from vestige.spoofer.profiles import Ramp, Table
+from vestige.spoofer.repeaters import LiftOff, Nulling
+from vestige.spoofer.spoofer import ALL_ATTACKS
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+
+
+def _with(tmp_path: Path, text: str, *settings: str) -> CampaignScenario:
+    path = tmp_path / "scenario.toml"
+    path.write_text((SCENARIOS / "quick.toml").read_text() + "\n[[attack]]\n" + text)
+    scenario = load_scenario(path, settings)
+    assert isinstance(scenario, CampaignScenario)
+    return scenario
+
+
+def test_the_paper_s_attack() -> None:
+    scenario = load_scenario(SCENARIOS / "liftoff.toml")
+    assert isinstance(scenario, CampaignScenario)
+    (attack,) = scenario.attack
+    assert isinstance(attack, LiftOff)
+    assert attack.bands == (Band.E6,)
+    assert cautions(scenario) == ()
+    harsh = load_scenario(SCENARIOS / "harsh.toml", ["epochs=1500", "seed=600"])
+    assert scenario.model_copy(update={"attack": ()}) == harsh
+
+
+def test_attacks_compose(tmp_path: Path) -> None:
+    scenario = _with(
+        tmp_path,
+        'kind = "jamming"\nj_over_n_db = 20\nwaveform = {kind = "chirp", sweep_s = 3e-5}\nbands = ["E1"]\n'
+        '[[attack]]\nkind = "nulling"\nbands = ["E1", "E6"]\n'
+        '[[attack]]\nkind = "time-push"\npower_db = -inf\nstart_s = 3\n'
+        'delay_m = {kind = "ramp", first = 0, last = 9, start_s = 1, stop_s = 2}\n',
+    )
+    jam, nulling, push = scenario.attack
+    assert jam.waveform == Chirp(sweep_s=3e-5)  # type: ignore[union-attr]
+    assert nulling == Nulling(bands=(Band.E1, Band.E6))
+    assert push.delay_m == Ramp(first=0.0, last=9.0, start_s=1.0, stop_s=2.0)  # type: ignore[union-attr]
+    assert cautions(scenario) == ("attack 2 (nulling) is outside Assumption 2: it nulls the encrypted signal",)
+
+
+def test_a_table_stands_beside_the_scenario(tmp_path: Path) -> None:
+    (tmp_path / "pull.csv").write_text("time_s,value\n0,0\n10,30\n")
+    text = 'kind = "lift-off"\npower_db = 3\ndelay_m = {kind = "table", path = "pull.csv"}\n'
+    (attack,) = _with(tmp_path, text).attack
+    assert attack.delay_m == Table(path="pull.csv", time_s=(0.0, 10.0), values=(0.0, 30.0))  # type: ignore[union-attr]
+    text = 'kind = "lift-off"\npower_db = 3\ndelay_m = {kind = "table", path = "absent.csv"}\n'
+    with pytest.raises(InputFileError, match=r"absent\.csv: file"):
+        _with(tmp_path, text)
+
+
+def test_settings_reach_into_an_attack(tmp_path: Path) -> None:
+    text = 'kind = "meaconing"\ndelay_s = 1e-6\npower_db = 3\n'
+    (attack,) = _with(tmp_path, text, "attack.0.power_db=-inf", 'attack.0.bands=["E6"]').attack
+    assert (attack.power_db, attack.bands) == (float("-inf"), (Band.E6,))  # type: ignore[union-attr]
+    for setting in ("attack.1.power_db=3", "attack.x.power_db=3", "attack.0=3"):
+        with pytest.raises(VestigeError, match="--set attack"):
+            _with(tmp_path, text, setting)
+
+
+LIFT = 'kind = "lift-off"\n'
+FINE = LIFT + "power_db = 3\ndelay_m = 0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("power_db = 3\n", "attack.0.kind"),
+        ('kind = "magic"\n', "attack.0.kind"),
+        (LIFT + "power_db = 3\n", "attack.0.delay_m"),
+        (FINE + "colour = 3\n", "attack.0.colour"),
+        (FINE + 'bands = ["L5"]\n', "attack.0.bands.0"),
+        (FINE + 'phase = {kind = "lost"}\n', "attack.0.phase.kind"),
+        (FINE + 'phase = {kind = "slipping"}\n', "attack.0.phase.slip_hz"),
+        (FINE + "reception_gain_db = 1e3\n", "attack.0"),
+        (FINE + "start_s = -1\n", "attack.0"),
+        (FINE + "svids = [99]\n", "attack.0"),
+        (LIFT + "power_db = 3\ndelay_m = 1e12\n", "attack.0"),
+        (LIFT + "power_db = 300\ndelay_m = 0\n", "attack.0"),
+        (LIFT + "power_db = nan\ndelay_m = 0\n", "attack.0.power_db"),
+        (LIFT + 'power_db = "x"\ndelay_m = 0\n', "attack.0.power_db"),
+        (LIFT + "power_db = 3\ndelay_m = -inf\n", "attack.0.delay_m"),
+        (LIFT + 'power_db = 3\ndelay_m = {kind = "ramp", first = 0}\n', "attack.0.delay_m.last"),
+        (LIFT + 'power_db = 3\ndelay_m = {kind = "cubic"}\n', "attack.0.delay_m.kind"),
+        (LIFT + 'power_db = 3\ndelay_m = {kind = "constant", level = 1, x = 1}\n', "attack.0.delay_m.x"),
+        (
+            LIFT + 'power_db = 3\ndelay_m = {kind = "ramp", first = 0, last = 9e4, start_s = 0, stop_s = 1}\n',
+            "attack.0",
+        ),
+        ('kind = "meaconing"\npower_db = 3\ndelay_s = 100\n', "attack.0"),
+        ('kind = "position-push"\npower_db = 3\ndelay_m = 0\n', "attack.0"),
+        ('kind = "time-push"\npower_db = 3\ndelay_m = 0\nsvids = [3]\n', "attack.0"),
+        ('kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "chirp", sweep_s = 1}\n', "attack.0.waveform"),
+        ('kind = "between-recs"\npower_db = 3\ntop_m = 9\nperiod_s = 1\n', "attack.0"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, place: str) -> None:
+    with pytest.raises(InputFileError) as error:
+        _with(tmp_path, text)
+    assert error.value.place == place
+    assert "\n" not in str(error.value)
+
+
+def test_schema_names_every_attack() -> None:
+    text = str(schema())
+    for attack in ALL_ATTACKS:
+        (kind,) = (field.default for field in fields(attack) if field.name == "kind")
+        assert f"'{kind}'" in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "place"),
+    [
+        (["receiver.front_end.bits=2"], "receiver.front_end.bits"),
+        (["receiver.front_end.bandwidth_hz=8e6"], "receiver.front_end"),
+    ],
+)
+def test_what_the_model_of_correlators_does_not_know(tmp_path: Path, settings: list[str], place: str) -> None:
+    text = 'kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "cw"}\n'
+    with pytest.raises(InputFileError) as error:
+        _with(tmp_path, text, *settings)
+    assert error.value.place == place
+    _with(tmp_path, text, 'fidelity="samples"', *settings)
+
+
+def test_a_test_case_has_no_attacker(tmp_path: Path) -> None:
+    scenario = load_scenario(SCENARIOS / "liftoff.toml")
+    assert isinstance(scenario, CampaignScenario)
+    with pytest.raises(VestigeError, match="attack: found an attacker"):
+        AcasTestCase(scenario=placed(scenario), first=0, end=2)
