@@ -214,8 +214,8 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     """Return how many decisions of single taps on noise alone exceed the threshold.
 
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
-    correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only taps more than a chip before the line of
-    sight are counted: they hold neither it nor its rays, which come later.
+    correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
+    taps more than a chip before the line of sight are counted: they hold neither it nor its rays, which come later.
 
     Parameters
     ----------
