@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vestige.records import Band
+from vestige.spoofer.between_recs import BetweenRecs
+
+ATTACK = BetweenRecs(top_m=80.0, power_db=3.0, period_s=30.0, first_recs_s=12.0, guard_s=2.0)
+
+
+def test_nothing_at_a_recs_and_the_top_between_two() -> None:
+    t_s = np.array([12.0, 14.0, 27.0, 40.0, 42.0, 57.0])
+    counterfeit = ATTACK.counterfeit(Band.E6, t_s)
+    assert counterfeit is not None
+    assert np.isfinite(counterfeit.power_db).tolist() == [False, False, True, False, False, True]
+    assert counterfeit.delay_m == pytest.approx([0.0, 0.0, 80.0, 0.0, 0.0, 80.0], abs=1e-9)
+
+
+def test_rate_is_the_derivative() -> None:
+    t_s = np.arange(15.0, 39.0, 1e-3)
+    counterfeit = ATTACK.counterfeit(Band.E1, t_s)
+    assert counterfeit is not None
+    middle = (counterfeit.delay_rate_mps[1:] + counterfeit.delay_rate_mps[:-1]) / 2
+    assert np.max(np.abs(np.diff(counterfeit.delay_m) / 1e-3 - middle)) < 1e-5

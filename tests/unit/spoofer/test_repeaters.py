@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vestige.records import Band
+from vestige.spoofer.profiles import Ramp
+from vestige.spoofer.repeaters import LiftOff, Meaconing, Nulling, Scer
+
+T = np.array([0.0, 10.0, 20.0])
+RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
+
+
+def test_repeated_noise_is_power_over_reception_gain() -> None:
+    """−10, 0, 10 dB over a reception 10 dB better than the victim's; E1 of a lift-off is made, not repeated."""
+    lift_off = LiftOff(delay_m=0.0, power_db=RISING, reception_gain_db=10.0)
+    assert lift_off.noise_over_n0(Band.E6, T) == pytest.approx([0.01, 0.1, 1.0])
+    assert lift_off.noise_over_n0(Band.E1, T) == pytest.approx([0, 0, 0])
+    meacon = Meaconing(delay_s=1e-6, power_db=RISING, reception_gain_db=0.0, start_s=10.0)
+    for band in Band:
+        assert meacon.noise_over_n0(band, T) == pytest.approx([0, 1.0, 10.0])
+
+
+def test_a_meaconer_delays_every_band_alike() -> None:
+    meacon = Meaconing(delay_s=1e-6, power_db=3.0)
+    for band in Band:
+        counterfeit = meacon.counterfeit(band, T)
+        assert counterfeit is not None
+        assert counterfeit.delay_m == pytest.approx(np.full(3, 299.792458))
+        assert np.all(counterfeit.doppler_hz == 0)
+    assert Meaconing(delay_s=1e-6, power_db=3.0, bands=(Band.E6,)).counterfeit(Band.E1, T) is None
+    assert not Meaconing(delay_s=1e-6, power_db=3.0, bands=(Band.E6,)).reacquired
+
+
+def test_scer_is_a_chip_behind_on_e6() -> None:
+    scer = Scer(delay_m=RISING, power_db=0.0)
+    e1, e6 = scer.counterfeit(Band.E1, T), scer.counterfeit(Band.E6, T)
+    assert e1 is not None
+    assert e6 is not None
+    assert e1.delay_m == pytest.approx([-10.0, 0.0, 10.0])
+    assert e6.delay_m - e1.delay_m == pytest.approx(np.full(3, 58.6105), abs=1e-3)
+    assert e6.delay_rate_mps == pytest.approx([1.0, 1.0, 0.0])
+
+
+def test_what_a_nuller_leaves() -> None:
+    """|1 − g e^{je}|²: −0.5 dB and 5° leave −19.9 dB."""
+    counterfeit = Nulling(gain_db=-0.5, phase_error_rad=np.radians(5.0)).counterfeit(Band.E1, T)
+    assert counterfeit is not None
+    left = 1 + 10 ** (counterfeit.power_db / 20) * np.exp(1j * counterfeit.phase_rad)
+    assert 20 * np.log10(np.abs(left)) == pytest.approx(np.full(3, -19.9), abs=0.05)
+    assert Nulling().counterfeit(Band.E6, T) is None
+
+
+def test_phase_follows_the_carrier_of_the_band() -> None:
+    lift_off = LiftOff(delay_m=RISING, power_db=0.0)
+    for band, carrier_hz in ((Band.E1, 1575.42e6), (Band.E6, 1278.75e6)):
+        counterfeit = lift_off.counterfeit(band, T)
+        assert counterfeit is not None
+        assert counterfeit.doppler_hz == pytest.approx([-carrier_hz / 299_792_458] * 2 + [0])
