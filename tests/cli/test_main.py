@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -51,3 +53,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = _exit(capsys, "--version")
     assert code == 0
     assert out.startswith("vestige 0.")
+
+
+def test_the_package_can_be_run_as_a_module() -> None:
+    done = subprocess.run([sys.executable, "-m", "vestige", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("vestige ")

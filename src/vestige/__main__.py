@@ -1,0 +1,5 @@
+"""`python -m vestige`: the command line."""
+
+from vestige.cli.main import main
+
+main()
