@@ -25,6 +25,7 @@ from vestige.time import GalileoTime
 
 _SPARE_CHIPS = 16  # on both sides: of what is on air by less than a chip's accuracy
 _FAR_M = 1e3  # a window as far as this from the line of sight is filled with what is on air there
+_SAME_ARRIVAL_S = 5e-3  # within which the line of sight moves by less than a chip at 10 km/s
 _JAMMER = 16  # first stream number of the jammers
 
 
@@ -120,8 +121,9 @@ def jammer_samples(
 
 def _on_air(taken: Window, line_of_sight: RangeModel, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
     """Return the first chip of a delayed signal that is in a window, counted from the RECS, and the number of chips."""
-    delay_s, arrival_s = delay_m / SPEED_OF_LIGHT_MPS, 0.0
-    for _ in range(2):  # the line of sight is another one where the window is
+    delay_s = delay_m / SPEED_OF_LIGHT_MPS
+    arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s
+    if abs(taken.start_s - arrival_s) > _SAME_ARRIVAL_S:
         sent_s = taken.start_s - arrival_s
         arrival_s = float(arrival(line_of_sight, truth, slice(row, row + 1), sent_s).dt_s[0]) + delay_s
     first = math.floor((taken.start_s - arrival_s) * E6C.chip_rate_hz) - _SPARE_CHIPS

@@ -117,6 +117,8 @@ class Window:
 
     Attributes
     ----------
+    expected_s
+        When the receiver expects the RECS, after transmission.
     first
         Number of the first sample, counted from the time of transmission at the output rate.
     n_samples
@@ -125,6 +127,7 @@ class Window:
         Times after transmission between which signals must be there: what the front end's filter needs, too.
     """
 
+    expected_s: float
     first: int
     n_samples: int
     start_s: float
@@ -148,6 +151,7 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     n_samples = _n_samples(n_chips, front_end)
     margin_s = front_end.margin_samples / front_end.input_rate_hz
     return Window(
+        expected_s=expected_s,
         first=first,
         n_samples=n_samples,
         start_s=first / rate_hz - margin_s,

@@ -34,7 +34,7 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
-_FINE = 256  # samples of a wave that share a coarse phase
+_PIECE = 8192  # samples that are added at once: they stay in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,9 +86,10 @@ class ContinuousWave:
     def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         step = 2j * pi * self.offset_hz / sample_rate_hz
-        fine = np.exp(step * np.arange(_FINE)).astype(np.complex64)
-        coarse = np.exp(step * _FINE * np.arange(-(-x.size // _FINE)) + 2j * pi * _uniform(key))
-        x += np.outer((np.sqrt(power) * coarse).astype(np.complex64), fine).reshape(-1)[: x.size]
+        piece = np.exp(step * np.arange(min(_PIECE, x.size))).astype(np.complex64)
+        for first in range(0, x.size, _PIECE):
+            turn = np.complex64(np.sqrt(power) * np.exp(step * first + 2j * pi * _uniform(key)))
+            x[first : first + _PIECE] += turn * piece[: x.size - first]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +122,9 @@ class Chirp:
         turn = np.exp(2j * pi * _uniform(key))
         start = int(_uniform(key ^ np.uint64(1)) * n)
         sweep = np.roll(np.sqrt(power) * turn * sweep, -start).astype(np.complex64)
-        x += np.resize(sweep, x.size)
+        piece = np.tile(sweep, -(-_PIECE // n))
+        for first in range(0, x.size, piece.size):
+            x[first : first + piece.size] += piece[: x.size - first]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
