@@ -57,8 +57,16 @@ def campaign_results(
     delay_m = iono_m + rng.normal(0, 0.8, shape[:2])
     phase_rad = rng.uniform(0, 2 * np.pi, len(svids)) + 2e-3 * np.cumsum(rng.standard_normal(shape[:2]), axis=0)
     taps += np.exp(1j * phase_rad)[..., None] * _triangle(delay_m[..., None] - offsets_m)
+    truth: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
     if spoofer is not None:
         later_m, amplitude = spoofer(time_s)
+        power_db = 20 * np.log10(amplitude)
+        truth = {
+            "truth_prediction_error_m": (("epoch", "satellite"), delay_m),
+            "truth_phase_rad": (("epoch", "satellite"), phase_rad),
+            "truth_spoofer_offset_m": (("epoch", "satellite", "attack"), _everywhere(later_m, len(svids))),
+            "truth_spoofer_power_db": (("epoch", "satellite", "attack"), _everywhere(power_db, len(svids))),
+        }
         turns = np.cumsum(np.abs(np.gradient(later_m))) / 6 + 0.002 * time_s
         spoofed = amplitude[:, None, None] * _triangle(later_m[:, None, None] - offsets_m)
         taps += np.exp(1j * phase_rad)[..., None] * np.exp(2j * np.pi * turns)[:, None, None] * spoofed
@@ -87,11 +95,13 @@ def campaign_results(
             "magnitude_sigma": column("magnitude_sigma", np.float32),
             "phase_rad": column("phase_rad", np.float32),
             "range_offset_m": column("range_offset_m", np.float32),
+            **truth,
         },
         coords={
             "svid": ("satellite", np.array(svids)),
             "tap_offset_m": ("tap", offsets_m),
             "detector": ("detector", list(DETECTORS)),
+            **({"attack": ("attack", ["1 lift-off"])} if truth else {}),
         },
         attrs={
             "p_fa": p_fa,
@@ -101,6 +111,11 @@ def campaign_results(
             "fidelity": "correlators",
         },
     )
+
+
+def _everywhere(values: np.ndarray, n_satellites: int) -> np.ndarray:
+    """Return values over epochs as those of one attack on all satellites."""
+    return np.repeat(values[:, None, None], n_satellites, axis=1)
 
 
 def _triangle(distance_m: np.ndarray) -> np.ndarray:

@@ -10,13 +10,15 @@ import xarray
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from results_builder import RecordedPlan, campaign_results, stored
+from results_builder import RecordedPlan, campaign_results, lift_off, stored
 from vestige.campaign.run import run as run_campaign
 from vestige.cli.plot import FORMATS, KINDS, command
 from vestige.errors import VestigeError
 from vestige.plots import figure
 
-OF_A_CAMPAIGN = [name for name, kind in KINDS.items() if not kind.of_sweep]
+OF_A_CAMPAIGN = [
+    name for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_attack and "png" in kind.formats
+]
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,42 @@ def test_all(store: Path, tmp_path: Path) -> None:
     files = [folder / f"{kind}.png" for kind in OF_A_CAMPAIGN]
     assert result.stdout.splitlines() == [str(file) for file in files]
     assert sorted(folder.iterdir()) == sorted(files)
+
+
+@pytest.fixture(scope="module")
+def attacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return stored(campaign_results(150, spoofer=lift_off), tmp_path_factory.mktemp("store") / "attacked.zarr")
+
+
+def test_all_of_an_attack_is_of_both_detectors(attacked: Path, tmp_path: Path) -> None:
+    result = plot("all", attacked, "-o", tmp_path, "--detector", "maximum")
+    assert result.exit_code == 0
+    names = [*OF_A_CAMPAIGN, "attack-comparison", "detecting-correlator-early", "range-offset-early"]
+    assert sorted(tmp_path.iterdir()) == sorted(tmp_path / f"{name}.png" for name in names)
+
+
+def test_the_other_detector_is_the_other_one(attacked: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    titles = {}
+    monkeypatch.setattr("vestige.plots.write", lambda ax, path, **_: titles.update({path.stem: ax.get_title()}))
+    assert plot("all", attacked, "-o", tmp_path).exit_code == 0
+    assert "early" in titles["range-offset"]
+    assert "maximum" in titles["range-offset-maximum"]
+    assert "maximum" in titles["detecting-correlator-maximum"]
+
+
+def test_attack_comparison_and_animation(attacked: Path, tmp_path: Path) -> None:
+    for kind, name in (("attack-comparison", "a.png"), ("animation", "a.gif")):
+        file = tmp_path / name
+        result = plot(kind, attacked, "-o", file, "--from", 100, "--to", 110)
+        assert (result.exit_code, result.stdout, result.stderr) == (0, f"{file}\n", "")
+    with Image.open(tmp_path / "a.gif") as image:
+        assert getattr(image, "n_frames", 1) == 10
+
+
+def test_without_an_attack_there_is_nothing_to_compare(store: Path, tmp_path: Path) -> None:
+    line = refused("attack-comparison", store, "-o", tmp_path / "a.png")
+    assert line.startswith(f"{store}: ")
+    assert "found no attack" in line
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -167,6 +205,7 @@ def _missing_table(tmp_path: Path) -> str:
         ("waterfall", "-o", "a.png"),
         ("waterfall", "x.zarr"),
         ("waterfall", "x.zarr", "-o", "a.gif"),
+        ("animation", "x.zarr", "-o", "a.png"),
         ("waterfall", "x.zarr", "y.zarr", "-o", "a.png"),
         ("waterfall", "x.zarr", "-o", "a.png", "--width-cm", "1"),
         ("waterfall", "x.zarr", "-o", "a.png", "--width-cm", "nan"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,22 +22,32 @@ class Kind:
 
     help: str
     of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
+    of_attack: bool = False  # of a campaign with an attack
     with_detector: bool = True
+    compared: bool = False  # drawn for each detector if there is an attack, which they see differently
+    formats: tuple[str, ...] = FORMATS
 
 
 KINDS = {
-    "detecting-correlator": Kind(help="magnitude, phase and detection against time"),
+    "detecting-correlator": Kind(help="magnitude, phase and detection against time", compared=True),
     "waterfall": Kind(help="all correlators against time, as a landscape", with_detector=False),
     "waterfall-map": Kind(help="all correlators against time, as a map", with_detector=False),
     "magnitude-histogram": Kind(help="magnitude of the detecting correlator, split by detected or not"),
     "range-histogram": Kind(help="range offset, in log scale"),
-    "range-offset": Kind(help="range offset against time"),
+    "range-offset": Kind(help="range offset against time", compared=True),
+    "attack-comparison": Kind(
+        help="range offset of both detectors, over the attack's truth", of_attack=True, with_detector=False
+    ),
+    "animation": Kind(
+        help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
+    ),
     "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"
+_DETECTORS = ("early", "maximum")
 
 
 def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
@@ -49,7 +59,7 @@ def _finite(_context: click.Context, parameter: click.Parameter, value: float | 
 
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep]
-    + [f"  {_ALL:21} each of these as PNG, into a folder"]
+    + [f"  {_ALL:21} all but the animation as PNG, into a folder; under attack for both detectors"]
     + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
     + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
 )
@@ -59,9 +69,9 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg) or folder."
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg, .gif) or folder."
 )
-@click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
+@click.option("--detector", type=click.Choice(_DETECTORS), default="early", show_default=True)
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
 @click.option(
     "--width-cm",
@@ -95,26 +105,66 @@ def command(
 
     A campaign that has not ended is drawn as far as it has come.
     """
-    names = [name for name in KINDS if not KINDS[name].of_sweep] if kind == _ALL else [kind]
-    files = [output / f"{name}.png" for name in names] if kind == _ALL else [output]
-    if kind != _ALL and output.suffix.lower().lstrip(".") not in FORMATS:
-        raise click.BadParameter(f"{output}: the suffix of a figure is one of .{', .'.join(FORMATS)}", param_hint="-o")
-    if kind == _ALL:
-        output.mkdir(parents=True, exist_ok=True)
+    chosen = KINDS.get(kind)
+    if chosen is not None and output.suffix.lower().lstrip(".") not in chosen.formats:
+        allowed = ", .".join(chosen.formats)
+        raise click.BadParameter(f"{output}: the suffix of a figure of this kind is one of .{allowed}", param_hint="-o")
+    if chosen is None or not chosen.of_sweep:
+        if len(results) > 1:
+            raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
+        choice = _Choice(detector=detector, svid=svid, flank_from_m=flank_from_m, width_cm=width_cm)
+        _draw_campaign(kind, results[0], _open(results[0], start_s, stop_s), output, choice)
+        return
 
     from vestige import plots
 
-    if KINDS[names[0]].of_sweep:
-        sweep = _read_sweep(results, detector, svid, start_s, stop_s)
-        drawn = (plots.detection_curve(sweep, count=_COUNT[name]) for name in names)
+    sweep = _read_sweep(results, detector, svid, start_s, stop_s)
+    plots.write(plots.detection_curve(sweep, count=_COUNT[kind]), output, width_cm=width_cm)
+    click.echo(str(output))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Choice:
+    """What the options choose in a figure."""
+
+    detector: str
+    svid: int | None
+    flank_from_m: float | None
+    width_cm: float
+
+
+def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path, choice: _Choice) -> None:
+    """Draw one figure into a file, or all of a campaign into a folder, and print the names of the files."""
+    from vestige import plots
+    from vestige.errors import VestigeError
+
+    if kind != _ALL:
+        figures = [(kind, output, choice)]
     else:
-        if len(results) > 1:
-            raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
-        campaign = _open(results[0], start_s, stop_s)
-        drawn = (_draw(name, results[0], campaign, detector, svid, flank_from_m) for name in names)
-    for file, axes in zip(files, drawn, strict=True):
-        plots.write(axes, file, width_cm=width_cm)
+        output.mkdir(parents=True, exist_ok=True)
+        figures = _all_of(plots.is_attacked(results), output, choice)
+    for name, file, of in figures:
+        try:
+            if name == "animation":
+                plots.write_animation(results, file, svid=of.svid, width_cm=of.width_cm)
+            else:
+                plots.write(_axes(name, results, of), file, width_cm=of.width_cm)
+        except VestigeError as error:
+            raise VestigeError(f"{path}: {error}") from error
         click.echo(str(file))
+
+
+def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
+    """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
+    other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
+    figures = []
+    for name, kind in KINDS.items():
+        if kind.of_sweep or "png" not in kind.formats or (kind.of_attack and not attacked):
+            continue
+        figures.append((name, folder / f"{name}.png", choice))
+        if kind.compared and attacked:
+            figures.append((name, folder / f"{name}-{other.detector}.png", other))
+    return figures
 
 
 def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
@@ -131,21 +181,16 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
         raise VestigeError(f"{path}: {error}") from error
 
 
-def _draw(
-    name: str, path: Path, results: xarray.Dataset, detector: str, svid: int | None, flank_from_m: float | None
-) -> Axes:
+def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
+    """Return the axes of one kind of figure."""
     from vestige import plots
-    from vestige.errors import VestigeError
 
-    choice: dict[str, int | float | str | None] = {"svid": svid}
+    choice: dict[str, int | float | str | None] = {"svid": of.svid}
     if KINDS[name].with_detector:
-        choice["detector"] = detector
-    if name == "range-histogram" and flank_from_m is not None:
-        choice["right_flank"] = flank_from_m
-    try:
-        return getattr(plots, name.replace("-", "_"))(results, **choice)
-    except VestigeError as error:
-        raise VestigeError(f"{path}: {error}") from error
+        choice["detector"] = of.detector
+    if name == "range-histogram" and of.flank_from_m is not None:
+        choice["right_flank"] = of.flank_from_m
+    return getattr(plots, name.replace("-", "_"))(results, **choice)
 
 
 def _read_sweep(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from vestige.plots.animation import write_animation
+from vestige.plots.attack_comparison import attack_comparison
 from vestige.plots.detecting_correlator import detecting_correlator
 from vestige.plots.detection_curve import detection_curve
-from vestige.plots.epochs import between
+from vestige.plots.epochs import between, is_attacked
 from vestige.plots.figure import new_axes, write
 from vestige.plots.magnitude_histogram import magnitude_histogram
 from vestige.plots.range_histogram import RightFlank, range_histogram
@@ -14,9 +16,11 @@ from vestige.plots.waterfall import waterfall, waterfall_map
 
 __all__ = [
     "RightFlank",
+    "attack_comparison",
     "between",
     "detecting_correlator",
     "detection_curve",
+    "is_attacked",
     "magnitude_histogram",
     "new_axes",
     "range_histogram",
@@ -26,4 +30,5 @@ __all__ = [
     "waterfall",
     "waterfall_map",
     "write",
+    "write_animation",
 ]

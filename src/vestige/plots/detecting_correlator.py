@@ -10,8 +10,19 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vestige.plots.epochs import attribute, column, is_detected, is_missed, select, title_of
-from vestige.plots.figure import BLACK, BLUE, LEGEND, ORANGE, RED, dot_size_pt, dress, new_axes, time_label
+from vestige.plots.epochs import attribute, column, is_detected, is_missed, phase_rad, select, title_of
+from vestige.plots.figure import (
+    BLACK,
+    BLUE,
+    LEGEND,
+    ORANGE,
+    RED,
+    SMALL_LETTERS_PT,
+    dot_size_pt,
+    dress,
+    new_axes,
+    time_label,
+)
 
 MAGNITUDE_SHARE = 0.66  # of the height, for flags and magnitude; the phase lies above, so that none covers another
 _BELOW = 0.06  # of the height, free below the flags
@@ -25,8 +36,9 @@ def detecting_correlator(
 ) -> Axes:
     """Return axes with magnitude (orange), phase (blue, right axis) and detection (red dots at 1 or 0) against time.
 
-    Where nothing is detected, magnitude and phase are not defined and the curves have a gap. Flags and magnitude share
-    the left axis: a magnitude lies above the threshold, so the flags stand free below it.
+    The phase is that against the true signal if the results say it. Where nothing is detected, magnitude and phase are
+    not defined and the curves have a gap. Flags and magnitude share the left axis: a magnitude lies above the
+    threshold, so the flags stand free below it.
 
     Parameters
     ----------
@@ -59,21 +71,28 @@ def detecting_correlator(
     ax.set_yticks([tick for tick in ax.get_yticks() if 0 <= tick <= top])
     dress(ax, title=title_of("Detecting correlator", shown), x=time_label(ax.xaxis, time_s), y="magnitude (σ)")
     ax.yaxis.label.set_y((top / 2 - low) / (high - low))
-    _draw_phase(ax, time_s, column(shown, "phase_rad"), above=(top - low) / (high - low))
+    phase, against = phase_rad(shown)
+    _draw_phase(ax, time_s, phase, against, above=(top - low) / (high - low))
     _name_the_curves(ax, threshold)
     return ax
 
 
-def _draw_phase(ax: Axes, time_s: Float[np.ndarray, " n"], phase_rad: Float[np.ndarray, " n"], above: float) -> None:
+def _draw_phase(
+    ax: Axes, time_s: Float[np.ndarray, " n"], phase: Float[np.ndarray, " n"], against: str, above: float
+) -> None:
     """Draw the phase in the part of the height that lies above the share `above`, with an axis on the right."""
     right = ax.twinx()
     size = dot_size_pt(time_s.size)
-    right.plot(time_s, phase_rad, linestyle="none", color=BLUE, markersize=size, **_DOTS)
+    right.plot(time_s, phase, linestyle="none", color=BLUE, markersize=size, **_DOTS)
     end = 1.15 * np.pi  # keeps a little distance from the frame and from the magnitude
     right.set_ylim(end - 2 * end / (1 - above), end)
     right.set_yticks([-np.pi, 0, np.pi], ["−π", "0", "π"])
     dress(right, title="", x="", y="phase (rad)")
     right.yaxis.label.set_y((1 + above) / 2)
+    if against:
+        paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.8}
+        place: dict[str, Any] = {"transform": ax.transAxes, "va": "top", "bbox": paper}
+        right.text(0.015, 0.985, against, fontsize=SMALL_LETTERS_PT, color=BLUE, **place)
 
 
 def _name_the_curves(ax: Axes, threshold: float | None) -> None:

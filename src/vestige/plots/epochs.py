@@ -98,6 +98,22 @@ def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_
     return np.where(np.isfinite(magnitudes), magnitudes, np.nan) / sigma[:, None]
 
 
+def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
+    """Return the phase of the detecting correlator, against that of the true signal if it is known; then it says so.
+
+    From one epoch to the next the carrier itself makes thousands of turns. Under attack its phase is in the results.
+    """
+    phase = column(selected, "phase_rad")
+    if "truth_phase_rad" not in selected.variables:
+        return phase, ""
+    return np.angle(np.exp(1j * (phase - column(selected, "truth_phase_rad")))), "phase against the true signal"
+
+
+def is_attacked(results: xarray.Dataset) -> bool:
+    """Return whether the campaign has an attack, and with it the truth of counterfeits."""
+    return {"truth_spoofer_offset_m", "truth_spoofer_power_db", "truth_prediction_error_m"} <= set(results.variables)
+
+
 def is_detected(selected: xarray.Dataset) -> Bool[np.ndarray, " n_epochs"]:
     """Return whether the detector chose a tap."""
     return np.asarray(selected["tap_index"].values >= 0)

@@ -1,0 +1,110 @@
+"""Both detectors under attack, one below the other, over what the attacker does [WFO, Sec. VI-B]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from vestige.errors import VestigeError
+from vestige.plots.epochs import column, is_attacked, is_missed, select, title_of
+from vestige.plots.figure import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LEGEND,
+    ORANGE,
+    RED,
+    dot_size_pt,
+    dress,
+    figure_of,
+    new_axes,
+    time_label,
+)
+
+HEIGHT_CM = 11.5
+DETECTORS = ("early", "maximum")
+_POWER_SHARE = 0.45  # of the height of a range offset
+_MARGIN_M = 12.0
+_LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
+
+
+def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
+    """Return the uppermost of three axes on one time axis: power of the counterfeits, range offset of both detectors.
+
+    Over the range offsets lie the lines on which they belong: where the true signal is, and where each counterfeit is,
+    by the truth. A counterfeit without power has no line.
+
+    Parameters
+    ----------
+    results
+        Results of a campaign with an attack.
+
+    Raises
+    ------
+    VestigeError
+        If the campaign has no attack, or lacks the satellite.
+    """
+    require_attack(results)
+    shown = {detector: select(results, detector=detector, svid=svid) for detector in DETECTORS}
+    one = shown[DETECTORS[0]]
+    time_s, true_m = column(one, "time_s"), column(one, "truth_prediction_error_m")
+    power_db, spoofer_m = counterfeits(one)
+    figure = figure_of(new_axes(height_cm=HEIGHT_CM))
+    figure.clear()
+    power, *offsets = figure.subplots(3, sharex=True, height_ratios=[_POWER_SHARE, 1, 1])
+
+    power.axhline(0.0, color=BLACK, linewidth=0.5)
+    power.plot(time_s, power_db, color=ORANGE, **_LINE)
+    dress(power, title=title_of("Attack", one, with_detector=False), x="", y="power (dB)")
+    for ax, (detector, selected) in zip(offsets, shown.items(), strict=True):
+        missed = is_missed(selected)
+        ax.plot(time_s, true_m, color=GREEN, label="true signal", **_LINE)
+        ax.plot(time_s, spoofer_m, color=ORANGE, **_LINE)[0].set_label("spoofer")
+        ax.plot(
+            time_s, column(selected, "range_offset_m"), ".", color=BLUE, markersize=dot_size_pt(time_s.size),
+            markeredgewidth=0, rasterized=True, label="measured",
+        )  # fmt: skip
+        ax.plot(
+            time_s[missed], np.full(missed.sum(), 0.03), "|", color=RED, markersize=4, markeredgewidth=0.6,
+            transform=ax.get_xaxis_transform(), label="not detected", rasterized=True,
+        )  # fmt: skip
+        dress(ax, title=f"{detector} detector", x="", y="range offset (m)")
+        ax.set_ylim(*_limits(one, true_m, spoofer_m, *(column(each, "range_offset_m") for each in shown.values())))
+    offsets[-1].set_xlabel(time_label(offsets[-1].xaxis, time_s), fontsize=offsets[-1].yaxis.label.get_fontsize())
+    figure.legend(*offsets[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, **LEGEND)
+    return power
+
+
+def require_attack(results: xarray.Dataset) -> None:
+    """Raise if a campaign has no attack.
+
+    Raises
+    ------
+    VestigeError
+        If the results lack the truth of counterfeits.
+    """
+    if not is_attacked(results):
+        raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")
+
+
+def counterfeits(
+    selected: xarray.Dataset,
+) -> tuple[Float[np.ndarray, "n_epochs n_attacks"], Float[np.ndarray, "n_epochs n_attacks"]]:
+    """Return power in dB, and place on the axis of range offsets in m, of the counterfeits; NaN while they are off."""
+    power_db = selected["truth_spoofer_power_db"].transpose("epoch", "attack").values.astype(np.float64)
+    later_m = selected["truth_spoofer_offset_m"].transpose("epoch", "attack").values.astype(np.float64)
+    on = np.isfinite(power_db)
+    place_m = column(selected, "truth_prediction_error_m")[:, None] + later_m
+    return np.where(on, power_db, np.nan), np.where(on, place_m, np.nan)
+
+
+def _limits(selected: xarray.Dataset, *places_m: Float[np.ndarray, "..."]) -> tuple[float, float]:
+    """Return what the axes of range offsets show: all places that are within the bank of correlators."""
+    offsets_m = column(selected, "tap_offset_m")
+    shown_m = np.concatenate([np.zeros(1), *(one.ravel() for one in places_m)])
+    shown_m = shown_m[(shown_m >= offsets_m[0]) & (shown_m <= offsets_m[-1])]
+    return float(shown_m.min()) - _MARGIN_M, float(shown_m.max()) + _MARGIN_M
