@@ -37,7 +37,7 @@ from vestige.signals.definitions import E6C
 RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # one chip of E6-C
 FLOOR_DB = -15.0
 SHARE = 0.97
-_ALARMS = (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED)
+ALARMS = (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED)
 
 
 class Outcome(IntEnum):
@@ -163,8 +163,8 @@ def report(
     time_s = one["time_s"].values[attacked]
     outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
     status = one["status"].values[attacked]
-    alarm = np.isin(status, [_position(alarm) for alarm in _ALARMS])
-    accepted = status == _position(Status.AUTHENTIC)
+    alarm = np.isin(status, [position(alarm) for alarm in ALARMS])
+    accepted = status == position(Status.AUTHENTIC)
     return AttackReport(
         detector=detector,
         shares={kind: float(np.mean(outcome == kind)) for kind in Outcome},
@@ -200,5 +200,6 @@ def _worst(error_m: Float[np.ndarray, " n"]) -> float:
     return float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan")
 
 
-def _position(status: Status) -> int:
+def position(status: Status) -> int:
+    """Return how the results write a status."""
     return list(Status).index(status)

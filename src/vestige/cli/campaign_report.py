@@ -20,7 +20,7 @@ from vestige.campaign.sweep import Row
 def campaign_json(results: xarray.Dataset) -> str:
     """Return what was found in one campaign."""
     attrs = results.attrs
-    return _json(
+    return as_json(
         {
             "epochs": results.sizes["epoch"],
             "fidelity": attrs["fidelity"],
@@ -51,7 +51,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
 
 def sweep_json(rows: Sequence[Row]) -> str:
     """Return the rows of a sweep."""
-    return _json({"campaigns": [asdict(row) for row in rows]})
+    return as_json({"campaigns": [asdict(row) for row in rows]})
 
 
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
@@ -113,7 +113,8 @@ def _theory(results: xarray.Dataset) -> float:
     return float(probability_of_detection(attrs["cn0_dbhz"], attrs["integration_s"], attrs["p_fa"]))
 
 
-def _json(value: Any) -> str:
+def as_json(value: Any) -> str:
+    """Return nested results as one JSON object; what is no finite number is null."""
     return json.dumps(_finite(value), allow_nan=False)
 
 

@@ -20,6 +20,7 @@ VERBS = {
     "osnma": ("vestige.cli.osnma", "Verify OSNMA messages and extract validated keys."),
     "recs": ("vestige.cli.recs", "Look into, decrypt or make RECS files."),
     "run": ("vestige.cli.run", "Run a campaign of many epochs and keep the results."),
+    "threats": ("vestige.cli.threats", "Measure what comes of each attack of the threat table."),
     "plot": ("vestige.cli.plot", "Draw the figures of a campaign's results."),
     "search": ("vestige.cli.search", "Search for every signal on E1 and for the encrypted signal in E6."),
     "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),

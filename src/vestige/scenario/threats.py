@@ -1,0 +1,146 @@
+"""The threat table: attacks A0 to A14, what each mitigation level is expected to make of them, scenes to measure it.
+
+The table is data, `threats.toml` beside this file, which explains it. Its rows are the attacks that [WFO, Sec. IV] has
+its levels defend against, with the parameters of recorded attacks where there are some [TEXBAT].
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.toml_file import Section, overridden, read_toml, validated
+from vestige.streams import stream
+
+TABLE = Path(__file__).with_name("threats.toml")
+LEVELS = (1, 2, 3)
+OUTCOMES = ("pass", "detect", "mitigate", "miss", "deny", "partial")
+
+_CAMPAIGN: TypeAdapter[CampaignScenario] = TypeAdapter(CampaignScenario)
+
+
+class Draw(Section):
+    """A value that each seed draws anew, uniformly between two ends, or its logarithm."""
+
+    low: float
+    high: float
+    log: bool = False
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if not (self.low < self.high and (self.low > 0 or not self.log)):
+            raise ValueError("a draw goes from low to high, in log scale from more than 0")
+        return self
+
+    def value(self, share: float) -> float:
+        """Return the value a share 0 … 1 of the way from low to high."""
+        if self.log:
+            return math.exp(math.log(self.low) + share * math.log(self.high / self.low))
+        return self.low + share * (self.high - self.low)
+
+
+class Scene(Section):
+    """A campaign that shows an attack.
+
+    Attributes
+    ----------
+    name
+        What it is, among the scenes of a threat.
+    settings
+        Values that replace those of the table's base, as of `--set`.
+    attack
+        Its `[[attack]]` tables.
+    draw
+        Dotted keys, and what is drawn for them.
+    note
+        Why a measurement differs from what is expected, if it does.
+    """
+
+    name: str
+    settings: tuple[str, ...] = ()
+    attack: tuple[dict[str, Any], ...] = ()
+    draw: dict[str, Draw] = Field(default_factory=dict)
+    note: str = ""
+
+
+class Threat(Section):
+    """A row of the table.
+
+    Attributes
+    ----------
+    id, name
+        `A5`, and what the attacker does.
+    e1, e6
+        Parameters in each band.
+    source
+        Where attack and parameters come from.
+    expected
+        Level to outcome, one of `OUTCOMES`, with a reason behind a colon.
+    shows
+        What a simulation of a single line of sight can show of it; empty for everything.
+    note
+        See `Scene`; of all scenes.
+    """
+
+    id: Annotated[str, Field(pattern=r"^A\d+$")]
+    name: str
+    e1: str
+    e6: str
+    source: str
+    expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
+    shows: str = ""
+    note: str = ""
+    scene: Annotated[tuple[Scene, ...], Field(min_length=1)]
+
+    def outcome(self, level: int) -> tuple[str, str]:
+        """Return the expected outcome of a level, one of `OUTCOMES`, and the reason, which may be empty."""
+        word, _, reason = self.expected[str(level)].partition(": ")  # type: ignore[index]
+        return word, reason
+
+
+class _ThreatFile(Section):
+    base: dict[str, Any]
+    threat: tuple[Threat, ...]
+
+
+@cache
+def _table() -> _ThreatFile:
+    table: _ThreatFile = validated(TypeAdapter(_ThreatFile), read_toml(TABLE), TABLE)
+    return table
+
+
+def read_threats() -> tuple[Threat, ...]:
+    """Return the rows of the table."""
+    return _table().threat
+
+
+def scenario_of(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
+    """Return the campaign of a scene with one seed, from which its draws follow too.
+
+    Parameters
+    ----------
+    seed
+        Of the campaign.
+    attacked
+        Without it the same campaign without its attacks.
+
+    Raises
+    ------
+    InputFileError
+        If the scene is no campaign.
+    """
+    raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
+    if attacked:
+        # a draw may only replace what is there
+        raw = overridden(raw | {"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
+    return validated(_CAMPAIGN, raw, TABLE)
+
+
+def _drawn(threat: Threat, scene: Scene, seed: int) -> tuple[str, ...]:
+    rng = stream(seed, "threat", threat.id, scene.name)
+    return tuple(f"{key}={draw.value(float(rng.random()))!r}" for key, draw in scene.draw.items())
