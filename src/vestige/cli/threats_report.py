@@ -17,7 +17,7 @@ from vestige.cli.campaign_report import as_json
 from vestige.scenario.threats import LEVELS, Threat
 
 _LONG = 1e6
-WIDTH = 150  # of the table where there is no terminal
+WIDTH = 160  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
@@ -48,7 +48,7 @@ def threats_text(cells: Sequence[Cell], threats: Sequence[Threat], level: int | 
     table.add_column("attack", min_width=34)
     for name in ("expected", "measured", "detected", "mitigated", "missed", "no verdict"):
         table.add_column(name, no_wrap=True)
-    for name in ("by chance", "alarm after (s)", "worst accepted (m)"):
+    for name in ("by\nchance", "alarm\nafter (s)", "worst\naccepted (m)"):
         table.add_column(name, justify="right")
     shown = ""
     for cell in cells:
@@ -120,6 +120,6 @@ def _rendered(table: Table) -> str:
     """Return a table as text, in colour at a terminal."""
     terminal = Console()
     text = StringIO()
-    width = terminal.width if terminal.is_terminal else WIDTH
+    width = max(WIDTH, terminal.width if terminal.is_terminal else 0)
     Console(file=text, width=width, force_terminal=terminal.is_terminal, highlight=False).print(table)
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines())

@@ -25,6 +25,7 @@ from vestige.campaign.cluster import connect
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.store import open_results
+from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
@@ -145,3 +146,16 @@ def test_both_detectors_decide_on_equal_banks() -> None:
     for index, detector in enumerate(DETECTORS.values()):
         expected = detector(spacing=1).detect(magnitudes.astype(float), float(threshold(1e-7)))
         assert np.array_equal(results["tap_index"][index, :, 0], expected)
+
+
+@pytest.mark.parametrize("fidelity", ["samples", "correlators"])
+def test_what_cannot_be_decrypted_is_not_available(fidelity: str) -> None:
+    """An attack that keeps keys away, too weak to be seen in the C/N0 of E1: no alarm follows from it."""
+    denial = 'attack=[{kind = "osnma-denial", j_over_n_db = -20.0, start_s = 60}]'
+    denied = plan(fidelity, denial, "interval_s=30.0", epochs=6)
+    results = denied.measure(0, denied.prepare().advance(0, 6))
+    lost = np.isnan(results["noise_power"][:, 0])
+    np.testing.assert_array_equal(lost[3:], True)
+    status = np.array(list(Status))[results["status"][:, 0]]
+    assert set(status[lost]) == {Status.NOT_AVAILABLE}
+    assert Status.NOT_AVAILABLE not in status[~lost]
