@@ -1,0 +1,39 @@
+"""The gallery: every script of examples/ that is not a make target of its own runs, and says what it should."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+OF_MAKE = {"demo.py"}
+
+
+def _run(name: str, *arguments: object) -> str:
+    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout  # noqa: S603
+
+
+def test_every_example_is_run_here_or_by_make() -> None:
+    assert {path.name for path in EXAMPLES.glob("*.py")} == {"lift_off.py"} | OF_MAKE
+    assert "examples/demo.py" in (EXAMPLES.parent / "Makefile").read_text()
+
+
+def test_lift_off(tmp_path: Path) -> None:
+    text = _run("lift_off.py", tmp_path)
+    assert text.count("The attacker") == 6
+    offsets_m = {
+        detector: [float(value) for value in re.findall(rf"{detector} +range +([+-][\d.]+) m", text)]
+        for detector in ("early", "maximum")
+    }
+    assert max(map(abs, (offsets_m["early"][0], offsets_m["early"][-1]))) < 2.0
+    assert offsets_m["early"][3] > 15.0
+    assert offsets_m["maximum"][-1] > 60.0
+    assert re.search(r"early +detector: back on the true signal for good \d+ s after", text)
+    assert re.search(r"maximum +detector: back on the true signal for good never", text)
+    with Image.open(tmp_path / "lift_off.png") as image:
+        assert image.size[0] > 1000
