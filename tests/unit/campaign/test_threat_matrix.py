@@ -100,6 +100,9 @@ def test_a_scenario_of_ones_own_has_no_expectation() -> None:
     (cell,) = measure_threats([case_of("mine", SOME[0].scenario(0, True))], range(3), Counting())
     assert cell.agreement is Agreement.NOT_EXPECTED
     assert cell.found.detected.successes == 3
+    mine = case_of("mine", SOME[0].scenario(0, True))
+    assert [mine.scenario(seed, attacked).seed for seed in (3, 4) for attacked in (True, False)] == [3, 3, 4, 4]
+    assert not mine.scenario(3, False).attack
     quiet = SOME[0].scenario(0, False)
     (cell,) = measure_threats([case_of("quiet", quiet)], range(3), Counting())
     assert not cell.attacked
