@@ -20,7 +20,7 @@ _path = click.Path(path_type=Path)
 @click.command()
 @click.argument("scenario", type=_path)
 @click.option("-o", "--output", required=True, type=_path, help="Folder to write; must not exist.")
-@click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign.")
+@click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Replace a value, `receiver.cn0_dbhz=45`.")
 @click.option(
     "--format", "component", type=click.Choice(["int8", "int16", "float32"]), default="int8", show_default=True
@@ -78,11 +78,11 @@ def command(scenario: Path, **options: Any) -> None:
 
 
 def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:
-    """Return the recording of the epochs `A:B`."""
+    """Return the recording of the epochs `A:B`, of all if there is no choice."""
     from vestige.scenario.test_case import AcasTestCase
     from vestige.scenario.test_case_folder import simulated
 
-    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or "", re.ASCII)
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
         raise click.UsageError(f"--epochs A:B says which of the campaign's {scenario.epochs} epochs to write")
     return simulated(AcasTestCase(scenario=scenario, first=int(match[1]), end=int(match[2])))

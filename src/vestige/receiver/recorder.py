@@ -62,9 +62,11 @@ class Propagation:
     delay_m
         Group delay of the line of sight beyond the pseudorange, in m.
     at_s
-        Receiver time after the reference at which the rays have their amplitude.
+        Receiver time after the reference at which all amplitudes hold.
     ray_delay_m, ray_amplitude, ray_doppler_hz
         Rays relative to the line of sight: excess delay, complex amplitude, Doppler.
+    amplitude, doppler_hz
+        Of the line of sight, beyond its C/N0 and the Doppler of its pseudorange; amplitude 0 is nothing on air.
     """
 
     delay_m: float
@@ -72,6 +74,8 @@ class Propagation:
     ray_delay_m: Float[np.ndarray, " n_rays"]
     ray_amplitude: Complex128[np.ndarray, " n_rays"]
     ray_doppler_hz: Float[np.ndarray, " n_rays"]
+    amplitude: complex = 1.0 + 0j
+    doppler_hz: float = 0.0
 
 
 def straight(delay_m: float = 0.0) -> Propagation:
@@ -119,8 +123,9 @@ def record_band(
     first_sample: int = 0,
     n_samples: int,
     noise_key: np.uint64 | None,
+    noise_power: Callable[[float], float] = lambda _: 1.0,
 ) -> Iterator[SampleBatch]:
-    """Yield the samples of one band as batches in time order; noise has variance 1 a sample.
+    """Yield the samples of one band as batches in time order; the receiver's noise has variance 1 a sample.
 
     Parameters
     ----------
@@ -132,6 +137,8 @@ def record_band(
         Which samples.
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
+    noise_power
+        Variance of the noise with interference as white, against receiver time in s after the reference.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")
@@ -154,6 +161,7 @@ def record_band(
             sample_rate_hz=sample_rate_hz,
             n_samples=last - first,
             noise_key=noise_key,
+            noise_power=noise_power(whole + fraction),
             first_sample=first,
             origin_sample=middle,
             carrier_hz=carrier_hz,
@@ -193,6 +201,8 @@ def _signals(
     range_m, rate_mps = float(path.range_m(middle)[0]), float(path.rate_mps(middle)[0])
     acceleration_mps2 = float(path.acceleration_mps2(middle)[0])
     held = satellite.propagation(float(middle[0]))
+    if not held.amplitude:
+        return
     sent_s = fraction - (range_m + held.delay_m) / SPEED_OF_LIGHT_MPS  # after the whole second
     for component in satellite.components:
         rate_hz = component.signal.chip_rate_hz
@@ -201,8 +211,9 @@ def _signals(
         late_s = (chip / rate_hz - sent_s) / (1.0 - rate_mps / SPEED_OF_LIGHT_MPS)
         cycles = carrier_hz / SPEED_OF_LIGHT_MPS * (range_m + rate_mps * late_s)
         strength = amplitude(satellite.cn0_dbhz, sample_rate_hz) * np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
-        turns = held.ray_doppler_hz * (float(middle[0]) + late_s - held.at_s)
-        rays = held.ray_amplitude * np.exp(2j * np.pi * (turns - np.floor(turns)))
+        dopplers_hz = np.concatenate([[held.doppler_hz], held.ray_doppler_hz])
+        turns = dopplers_hz * (float(middle[0]) + late_s - held.at_s)
+        rays = np.concatenate([[held.amplitude], held.ray_amplitude]) * np.exp(2j * np.pi * (turns - np.floor(turns)))
         first = GalileoTime.normalized(reference.week, reference.second + whole, (chip - lead) / rate_hz)
         for part in rectangular_parts(component, chip + whole * round(rate_hz) - lead, 2 * lead):
             yield ReceivedSignal(
@@ -216,7 +227,7 @@ def _signals(
                 doppler_hz=-carrier_hz / SPEED_OF_LIGHT_MPS * rate_mps,
                 doppler_rate_hz_per_s=-carrier_hz / SPEED_OF_LIGHT_MPS * acceleration_mps2,
                 delay_m=np.concatenate([[0.0], held.ray_delay_m]),
-                amplitude=part.weight * strength * np.concatenate([[1.0], rays]),
-                ray_doppler_hz=np.concatenate([[0.0], held.ray_doppler_hz]),
+                amplitude=part.weight * strength * rays,
+                ray_doppler_hz=dopplers_hz,
                 lead_chips=part.per_chip * lead,
             )

@@ -61,7 +61,7 @@ Fidelity = Literal["samples", "correlators"]
 SVID = 11  # the paper's single line of sight needs a name
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
-_CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
+CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
 
 
 class Banks(NamedTuple):
@@ -261,7 +261,7 @@ class Simulation:
         )
         received_at = batch.start + batch.samples.size / batch.sample_rate_hz
         error_m = float(truth.e1_noise_m[row]) + e1_multipath_m + float(truth.e1.error_m[row])
-        if abs(late_s) > _CLOCK_FOLLOWS_S:
+        if abs(late_s) > CLOCK_FOLLOWS_S:
             batch = replace(batch, start=batch.start + -late_s)
             error_m -= float(truth.e1.error_m[row])
         snapshot = Snapshot(
@@ -274,9 +274,9 @@ class Simulation:
             front_end={Band.E6: status},
         )
         segments = (encrypt(chips, key.data, key_delay=self.key_delay),)
-        return snapshot, Assistance(segments=segments, keys=() if self._withheld(key) else (key,))
+        return snapshot, Assistance(segments=segments, keys=() if self.withheld(key) else (key,))
 
-    def _withheld(self, key: ValidatedKey) -> bool:
+    def withheld(self, key: ValidatedKey) -> bool:
         """Return whether the attacker keeps a key from the receiver."""
         return self.spoofer.withholds_osnma(key.disclosed_at - self.start, key.complete_at - self.start)
 
@@ -293,7 +293,7 @@ class Simulation:
         for subframe, row in enumerate(firsts):
             key, mine = self._key(self.transmit_time(first + int(row))), place == subframe
             left_s = key.disclosed_at - self.start - received_s[mine]
-            lost[mine] = self._withheld(key) | ~(left_s > self.time_uncertainty_s)
+            lost[mine] = self.withheld(key) | ~(left_s > self.time_uncertainty_s)
         return lost
 
     def _key(self, sent: GalileoTime) -> ValidatedKey:

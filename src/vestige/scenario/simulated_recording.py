@@ -10,8 +10,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from vestige.errors import VestigeError
 from vestige.receiver.recorder import ReceivedSatellite, record_band
@@ -53,6 +55,8 @@ class SimulatedRecording:
         One line for a person.
     companions
         Writes all other files of the folder.
+    noise_power
+        Variance of the noise in a band at a time in s after the reference, the receiver's own being 1.
     """
 
     sky: Mapping[Band, tuple[ReceivedSatellite, ...]]
@@ -63,6 +67,7 @@ class SimulatedRecording:
     time_uncertainty_s: float
     description: str
     companions: Callable[[Path], None]
+    noise_power: Callable[[Band, float], float] = lambda _band, _t_s: 1.0
 
     @property
     def duration_s(self) -> float:
@@ -79,7 +84,18 @@ class SimulatedRecording:
         noise
             Whether there is any.
         """
-        samples = self.samples[:at_most]
+        return self._made(band, self.samples[:at_most], noise=noise)
+
+    def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
+        """Return the samples of a band between two times in s after the reference, as one batch.
+
+        They are those of the recording where it holds them; a window may lie beyond its end.
+        """
+        first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
+        batches = list(self._made(band, range(first, end), noise=True))
+        return replace(batches[0], samples=np.concatenate([batch.samples for batch in batches]))
+
+    def _made(self, band: Band, samples: range, *, noise: bool) -> Iterator[SampleBatch]:
         return record_band(
             band,
             self.sky[band],
@@ -88,6 +104,7 @@ class SimulatedRecording:
             first_sample=samples.start,
             n_samples=len(samples),
             noise_key=noise_key(self.seed, 0, _NOISE[band]) if noise else None,
+            noise_power=lambda t_s: self.noise_power(band, t_s),
         )
 
     def n_bytes(self, component: Component, exports: Sequence[str] = ()) -> int:

@@ -17,9 +17,10 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, 
 from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.root_key import RootKey
 from vestige.errors import VestigeError
+from vestige.receiver.attacked_sky import counterfeit_satellites, latest_s
 from vestige.receiver.continuous import ContinuousTruth
 from vestige.receiver.recorder import ReceivedSatellite
-from vestige.receiver.simulation import SVID, Simulation
+from vestige.receiver.simulation import CLOCK_FOLLOWS_S, SVID, Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.observation_epoch import ObservationEpoch
@@ -28,9 +29,10 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.signal_generator.keystream import encrypted_chips, encrypted_component, encryption_key
 from vestige.signal_generator.waveform import Component, open_component
 from vestige.signals.definitions import E1B, E1C, E6B, E6C
+from vestige.streams import stream_key
 
 TAIL_S = 0.3  # after the last RECS was sent: its reception and the 100 ms of E1 around it
-REACH_S = 0.5  # more than from an epoch to the end of its samples
+REACH_S = 0.5  # more than from an epoch to the end of its true samples
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
 TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
@@ -63,10 +65,10 @@ class AcasTestCase:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: expected first:end within the scenario's 0:{self.scenario.epochs}"
             )
-        if self.scenario.attack:
+        if any(effects.jammers for effects in (self.truth.e1_attack, self.truth.e6)):
             raise VestigeError(
-                "attack: found an attacker, expected none in a test case; attacks are simulated epoch by epoch, by "
-                "vestige run (--set attack=none)"
+                "attack: found a jamming waveform, expected counterfeits and white noise in a test case; waveforms are "
+                "simulated epoch by epoch, by vestige run (--set attack=none)"
             )
         if not self.simulation.front_end.transparent:
             raise VestigeError(
@@ -94,8 +96,13 @@ class AcasTestCase:
     @cached_property
     def _neighbours(self) -> tuple[int, int]:
         """Epochs before and after that the samples still feel: what holds there, and the clock's way on."""
-        reach = int(np.ceil(REACH_S / self.scenario.interval_s)) + 1
-        return min(self.first, reach), reach
+        before, after = (int(np.ceil(reach_s / self.scenario.interval_s)) + 1 for reach_s in (REACH_S, self._tail_s + 0.2))
+        return min(self.first, before), after
+
+    @cached_property
+    def _tail_s(self) -> float:
+        """Time in s after the last transmission to the last sample: by then every counterfeit has repeated the RECS."""
+        return TAIL_S + latest_s(self.simulation.spoofer, SVID, self.truth.time_s)
 
     @cached_property
     def path(self) -> ContinuousTruth:
@@ -125,7 +132,7 @@ class AcasTestCase:
     @cached_property
     def e1_error_m(self) -> Float[np.ndarray, " n"]:
         """Error of the E1 pseudorange at the epochs, in m."""
-        return self.truth.e1_noise_m + self.simulation.e1_multipath_m(self.truth)
+        return self.truth.e1_noise_m + self.simulation.e1_multipath_m(self.truth) + self.truth.e1.error_m
 
     @property
     def range_offset_m(self) -> Float[np.ndarray, " n"]:
@@ -134,12 +141,23 @@ class AcasTestCase:
 
     @property
     def samples(self) -> range:
-        """Numbers of the samples, counted from the scenario's start: from epoch `first` to 0.3 s after the last one."""
+        """Numbers of the samples, counted from the scenario's start: from epoch `first` on, see `_tail_s`."""
         rate_hz, from_s = self.scenario.receiver.sample_rate_hz, self.truth.time_s
-        return range(int(from_s[0] * rate_hz), int(np.ceil((from_s[-1] + TAIL_S) * rate_hz)))
+        return range(int(from_s[0] * rate_hz), int(np.ceil((from_s[-1] + self._tail_s) * rate_hz)))
+
+    def sky(self, band: Band) -> tuple[ReceivedSatellite, ...]:
+        """Return the satellite as a band receives it, and its counterfeits."""
+        true, simulation = self.satellite(band), self.simulation
+        secret = stream_key(simulation.seed, "chips that an attacker makes up")
+        forged = (encrypted_component(secret, SVID, simulation.start),)
+        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged)
+
+    def noise_power(self, band: Band, t_s: float) -> float:
+        """Return the variance of the noise at a time, the receiver's own being 1."""
+        return 1.0 + float(self.simulation.spoofer.effects(band, SVID, np.array([t_s])).white[0])
 
     def satellite(self, band: Band) -> ReceivedSatellite:
-        """Return the satellite as a band receives it."""
+        """Return the satellite as a band receives it without an attack."""
         simulation = self.simulation
         return ReceivedSatellite(
             svid=SVID,
@@ -156,12 +174,16 @@ class AcasTestCase:
         return open_component(E6B, SVID, seed=seed), encrypted_component(encryption_key(seed), SVID, start)
 
     def observations(self) -> tuple[ObservationEpoch, ...]:
-        """Return what E1 tracking says while each RECS arrives, 86 ms after it was sent."""
+        """Return what E1 tracking says while each RECS arrives, 86 ms after it was sent.
+
+        A receiver that follows a meaconer of seconds has another time than the samples: then there is nothing here.
+        """
         to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
         t_s = self.truth.time_s + MEDIAN_TRAVEL_TIME_S
         pseudorange_m = self.path.range_m(t_s) + self.e1_error_m
-        doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps)
+        doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps + self.truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
+        cn0_dbhz = self.simulation.cn0_e1_dbhz + 10 * np.log10(self.truth.e1.gain)
         return tuple(
             ObservationEpoch(
                 time=self.simulation.transmit_time(epoch) + MEDIAN_TRAVEL_TIME_S,
@@ -172,11 +194,12 @@ class AcasTestCase:
                         carrier_phase_cycles=float("nan"),
                         doppler_hz=float(doppler_hz[row]),
                         doppler_rate_hz_per_s=float(rate_hz_per_s[row]),
-                        cn0_dbhz=self.simulation.cn0_e1_dbhz,
+                        cn0_dbhz=float(cn0_dbhz[row]),
                     )
                 },
             )
             for row, epoch in enumerate(range(self.first, self.end))
+            if abs(self.truth.e1.error_m[row]) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS
         )
 
     def assistance(self) -> tuple[Assistance, RootKey]:
@@ -194,7 +217,7 @@ class AcasTestCase:
             Assistance(
                 segments=tuple(segments),
                 group_delays=(GroupDelay(svid=SVID, bgd_e1_e6_s=0.0, valid_from=begin),),
-                keys=tuple(key for time, key in keys.items() if begin <= time <= end),
+                keys=tuple(key for time, key in keys.items() if begin <= time <= end and not simulation.withheld(key)),
             ),
             chain.root,
         )
@@ -218,7 +241,8 @@ class AcasTestCase:
             "iono_diff_m": truth.iono_diff_m,
             "bias_m": truth.bias_m,
             "e1_noise_m": truth.e1_noise_m,
-            "e1_multipath_m": self.e1_error_m - truth.e1_noise_m,
+            "e1_multipath_m": self.simulation.e1_multipath_m(truth),
+            "e1_attack_error_m": truth.e1.error_m,
             "range_offset_m": self.range_offset_m,
         }
         for ray in range(truth.rays.delay_m.shape[1]):
@@ -229,4 +253,8 @@ class AcasTestCase:
                 f"{name}_phase_rad": np.angle(truth.rays.amplitude[:, ray]),
                 f"{name}_doppler_hz": truth.rays.doppler_hz[:, ray],
             }
+        for k in range(truth.e6.delay_m.shape[1]):
+            for band, effects in (("e1", truth.e1_attack), ("e6", truth.e6)):
+                numbers[f"attack{k + 1}_{band}_delay_m"] = effects.delay_m[:, k]
+                numbers[f"attack{k + 1}_{band}_power_db"] = effects.power_db[:, k]
         return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}

@@ -18,8 +18,7 @@ _README = """\
 ACAS test case, written by vestige. docs/test_cases.md of vestige explains every file.
 
   recording.sigmf-collection, e1.sigmf-*, e6.sigmf-*   {seconds:.3f} s of I,Q samples at {rate:.10g} Hz
-  observations.csv, rinex/observations.rnx             E1 observations, one a RECS
-  assistance/                                          RECS, group delays, OSNMA keys and their public key
+{observations}  assistance/                                          RECS, group delays, OSNMA keys and their public key
   scenario.toml                                        how it was made
   truth.csv                                            what a receiver must not know
 
@@ -32,7 +31,7 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
     """Return the recording of a test case, all files included."""
     simulation = case.simulation
     return SimulatedRecording(
-        sky={band: (case.satellite(band),) for band in Band},
+        sky={band: case.sky(band) for band in Band},
         reference=simulation.start,
         sample_rate_hz=simulation.front_end.sample_rate_hz,
         samples=case.samples,
@@ -40,16 +39,18 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
         time_uncertainty_s=simulation.time_uncertainty_s,
         description="simulated by vestige, encrypted E6-C",
         companions=lambda folder: write_companions(case, folder),
+        noise_power=case.noise_power,
     )
 
 
 def write_companions(case: AcasTestCase, folder: Path) -> None:
     """Write observations, assistance, truth and README.txt."""
     epochs = case.observations()
-    write_csv_observations(folder / "observations.csv", epochs)
-    rinex = folder / "rinex"  # a recording has one file of observations; CSV loses no digit
-    rinex.mkdir()
-    write_rinex_observations(rinex / "observations.rnx", epochs)
+    if epochs:
+        write_csv_observations(folder / "observations.csv", epochs)
+        rinex = folder / "rinex"  # a recording has one file of observations; CSV loses no digit
+        rinex.mkdir()
+        write_rinex_observations(rinex / "observations.rnx", epochs)
     assistance, root = case.assistance()
     write_assistance(folder / "assistance", assistance, roots=(root,))
     public_key = case.simulation.osnma_chain().private_key.public_key()
@@ -63,10 +64,12 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
 
 def _readme(case: AcasTestCase) -> str:
     simulation = case.simulation
+    observed = "  observations.csv, rinex/observations.rnx             E1 observations, one a RECS\n"
     return _README.format(
         seconds=len(case.samples) / simulation.front_end.sample_rate_hz,
         rate=simulation.front_end.sample_rate_hz,
         svid=SVID,
+        observations=observed if case.observations() else "",
         first=case.first,
         last=case.end - 1,
         seed=simulation.seed,
