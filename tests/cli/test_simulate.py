@@ -175,8 +175,8 @@ def test_open_recordings_are_exported_too(tmp_path: Path) -> None:
     assert "Channels_1B.count=5" in (tmp_path / "a" / "gnss-sdr" / "e1.conf").read_text()
 
 
-@pytest.mark.parametrize("epochs", [(), ("--epochs", "3"), ("--epochs", "1:x"), ("--epochs", "-1:4")])
-def test_a_campaign_needs_epochs(tmp_path: Path, epochs: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("epochs", [("--epochs", "3"), ("--epochs", "1:x"), ("--epochs", "-1:4")])
+def test_epochs_are_a_range(tmp_path: Path, epochs: tuple[str, ...]) -> None:
     assert isinstance(_invoke(simulate, QUICK, "-o", tmp_path / "a", *epochs).exception, click.UsageError)
 
 

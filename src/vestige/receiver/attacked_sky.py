@@ -7,6 +7,7 @@ receiver's clock is that of its arrival:
 
 What its carrier does beyond P' is in the phasor of its propagation: a delay line does nothing (`Coherent`), a locked
 or slipping carrier diverges from its code. Power and phase follow the attack's profiles from stretch to stretch, 10 ms.
+The time of the profiles is that of transmission, as in a run.
 """
 
 from __future__ import annotations
@@ -78,9 +79,7 @@ class CounterfeitSignal:
             self.true.propagation(t_s),
             at_s=t_s,
             amplitude=complex(10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
-            doppler_hz=float(
-                effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
-            ),
+            doppler_hz=float(effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]),
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),
             ray_doppler_hz=np.zeros(0),
@@ -91,7 +90,8 @@ class CounterfeitSignal:
         return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number]
 
     def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
-        return self.spoofer.effects(self.band, self.true.svid, t_s)
+        sent_s = t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS
+        return self.spoofer.effects(self.band, self.true.svid, sent_s)
 
 
 def counterfeit_satellites(

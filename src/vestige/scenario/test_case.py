@@ -96,7 +96,9 @@ class AcasTestCase:
     @cached_property
     def _neighbours(self) -> tuple[int, int]:
         """Epochs before and after that the samples still feel: what holds there, and the clock's way on."""
-        before, after = (int(np.ceil(reach_s / self.scenario.interval_s)) + 1 for reach_s in (REACH_S, self._tail_s + 0.2))
+        before, after = (
+            int(np.ceil(reach_s / self.scenario.interval_s)) + 1 for reach_s in (REACH_S, self._tail_s + 0.2)
+        )
         return min(self.first, before), after
 
     @cached_property

@@ -139,8 +139,8 @@ def test_what_the_model_of_correlators_does_not_know(tmp_path: Path, settings: l
     _with(tmp_path, text, 'fidelity="samples"', *settings)
 
 
-def test_a_test_case_has_no_attacker(tmp_path: Path) -> None:
-    scenario = load_scenario(SCENARIOS / "liftoff.toml")
+def test_a_test_case_has_no_jamming_waveform(tmp_path: Path) -> None:
+    scenario = _with(tmp_path, 'kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "cw"}\n', 'fidelity="samples"')
     assert isinstance(scenario, CampaignScenario)
-    with pytest.raises(VestigeError, match="attack: found an attacker"):
+    with pytest.raises(VestigeError, match="attack: found a jamming waveform"):
         AcasTestCase(scenario=placed(scenario), first=0, end=2)

@@ -36,7 +36,8 @@ from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-_CHUNK = 96  # hypotheses in one matrix product; 16 MB of rows for each grid
+_CHUNK = 960  # places whose rows are summed up together
+_ROWS = 8  # rows that are made and multiplied at once: more leave the cache, fewer make a thin matrix product
 _INVERSION_STEPS = 4  # of u(τ); each gains five decimals
 
 
@@ -153,60 +154,91 @@ def _squares(
     n_rows = _rows(line)
     stride = round(line.period_s / E1_CODE_PERIOD_S)
     size = _CHUNK if stride < n_rows else 1  # places far apart share no rows
-    late = np.arange(taps) - taps // 2
-    grids = [(grid, late % 2 == grid) for grid in (0, 1) if np.any(late % 2 == grid)]
-    columns = [_columns(line.chips, late[which] // 2) for _, which in grids]
-    buffer = np.empty(len(grids) * 2 * ((size - 1) * stride + n_rows) * columns[0].shape[0], np.float32)
+    bank = _Bank.of(line.chips, taps)
     for begin in range(0, places.size, size):
         chunk = places[begin : begin + size]
-        count = (chunk.size - 1) * stride + n_rows
-        rows = buffer[: len(grids) * 2 * count * columns[0].shape[0]].reshape(len(grids), 2, count, -1)
-        noise = _fill_rows(source, line, int(chunk[0]) * stride, rows)
-        sums, power = np.zeros((2, chunk.size, taps)), np.zeros(chunk.size)
+        products, noise = bank.products(source, line, int(chunk[0]) * stride, (chunk.size - 1) * stride + n_rows)
         first = np.arange(chunk.size) * stride
-        for chips, (_, which), column in zip(rows, grids, columns, strict=True):
-            products = (chips.reshape(2 * count, -1) @ column).reshape(2, count, n_rows, -1)
-            sums[:, :, which] = sum(products[:, first + quarter, quarter] for quarter in range(n_rows))
-        for quarter in range(n_rows):
-            power += noise[first + quarter]
-        yield chunk, (sums[0] ** 2 + sums[1] ** 2) / np.maximum(power / 2, 1e-30)[:, None]
+        sums = sum(products[:, first + quarter, quarter] for quarter in range(n_rows))
+        power = sum(noise[first + quarter] for quarter in range(n_rows))
+        yield chunk, np.sum(np.square(sums), axis=0) / np.maximum(power / 2, 1e-30)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Bank:
+    """The quarters of a RECS at all taps, as the columns of a matrix for each of the two grids of chips."""
+
+    tap_of: tuple[Int64[np.ndarray, " _"], ...]
+    columns: tuple[Float32[np.ndarray, "_ _"], ...]
+    n_rows: int
+
+    @classmethod
+    def of(cls, chips: ChipSequence, taps: int) -> _Bank:
+        """Return the bank of so many taps half a chip apart."""
+        late = np.arange(taps) - taps // 2
+        tap_of = tuple(np.flatnonzero(late % 2 == grid) for grid in (0, 1) if np.any(late % 2 == grid))
+        columns = tuple(_columns(chips, late[which] // 2) for which in tap_of)
+        return cls(tap_of, columns, -(-chips.chips.size // columns[0].shape[0]))
+
+    def products(
+        self, source: SampleSource, line: HandoverLine, first_row: int, n: int
+    ) -> tuple[Float32[np.ndarray, "parts rows quarters taps"], Float64[np.ndarray, " rows"]]:
+        """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
+        n_chips = self.columns[0].shape[0]
+        products = np.empty((2, n, self.n_rows, sum(which.size for which in self.tap_of)), np.float32)
+        noise = np.empty(n)
+        buffer = np.empty(len(self.columns) * 2 * _ROWS * n_chips, np.float32)
+        halves = np.empty((2, 2 * _ROWS * n_chips + 1), np.float32)
+        for begin in range(0, n, _ROWS):
+            end = min(begin + _ROWS, n)
+            rows = buffer[: len(self.columns) * 2 * (end - begin) * n_chips]
+            rows = rows.reshape(len(self.columns), 2, end - begin, n_chips)
+            noise[begin:end] = _fill_rows(source, line, first_row + begin, rows, halves)
+            for grid, which, column in zip(rows, self.tap_of, self.columns, strict=True):
+                one = grid.reshape(2 * (end - begin), n_chips) @ column
+                products[:, begin:end, :, which] = one.reshape(2, end - begin, self.n_rows, which.size)
+        return products, noise
 
 
 def _fill_rows(
-    source: SampleSource, line: HandoverLine, first_row: int, rows: Float32[np.ndarray, "grids 2 rows chips"]
+    source: SampleSource,
+    line: HandoverLine,
+    first_row: int,
+    rows: Float32[np.ndarray, "grids 2 rows chips"],
+    halves: Float32[np.ndarray, "2 half_chips"],
 ) -> Float64[np.ndarray, " rows"]:
-    """Fill rows of chips (grid, real and imaginary part, row, chip) from `first_row` on; return Σ|chip|² of each."""
+    """Fill rows of chips (grid, real and imaginary part, row, chip) from `first_row` on; return Σ|chip|² of each.
+
+    `halves` is room for the half-chip sums of as many rows.
+    """
     scale = _scale(source, line)
     n_rows, n_chips = rows.shape[2], rows.shape[3]
     head = source.read(source.first_sample, 1)
-    begins_s = [scale.time_of((first_row + row) * n_chips) for row in range(n_rows + 1)]
-    since_head_s, rate = line.anchor - head.start, head.sample_rate_hz
-    starts = [max(int((since_head_s + begin_s) * rate) - 1, 0) for begin_s in begins_s]
-    half_chip = int(0.5 / line.chips.chip_rate_hz * rate) + 3
-    first = starts[0] + source.first_sample
-    batch = source.read(first, min(starts[-1] + half_chip + source.first_sample, source.end_sample) - first)
-    x = batch.samples.view(np.float32)
-    t0 = batch.start - line.anchor
-    if_hz = CARRIER_HZ[batch.band] - batch.center_frequency_hz + line.doppler_hz
-    halves = np.empty((2, 2 * n_chips + 1), np.float32)
-    spare = np.empty(n_chips, np.float32)
+    rate = head.sample_rate_hz
+    begin_s, end_s = (
+        line.anchor - head.start + scale.time_of(row * n_chips) for row in (first_row, first_row + n_rows)
+    )
+    first = max(int(begin_s * rate) - 1, 0) + source.first_sample
+    end = int((end_s + 0.5 / line.chips.chip_rate_hz) * rate) + 3 + source.first_sample
+    batch = source.read(first, min(end, source.end_sample) - first)
+    halves = halves[:, : 2 * n_rows * n_chips + 1]
+    half_chip_sums(
+        batch.samples.view(np.float32),
+        batch.start - line.anchor,
+        1.0 / rate,
+        scale.code_rate,
+        scale.code_rate_rate,
+        CARRIER_HZ[batch.band] - batch.center_frequency_hz + line.doppler_hz,
+        line.doppler_rate_hz_per_s,
+        2 * first_row * n_chips,
+        *halves,
+    )
     noise = np.zeros(n_rows)
+    spare = np.empty(n_chips, np.float32)
     for row in range(n_rows):
-        low, high = starts[row] - starts[0], starts[row + 1] - starts[0] + half_chip
-        half_chip_sums(
-            x[2 * low : 2 * high],
-            t0 + low / rate,
-            1.0 / rate,
-            scale.code_rate,
-            scale.code_rate_rate,
-            if_hz,
-            line.doppler_rate_hz_per_s,
-            2 * (first_row + row) * n_chips,
-            *halves,
-        )
         for part in (0, 1):
             odd = rows[1, part, row] if rows.shape[0] > 1 else spare
-            noise[row] += chip_sums(halves[part], rows[0, part, row], odd)
+            noise[row] += chip_sums(halves[part, 2 * row * n_chips :], rows[0, part, row], odd)
     return noise
 
 

@@ -1,0 +1,117 @@
+"""Counterfeits in a recording: exactly what a delay line makes of the true signal, and what a run makes of an epoch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Band
+from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.test_case import AcasTestCase, placed
+from vestige.scenario.test_case_folder import simulated
+from vestige.signals.definitions import CARRIER_HZ
+
+VESTIGIAL = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
+RATE_HZ = 6.2e6
+DELAY_S = 125_000 / RATE_HZ  # a whole number of samples
+LIFT_OFF = """
+kind = "campaign"
+seed = 3
+start = "2026-11-21T12:00:00 GST"
+epochs = 8
+[line_of_sight]
+s0_m = 2.4e7
+v_mps = 200.0
+[recs]
+duration_ms = 4
+[receiver]
+cn0_dbhz = 80.0
+cn0_e1_dbhz = 80.0
+sample_rate_hz = 6.2e6
+[[attack]]
+kind = "lift-off"
+bands = ["E6"]
+delay_m = {kind = "ramp", first = 20.0, last = 60.0, start_s = 0.0, stop_s = 8.0}
+power_db = -3.0
+reception_gain_db = 90.0
+"""
+
+
+def _case(path: Path, first: int, end: int, *settings: str) -> AcasTestCase:
+    scenario = load_scenario(path, settings)
+    assert isinstance(scenario, CampaignScenario)
+    return AcasTestCase(scenario=placed(scenario), first=first, end=end)
+
+
+@pytest.mark.parametrize("band", list(Band))
+def test_a_meaconer_is_a_delay_line(band: Band) -> None:
+    """x(t) + g e^{−j2π f τ} x(t − τ), Doppler and all, sample by sample."""
+    settings = (f"receiver.sample_rate_hz={RATE_HZ}", f"attack.0.delay_s={DELAY_S!r}")
+    both = simulated(_case(VESTIGIAL, 0, 1, *settings))
+    alone = simulated(_case(VESTIGIAL, 0, 1, settings[0], "attack=none"))
+    shift, count = round(DELAY_S * RATE_HZ), 300_000
+    x, y = (
+        np.concatenate([batch.samples for batch in one.record(band, at_most=count, noise=False)])
+        for one in (alone, both)
+    )
+    turns = CARRIER_HZ[band] * DELAY_S
+    expected = 10 ** (6 / 20) * np.exp(-2j * np.pi * (turns - np.floor(turns))) * x[:-shift]
+    error = y[shift:] - x[shift:] - expected
+    differ = np.abs(error) > 2e-3 * np.max(np.abs(x))  # a sample on the edge of a chip may go either way
+    assert np.mean(differ) < 2e-3
+    assert len(both.samples) - len(alone.samples) == pytest.approx(shift, abs=1)
+
+
+def test_the_meaconer_repeats_noise() -> None:
+    """η/G = 6 − 0 dB on top of the receiver's own: a variance of 4.98."""
+    case = simulated(_case(VESTIGIAL, 0, 1, f"receiver.sample_rate_hz={RATE_HZ}", "attack.0.reception_gain_db=0"))
+    for band in Band:
+        samples = case.window(band, 0.2, 0.3).samples
+        assert np.mean(np.abs(samples) ** 2) == pytest.approx(1 + 10**0.6, rel=0.01)
+
+
+@pytest.mark.parametrize("phase", ['{kind = "coherent"}', '{kind = "locked", phase_rad = 1.0}'])
+def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
+    """The bank of every epoch is, but for one phase, what `vestige run` correlates: codes, powers, relative phase."""
+    path = tmp_path / "lift-off.toml"
+    path.write_text(f"{LIFT_OFF}phase = {phase}\n")
+    case = _case(path, 2, 5)
+    recorded = simulated(case)
+    for row, epoch in enumerate(range(2, 5)):
+        snapshot, assistance = case.simulation.snapshot(epoch, row, case.truth, 0.0)
+        processor = case.simulation.processor
+        (satellite,) = processor.measure(snapshot, assistance).satellites
+        assert satellite.bank is not None
+        assert satellite.handover is not None
+        t_s = float(case.truth.time_s[row])
+        window = recorded.window(Band.E6, t_s + 0.07, t_s + 0.1)
+        again = CorrelatableSamples(window).correlate(satellite.handover, processor.offsets_m)
+        assert again is not None
+        one, other = satellite.bank.taps, again.taps
+        turned = other * np.vdot(other, one) / abs(np.vdot(other, one))
+        assert np.max(np.abs(turned - one)) < 0.03 * np.max(np.abs(one))
+
+
+def test_e1_says_what_it_followed() -> None:
+    """Observations of a captured receiver hold the error; of one whose clock went with a meaconer there are none."""
+    pushed = _case(VESTIGIAL, 0, 1, "attack.0.delay_s=1e-4")
+    (epoch,) = pushed.observations()
+    travel_m = epoch.observations[11].pseudorange_m - pushed.path.range_m(np.array([0.086]))[0]
+    assert travel_m == pytest.approx(1e-4 * SPEED_OF_LIGHT_MPS, abs=1e-3)
+    assert epoch.observations[11].cn0_dbhz == pytest.approx(46 - 0.2, abs=0.2)
+    assert _case(VESTIGIAL, 0, 1).observations() == ()
+
+
+def test_a_window_is_a_part_of_the_recording() -> None:
+    one = simulated(_case(VESTIGIAL, 0, 1, f"receiver.sample_rate_hz={RATE_HZ}", "attack=none"))
+    whole = np.concatenate([batch.samples for batch in one.record(Band.E6, at_most=200_000)])
+    window = one.window(Band.E6, 0.01, 0.02)
+    assert window.first_sample == 62_000
+    assert np.array_equal(window.samples, whole[62_000:124_000])
+    assert replace(window, samples=window.samples[:0]).start == one.reference + 0.01
