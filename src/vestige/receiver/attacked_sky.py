@@ -7,7 +7,8 @@ receiver's clock is that of its arrival:
 
 What its carrier does beyond P' is in the phasor of its propagation: a delay line does nothing (`Coherent`), a locked
 or slipping carrier diverges from its code. Power and phase follow the attack's profiles from stretch to stretch, 10 ms.
-The time of the profiles is that of transmission, as in a run.
+The time of the profiles is that of transmission, as in a run; what arrives was sent in the scenario, or holds from its
+beginning.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class CounterfeitSignal:
 
     def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
         sent_s = t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS
-        return self.spoofer.effects(self.band, self.true.svid, sent_s)
+        return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
 def counterfeit_satellites(
