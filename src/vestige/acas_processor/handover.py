@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
-from vestige.records import ChipSequence, E1Observation, Handover
+from vestige.records import Assistance, ChipSequence, E1Observation, Handover
 from vestige.time import GalileoTime
 
 # E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
@@ -44,6 +44,19 @@ def predicted_delay_m(
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
     return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
+
+
+def assisted_delay_m(
+    assistance: Assistance, svid: int, time: GalileoTime, convention: GroupDelayConvention = OS_ICD_CONVENTION
+) -> float:
+    """Return P6 − P1 of a satellite in m as the assistance predicts it: 0 for what it does not say."""
+    valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
+    return predicted_delay_m(
+        ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
+        bgd_e1_e6_s=max(valid, key=lambda delay: delay.valid_from).bgd_e1_e6_s if valid else 0.0,
+        hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
+        convention=convention,
+    )
 
 
 def hand_over(

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, hand_over, predicted_delay_m
+from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, assisted_delay_m, hand_over
 from vestige.acas_processor.mitigation import LEVELS, Limits, decide
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -134,12 +134,7 @@ class AcasProcessor:
         if snapshot.e6 is None:
             return SatelliteMeasurement(svid=svid, unavailable="no E6 samples", available_at=key.complete_at)
 
-        delay_m = predicted_delay_m(
-            ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
-            bgd_e1_e6_s=_group_delay_at(assistance, svid, snapshot.time),
-            hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
-            convention=self.group_delay_convention,
-        )
+        delay_m = assisted_delay_m(assistance, svid, snapshot.time, self.group_delay_convention)
         chips = decrypt(segment, key, mode=self.cipher_mode)
         handover = hand_over(observation, snapshot.time, chips, delay_m=delay_m, e6_over_e1_db=self.e6_over_e1_db)
         bank = snapshot.e6.correlate(handover, self.offsets_m)
@@ -190,9 +185,3 @@ def _segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -
 
 def _key_at(assistance: Assistance, time: GalileoTime) -> ValidatedKey | None:
     return next((key for key in assistance.keys if key.time == time), None)
-
-
-def _group_delay_at(assistance: Assistance, svid: int, time: GalileoTime) -> float:
-    """Return the group delay of a satellite that is valid at a time, 0 if none was given, in s."""
-    valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
-    return max(valid, key=lambda delay: delay.valid_from).bgd_e1_e6_s if valid else 0.0

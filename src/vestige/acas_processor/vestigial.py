@@ -30,6 +30,7 @@ from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary code
 REMEASURE_S = 2.0  # between measurements of E1
+TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
 MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not known
 
@@ -56,6 +57,25 @@ def decide_vestigial(svid: int, peaks: Iterable[Peak]) -> VestigialDecision:
     """Return the decision on the peaks of a satellite: the earliest is the true signal, a second one is spoofing."""
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
     return VestigialDecision(svid=svid, peaks=own, true=own[0] if own else None, spoofed=len(own) > 1)
+
+
+def arrival_window(
+    sent: GalileoTime, uncertainty_s: float, samples: SampleSource
+) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return when a chip may arrive at the earliest and at the latest, as far as samples go; None if never in them.
+
+    Parameters
+    ----------
+    sent
+        Time of transmission.
+    uncertainty_s
+        Bound on the error of the samples' time, infinite if there is none.
+    """
+    head = samples.read(samples.first_sample, 1)
+    end_s = (samples.end_sample - samples.first_sample) / head.sample_rate_hz
+    first_s = max(sent - head.start + TRAVEL_TIME_S[0] - uncertainty_s, 0.0)
+    last_s = min(sent - head.start + TRAVEL_TIME_S[1] + uncertainty_s, end_s)
+    return (head.start + first_s, head.start + last_s) if first_s <= last_s else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,10 +11,12 @@ from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
+    from vestige.recording.recording import Recording
     from vestige.records import Assistance, Measurement
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
+MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
@@ -57,12 +59,12 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.cli.progress import progress
     from vestige.cli.verdicts import print_json, print_table, write_csv
     from vestige.recording.assistance import read_assistance
-    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
     from vestige.recording.receiver_corrections import write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
 
     recording = open_recording(recording_path, start=options["start"])
+    around_s = _label_uncertainty_s(recording, options["time_uncertainty"])
     folder = (
         options["assistance_path"]
         or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
@@ -72,18 +74,11 @@ def command(recording_path: Path, **options: Any) -> None:
         public_key=options["public_key"],
         merkle_tree=options["merkle_tree"],
         certificates=options["certificates"],
-        window=time_span(recording),
+        window=time_span(recording, uncertainty_s=around_s),
         strict=options["strict"],
     )
     for line in (*recording.notes, *found.problems, *found.missing, *found.cautions):
         click.echo(f"warning: {line}", err=True)
-    uncertainty_s = options["time_uncertainty"] or recording.description.time_uncertainty_s
-    if recording.observations is None and uncertainty_s > LABEL_TOLERANCE_S:
-        click.echo(
-            "warning: without an observation file E1 tells time modulo 100 ms only: the recording's label must be "
-            f"right to {LABEL_TOLERANCE_S * 1e3:g} ms, or encrypted signals will not be found",
-            err=True,
-        )
     if options["calibrate"]:
         click.echo(
             "warning: --calibrate takes the hardware bias from this recording itself: "
@@ -94,6 +89,7 @@ def command(recording_path: Path, **options: Any) -> None:
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
         time_uncertainty_s=options["time_uncertainty"],
+        label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
     )
     processor = _processor(options)
     with progress() as report:
@@ -114,6 +110,39 @@ def command(recording_path: Path, **options: Any) -> None:
         )
     else:
         print_table(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+
+
+def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
+    """Return the uncertainty of the time label where it matters, else 0: E1 samples tell time modulo 100 ms only."""
+    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
+
+    around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
+    return 0.0 if recording.observations is not None or around_s <= LABEL_TOLERANCE_S else min(around_s, MAX_LABEL_S)
+
+
+def _label_error_s(recording: Recording, assistance: Assistance, around_s: float) -> float:
+    """Return by how much the time label is late, from the RECS in the samples; says what it found."""
+    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.label_search import search_label
+
+    found = search_label(recording, assistance, around_s)
+    for decision in found.decisions:
+        if decision.spoofed:
+            times = ", ".join(str(peak.start_time) for peak in decision.peaks)
+            click.echo(
+                f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
+                err=True,
+            )
+    if found.error_s is None:
+        click.echo(
+            f"warning: no RECS was found within the time label's ±{around_s:g} s, so the label is taken to be right "
+            f"to {LABEL_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
+            err=True,
+        )
+        return 0.0
+    if abs(found.error_s) > LABEL_TOLERANCE_S:
+        click.echo(f"warning: the time label is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+    return found.error_s if abs(found.error_s) > LABEL_TOLERANCE_S else 0.0
 
 
 def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:

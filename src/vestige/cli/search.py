@@ -108,6 +108,7 @@ def e1(
 @_json
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
+    from vestige.acas_processor.handover import assisted_delay_m
     from vestige.acas_processor.vestigial import E1_WINDOW_S, decide_vestigial, handover_peaks, line_stretches
     from vestige.records import Band
     from vestige.sample_processor.search.e1_search import search_e1
@@ -120,14 +121,14 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     signals = search_e1(batch, dict.fromkeys(code.svid for code in codes))
     decisions = []
     for code in codes:
-        first, last = _window(recording, code, options["uncertainty_s"])
+        first, last = _window(recording, e6, code, options["uncertainty_s"])
         stretches = [
             stretch
             for signal in signals
             if signal.svid == code.svid
             for stretch in line_stretches(
                 e1_reader, signal, batch.start, code, first, last,
-                delay_m=_delay_m(assistance, code.svid, batch.start), secondary=not options["every_4_ms"],
+                delay_m=assisted_delay_m(assistance, code.svid, batch.start), secondary=not options["every_4_ms"],
             )
         ]  # fmt: skip
         peaks, budget = handover_peaks(e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]))
@@ -169,7 +170,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     )
     decisions, complete = [], True
     for group in _together(codes):
-        first, last = _window(recording, group[0], options["uncertainty_s"])
+        first, last = _window(recording, e6, group[0], options["uncertainty_s"])
         hypotheses = search.hypotheses(searchable(e6, search.integration_s, first, last)[1], len(group))
         budget = search_budget(
             hypotheses,
@@ -225,24 +226,14 @@ def _codes(
     return [decrypt(one, keys[one.key_time]) for one in segments], found.assistance
 
 
-def _delay_m(assistance: Assistance, svid: int, at: GalileoTime) -> float:
-    from vestige.acas_processor.handover import predicted_delay_m
-
-    valid = [one for one in assistance.group_delays if one.svid == svid and one.valid_from <= at]
-    return predicted_delay_m(
-        ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
-        bgd_e1_e6_s=max(valid, key=lambda one: one.valid_from).bgd_e1_e6_s if valid else 0.0,
-        hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
-    )
-
-
-def _window(recording: Recording, code: ChipSequence, uncertainty_s: float | None) -> tuple[GalileoTime, GalileoTime]:
-    """Return when the first chip may arrive: the travel time, and the clock's uncertainty on both sides."""
-    from vestige.recording.snapshots import TRAVEL_TIME_S
+def _window(
+    recording: Recording, e6: SampleReader, code: ChipSequence, uncertainty_s: float | None
+) -> tuple[GalileoTime, GalileoTime]:
+    """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
+    from vestige.acas_processor.vestigial import arrival_window
 
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
-    around_s = min(around_s, 1e5)  # infinite where nothing states it: all of the recording
-    return code.transmit_time + (TRAVEL_TIME_S[0] - around_s), code.transmit_time + (TRAVEL_TIME_S[1] + around_s)
+    return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
 
 
 def _together(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:

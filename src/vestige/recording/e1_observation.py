@@ -3,8 +3,8 @@
 `measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code.
 Satellites in view differ by less than 25 ms in travel time, so their times of transmission are placed together; the
 common multiple of 100 ms is the one that puts the median travel time nearest to that of a medium orbit. That is right
-as long as the recording's time label is within ±`LABEL_TOLERANCE_S` of the truth. A receiver with a tracking loop
-reads the time of week from I/NAV instead.
+as long as the recording's time label is within ±`LABEL_TOLERANCE_S` of the truth, or its error is known from the
+hand-over search (`label_search`). A receiver with a tracking loop reads the time of week from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ MIN_SECONDARY_MARGIN_DB = 1.0  # CS25's own second-best phase is 5.6 dB down; no
 
 
 def observe(
-    batch: SampleBatch, svids: Iterable[int], *, progress: Callable[[int, int], None] | None = None
+    batch: SampleBatch,
+    svids: Iterable[int],
+    *,
+    label_error_s: float = 0.0,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
     """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
 
@@ -36,6 +40,8 @@ def observe(
         E1 samples, best 100 ms.
     svids
         Satellites to look for.
+    label_error_s
+        By how much the time label of the batch is known to be late.
     progress
         Called with the number of satellites that have been looked for, and of all.
     """
@@ -43,17 +49,20 @@ def observe(
     measured = [found for found in (measure_e1(batch, one) for one in acquired) if found is not None]
     kept = {one.svid: one for one in measured if one.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB}
     middle = batch.start + batch.samples.size / batch.sample_rate_hz / 2
-    travel_s = place_travel_times({svid: (one.time.fraction - one.transmit_phase_s) for svid, one in kept.items()})
+    phases_s = {svid: (one.time.fraction - one.transmit_phase_s) for svid, one in kept.items()}
+    travel_s = place_travel_times(phases_s, MEDIAN_TRAVEL_TIME_S + label_error_s)
     return middle, {svid: _at(one, travel_s[svid], middle) for svid, one in kept.items()}
 
 
-def place_travel_times(phases_s: Mapping[int, float]) -> dict[int, float]:
+def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
     """Return travel times out of travel times modulo 100 ms, with one multiple for all satellites, in s.
 
     Parameters
     ----------
     phases_s
         Reception minus transmission modulo 100 ms by SVID, in s.
+    median_s
+        What their median is, to 50 ms.
     """
     if not phases_s:
         return {}
@@ -61,7 +70,7 @@ def place_travel_times(phases_s: Mapping[int, float]) -> dict[int, float]:
     mean = np.angle(np.sum(np.exp(1j * turns)))
     together = mean + np.angle(np.exp(1j * (turns - mean)))  # within half a period of their circular mean
     travel = together / (2 * np.pi) * SECONDARY_PERIOD_S
-    shift = round((MEDIAN_TRAVEL_TIME_S - float(np.median(travel))) / SECONDARY_PERIOD_S)
+    shift = round((median_s - float(np.median(travel))) / SECONDARY_PERIOD_S)
     return {svid: float(time) for svid, time in zip(phases_s, travel + shift * SECONDARY_PERIOD_S, strict=True)}
 
 

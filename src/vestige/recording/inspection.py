@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
 from vestige.recording.assistance import AssistanceFolder, read_assistance
 from vestige.recording.assistance_files import Kind
@@ -21,7 +22,6 @@ from vestige.recording.levels import Levels, levels
 from vestige.recording.observations import ObservationFile, kind_of, open_observations
 from vestige.recording.recording import describe_recording, find_observations, find_recording
 from vestige.recording.samples import SampleReader, open_samples
-from vestige.recording.snapshots import TRAVEL_TIME_S
 from vestige.records import Assistance, Band, EncryptedSegment
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
 from vestige.recording.observations import ObservationTrack
@@ -24,7 +25,6 @@ from vestige.time import GalileoTime
 E1_WINDOW_S = 0.1  # one period of the secondary code
 MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
-TRAVEL_TIME_S = (0.02, 0.16)  # what a travel time can look like with a receiver clock within ±50 ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +39,9 @@ class RecordingSource:
         RECS, group delays, keys and corrections.
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
+    label_error_s
+        By how much the time label of the samples is late, as `label_search` found it. It places what E1 samples leave
+        open, a multiple of 100 ms; observations of a tracking receiver need no such thing.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
     """
@@ -46,6 +49,7 @@ class RecordingSource:
     recording: Recording
     assistance: Assistance
     time_uncertainty_s: float | None = None
+    label_error_s: float = 0.0
     progress: Callable[[str, int, int], None] | None = None
 
     def __iter__(self) -> Iterator[Snapshot]:
@@ -57,7 +61,7 @@ class RecordingSource:
 
     def epochs(self) -> dict[GalileoTime, tuple[EncryptedSegment, ...]]:
         """Return the RECS that can be in the E6 samples, by time of transmission."""
-        span = time_span(self.recording)
+        span = time_span(self.recording, self.label_error_s)
         if span is None:
             return {}
         epochs: dict[GalileoTime, tuple[EncryptedSegment, ...]] = {}
@@ -95,8 +99,9 @@ class RecordingSource:
         reader = self.recording.e1
         if reader is None:
             return transmit_time + MEDIAN_TRAVEL_TIME_S, {}
-        window = e1_window(reader, transmit_time + MEDIAN_TRAVEL_TIME_S)
-        return observe(window, sorted(svids), progress=self._step(f"E1 search for the RECS of {transmit_time}"))
+        window = e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.label_error_s))
+        step = self._step(f"E1 search for the RECS of {transmit_time}")
+        return observe(window, sorted(svids), label_error_s=self.label_error_s, progress=step)
 
     def _step(self, name: str) -> Callable[[int, int], None] | None:
         report = self.progress
@@ -112,12 +117,23 @@ class RecordingSource:
         return self.recording.batch(Band.E6, start, max(travel_s) - min(travel_s) + duration_s + 2 * MARGIN_S)
 
 
-def time_span(recording: Recording) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the first and last time of transmission that can be in the E6 samples, or None if there are none."""
+def time_span(
+    recording: Recording, label_error_s: float = 0.0, uncertainty_s: float = 0.0
+) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return the first and last time of transmission that can be in the E6 samples, or None if there are none.
+
+    Parameters
+    ----------
+    label_error_s, uncertainty_s
+        By how much the time label of the samples is late, give or take how much.
+    """
     reader = recording.e6
     if reader is None:
         return None
-    return reader.start + -TRAVEL_TIME_S[1], reader.start + (reader.duration_s - TRAVEL_TIME_S[0])
+    return (
+        reader.start + (-TRAVEL_TIME_S[1] - label_error_s - uncertainty_s),
+        reader.start + (reader.duration_s - TRAVEL_TIME_S[0] - label_error_s + uncertainty_s),
+    )
 
 
 def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
