@@ -1,4 +1,4 @@
-"""`vestige process` with a wrong time label and no observation file: encrypted chips, which come once, tell the time."""
+"""`vestige process` with a wrong time label and no observation file: chips that come once tell the time."""
 
 from __future__ import annotations
 

@@ -1,0 +1,304 @@
+"""The vestigial searches as checks: whether there is more than one signal of a satellite.
+
+Step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
+
+`E1VestigialSearch` belongs to level 2: all signals on E1, and the hand-over of each to E6. `E6ExhaustiveSearch` belongs
+to level 3: every half chip and Doppler bin of E6. Both take a snapshot and its assistance and answer for each satellite
+with the peaks and a check of the number of signals against one. What an attacker can do against them: null the true
+signal, or bury it in noise; then the check of E6 power and that of received power have something to say.
+
+Both search the `TimeUncertainty`: what the receiver knows of its clock before its first authentic fix, and after it
+only what the oscillator may have drifted since.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from vestige.acas_processor.handover import assisted_delay_m
+from vestige.acas_processor.monitors.judgement import Monitor, check_budget, judged, not_run
+from vestige.acas_processor.search_budget import search_budget
+from vestige.acas_processor.vestigial import (
+    E1_WINDOW_S,
+    arrival_window,
+    decide_vestigial,
+    handover_peaks,
+    line_stretches,
+)
+from vestige.crypto.recs import decrypt
+from vestige.records import Assistance, CheckResult, ChipSequence, SampleBatch, Snapshot
+from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.search.e1_search import search_e1
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+from vestige.sample_processor.search.peak import Peak
+from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
+from vestige.time import GalileoTime
+
+FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeUncertainty:
+    """Bound on the error of the receiver's clock.
+
+    Attributes
+    ----------
+    initial_s
+        Before the first authentic fix.
+    frequency_error
+        Bound on the relative frequency error of the oscillator.
+    fixed_at, fixed_s
+        Time of the last authentic fix, and how good it was.
+    """
+
+    initial_s: float = 15.0
+    frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
+    fixed_at: GalileoTime | None = None
+    fixed_s: float = FIXED_S
+
+    def at(self, time: GalileoTime) -> float:
+        """Return the bound at a time, in s."""
+        if self.fixed_at is None:
+            return self.initial_s
+        return min(self.fixed_s + self.frequency_error * abs(time - self.fixed_at), self.initial_s)
+
+    def after_fix(self, time: GalileoTime, fixed_s: float = FIXED_S) -> TimeUncertainty:
+        """Return the uncertainty after an authentic fix at a time."""
+        return replace(self, fixed_at=time, fixed_s=fixed_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SatelliteSearch:
+    """What a search says of one satellite.
+
+    Attributes
+    ----------
+    signals
+        On E1, the strongest first; none from the exhaustive search.
+    peaks
+        In E6, in order of time: the first is the true signal.
+    """
+
+    svid: int
+    signals: tuple[Acquisition, ...]
+    peaks: tuple[Peak, ...]
+    check: CheckResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1VestigialSearch:
+    """All signals on E1, handed over to E6.
+
+    Attributes
+    ----------
+    p_fa
+        Of one snapshot, for E1 and for E6 each.
+    doppler_span_hz, periods
+        Of `search_e1`.
+    taps
+        Of `search_handover`.
+    """
+
+    p_fa: float = 1e-3
+    doppler_span_hz: float = 5000.0
+    periods: int = 24
+    taps: int = 5
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> str:
+        """Name in `CheckResult`."""
+        return "E1 vestigial search"
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "signals"
+
+    def search(
+        self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
+    ) -> tuple[SatelliteSearch, ...]:
+        """Return what there is of every satellite with a RECS; without E6 or a key E1 alone decides.
+
+        Parameters
+        ----------
+        snapshot
+            With at least 8 ms of E1, better 100; E6 as far as it goes.
+        """
+        svids = _satellites(assistance)
+        if snapshot.e1 is None:
+            nothing = not_run(self, "no E1 samples")
+            return tuple(SatelliteSearch(svid=svid, signals=(), peaks=(), check=nothing) for svid in svids)
+        signals = search_e1(
+            _beginning(snapshot.e1),
+            svids,
+            overall_pfa=self.p_fa,
+            doppler_span_hz=self.doppler_span_hz,
+            periods=self.periods,
+        )
+        results = []
+        for svid in svids:
+            own = tuple(one for one in signals if one.svid == svid)
+            peaks = self._handed_over(svid, own, snapshot.e1, snapshot, assistance, uncertainty)
+            count = max(len(own), len(peaks))
+            check = _count(self, count, peaks) if own else not_run(self, "no signal of this satellite on E1")
+            results.append(SatelliteSearch(svid=svid, signals=own, peaks=peaks, check=check))
+        return tuple(results)
+
+    def _handed_over(
+        self,
+        svid: int,
+        signals: tuple[Acquisition, ...],
+        e1: SampleBatch,
+        snapshot: Snapshot,
+        assistance: Assistance,
+        uncertainty: TimeUncertainty,
+    ) -> tuple[Peak, ...]:
+        """Return the peaks in E6 at the places of all signals on E1; of several RECS, those of the one with most."""
+        peaks: tuple[Peak, ...] = ()
+        e6 = _samples(snapshot)
+        codes, _ = _codes(snapshot, assistance, uncertainty, svid)
+        if e6 is None:
+            return ()
+        for code in codes:
+            window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
+            if window is None:
+                continue
+            delay_m = assisted_delay_m(assistance, svid, snapshot.time)
+            lines = [
+                line
+                for one in signals
+                for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
+            ]
+            found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
+            peaks = max(peaks, found, key=len)
+        return peaks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6ExhaustiveSearch:
+    """Every half chip and Doppler bin of E6.
+
+    Attributes
+    ----------
+    p_fa
+        Of one snapshot.
+    how
+        Integration time, Doppler span, engine, workers.
+    """
+
+    p_fa: float = 1e-3
+    how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> str:
+        """Name in `CheckResult`."""
+        return "E6 exhaustive search"
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "signals"
+
+    def search(
+        self,
+        snapshot: Snapshot,
+        assistance: Assistance,
+        uncertainty: TimeUncertainty,
+        e6: SampleSource | None = None,
+    ) -> tuple[SatelliteSearch, ...]:
+        """Return what there is of every satellite with a RECS.
+
+        Parameters
+        ----------
+        e6
+            Samples in place of those of the snapshot: a file that is too long for one.
+        """
+        source = e6 or _samples(snapshot)
+        found = {svid: _codes(snapshot, assistance, uncertainty, svid) for svid in _satellites(assistance)}
+        peaks = self._peaks(source, [code for codes, _ in found.values() for code in codes], snapshot.time, uncertainty)
+        return tuple(
+            SatelliteSearch(
+                svid=svid,
+                signals=(),
+                peaks=peaks.get(svid, ()),
+                check=self._judged(peaks.get(svid), "no E6 samples" if source is None else reason),
+            )
+            for svid, (_, reason) in found.items()
+        )
+
+    def _peaks(
+        self, source: SampleSource | None, codes: list[ChipSequence], time: GalileoTime, uncertainty: TimeUncertainty
+    ) -> dict[int, tuple[Peak, ...]]:
+        """Return the peaks of every satellite that could be searched; RECS of one transmission are searched at once."""
+        peaks: dict[int, tuple[Peak, ...]] = {}
+        times = sorted({code.transmit_time for code in codes})
+        if source is None:
+            return peaks
+        for sent in times:
+            group = [code for code in codes if code.transmit_time == sent]
+            window = arrival_window(sent, uncertainty.at(time), source)
+            hypotheses = 0.0 if window is None else self._hypotheses(source, window, len(group))
+            if window is None or hypotheses <= 0:
+                continue
+            limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=self.p_fa / len(times)).threshold
+            *_, state = self.how.run(source, group, *window, limit)
+            for code in group:
+                own = decide_vestigial(code.svid, state.peaks).peaks
+                peaks[code.svid] = max(peaks.get(code.svid, ()), own, key=len)
+        return peaks
+
+    def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
+        return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
+
+    def _judged(self, peaks: tuple[Peak, ...] | None, reason: str) -> CheckResult:
+        if peaks is None:
+            return not_run(self, reason or "the E6 samples do not hold the RECS anywhere in the time uncertainty")
+        return _count(self, len(peaks), peaks) if peaks else not_run(self, "the RECS was not found in E6")
+
+
+def _count(monitor: Monitor, count: int, peaks: tuple[Peak, ...]) -> CheckResult:
+    """Return the check of a number of signals against one."""
+    true = f"; the earliest, at {peaks[0].start_time}, is the true one" if peaks else ""
+    where = f"{len(peaks)} carry the encrypted chips{true}" if peaks else "E6 does not say which is the true one"
+    return judged(monitor, float(count), 1.0, f"{count} signals of one satellite: {where}")
+
+
+def _codes(
+    snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int
+) -> tuple[tuple[ChipSequence, ...], str]:
+    """Return the decrypted RECS of a satellite that may be in a snapshot, and why there is none."""
+    keys = {key.time: key for key in assistance.keys}
+    codes, reason = [], "no RECS of this satellite"
+    for segment in assistance.segments:
+        if segment.svid != svid:
+            continue
+        key = keys.get(segment.key_time)
+        if key is None:
+            reason = f"no validated OSNMA key of {segment.key_time}"
+        elif not key.disclosed_at - snapshot.received_at > uncertainty.at(snapshot.received_at):
+            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
+        else:
+            codes.append(decrypt(segment, key))
+    return tuple(codes), "" if codes else reason
+
+
+def _samples(snapshot: Snapshot) -> SampleSource | None:
+    """Return the E6 samples of a snapshot, None if it has none, or a model in place of them."""
+    return BatchSource(snapshot.e6.batch) if isinstance(snapshot.e6, CorrelatableSamples) else None
+
+
+def _beginning(batch: SampleBatch) -> SampleBatch:
+    """Return the first 100 ms."""
+    return replace(batch, samples=batch.samples[: math.ceil(E1_WINDOW_S * batch.sample_rate_hz)])
+
+
+def _satellites(assistance: Assistance) -> list[int]:
+    return sorted({one.svid for one in assistance.segments})
