@@ -108,7 +108,7 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
     )
 
     def run(*_arguments: object) -> object:
-        yield SearchState(done=1.0, total=4.0, peaks=(peak,))
+        yield SearchState(done=1.0, total=4.0, peaks=(peak,), block_start=peak.start_time)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(ExhaustiveSearch, "run", run)

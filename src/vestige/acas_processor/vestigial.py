@@ -14,7 +14,7 @@ position the clock is known: a narrower time uncertainty makes both searches as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -168,6 +168,7 @@ def handover_peaks(
     *,
     overall_pfa: float = 1e-3,
     taps: int = 5,
+    trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[tuple[Peak, ...], SearchBudget]:
     """Return the signals in E6 at the places of all lines, in order of time, and the budget of the search.
 
@@ -181,6 +182,8 @@ def handover_peaks(
         Probability that noise alone gives any peak.
     taps
         Code offsets half a chip apart at each place, an odd number.
+    trace
+        As `search_handover`.
     """
     if not stretches:
         return (), search_budget(0.0, E1_CODE_PERIOD_S, overall_pfa=overall_pfa, doppler_step_hz=0.0)
@@ -191,7 +194,9 @@ def handover_peaks(
     peaks = [
         peak
         for one in stretches
-        for peak in search_handover(e6, one.line, one.first_start, one.last_start, budget.threshold, taps=taps)
+        for peak in search_handover(
+            e6, one.line, one.first_start, one.last_start, budget.threshold, taps=taps, trace=trace
+        )
     ]
     return separated(peaks), budget
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from vestige.acas_processor.search_budget import SearchBudget
     from vestige.acas_processor.vestigial import VestigialDecision
+    from vestige.cli.search_figure import SearchFigure
     from vestige.recording.recording import Recording
     from vestige.recording.samples import SampleReader
     from vestige.records import Assistance, ChipSequence
@@ -38,6 +39,7 @@ _uncertainty = click.option(
     "--uncertainty-s", type=FiniteRange(1e-6, 1e5), help="Time uncertainty ± around the expected arrival [recording]."
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+_plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
 REPORT_EVERY_S = 5.0  # a line of progress
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
@@ -54,6 +56,7 @@ def command() -> None:
 @_p_fa
 @click.option("--periods", type=click.IntRange(1, 24), default=24, show_default=True, help="Code periods added.")
 @click.option("--doppler-span-hz", type=FiniteRange(100, 20_000), default=5000.0, show_default=True, help="±.")
+@_plot
 @_json
 def e1(
     recording_path: Path,
@@ -62,6 +65,7 @@ def e1(
     p_fa_overall: float,
     periods: int,
     doppler_span_hz: float,
+    plot: Path | None,
     as_json: bool,
 ) -> None:
     """List every signal of every satellite on E1 at the start of RECORDING."""
@@ -82,6 +86,13 @@ def e1(
             periods=periods,
             progress=lambda done, total: report("E1 search", done, total),
         )
+    if plot is not None:
+        from vestige.cli.search_figure import draw_e1
+
+        draw_e1(
+            plot, batch, parse_svids(svids), found,
+            overall_pfa=p_fa_overall, periods=periods, doppler_span_hz=doppler_span_hz,
+        )  # fmt: skip
     if as_json:
         fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
         click.echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
@@ -105,11 +116,13 @@ def e1(
     "--taps", type=click.Choice(["1", "3", "5", "7", "9"]), default="5", show_default=True, help="Half chips."
 )
 @click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
+@_plot
 @_json
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
     from vestige.acas_processor.handover import assisted_delay_m
     from vestige.acas_processor.vestigial import E1_WINDOW_S, decide_vestigial, handover_peaks, line_stretches
+    from vestige.cli.search_figure import SearchFigure
     from vestige.records import Band
     from vestige.sample_processor.search.e1_search import search_e1
 
@@ -119,6 +132,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
     signals = search_e1(batch, dict.fromkeys(code.svid for code in codes))
+    figure = SearchFigure(options["plot"], codes, "E6, handed over from E1")
     decisions = []
     for code in codes:
         first, last = _window(recording, e6, code, options["uncertainty_s"])
@@ -131,8 +145,11 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
                 delay_m=assisted_delay_m(assistance, code.svid, batch.start), secondary=not options["every_4_ms"],
             )
         ]  # fmt: skip
-        peaks, budget = handover_peaks(e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]))
+        peaks, budget = handover_peaks(
+            e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]), trace=figure.add
+        )
         decisions.append((decide_vestigial(code.svid, peaks), budget))
+    figure.write(decisions)
     _print_decisions(decisions, as_json, complete=True)
 
 
@@ -148,6 +165,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
 @click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
 @click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
+@_plot
 @_json
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
@@ -156,6 +174,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     """
     from vestige.acas_processor.search_budget import search_budget
     from vestige.acas_processor.vestigial import decide_vestigial
+    from vestige.cli.search_figure import SearchFigure
     from vestige.records import Band
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 
@@ -168,6 +187,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
         engine=options["engine"],
         workers=options["workers"],
     )
+    figure = SearchFigure(options["plot"], codes, "E6, exhaustive")
     decisions, complete = [], True
     for group in _together(codes):
         first, last = _window(recording, e6, group[0], options["uncertainty_s"])
@@ -179,10 +199,11 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
             correlated_neighbours=options["correlated_neighbours"],
         )
         _print_budget(budget, search)
-        peaks, complete = _follow(search.run(e6, group, first, last, budget.threshold))
+        peaks, complete = _follow(search.run(e6, group, first, last, budget.threshold), figure)
         decisions += [(decide_vestigial(code.svid, peaks), budget) for code in group]
         if not complete:
             break
+    figure.write(decisions)
     _print_decisions(decisions, as_json, complete=complete)
     if not complete:
         sys.exit(INTERRUPTED)
@@ -262,7 +283,7 @@ def _print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
         click.echo(f"{name:26}{value}", err=True)
 
 
-def _follow(states: Iterable[SearchState]) -> tuple[tuple[Peak, ...], bool]:
+def _follow(states: Iterable[SearchState], figure: SearchFigure) -> tuple[tuple[Peak, ...], bool]:
     """Return the peaks of a search and whether it came to its end; says how fast it is and how long it takes."""
     peaks: tuple[Peak, ...] = ()
     begin = reported = time.monotonic()
@@ -278,6 +299,7 @@ def _follow(states: Iterable[SearchState]) -> tuple[tuple[Peak, ...], bool]:
                 )
                 reported = now
             peaks = state.peaks
+            figure.add(state.block_start, state.block_magnitude)
     except KeyboardInterrupt:
         return peaks, False
     return peaks, True

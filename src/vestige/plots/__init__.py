@@ -12,12 +12,15 @@ from vestige.plots.magnitude_histogram import magnitude_histogram
 from vestige.plots.range_histogram import RightFlank, range_histogram
 from vestige.plots.range_offset import range_offset
 from vestige.plots.sweep import read_sweep, sweep_of
+from vestige.plots.vestigial_search import SearchTrace, code_phases, vestigial_search
 from vestige.plots.waterfall import waterfall, waterfall_map
 
 __all__ = [
     "RightFlank",
+    "SearchTrace",
     "attack_comparison",
     "between",
+    "code_phases",
     "detecting_correlator",
     "detection_curve",
     "is_attacked",
@@ -27,6 +30,7 @@ __all__ = [
     "range_offset",
     "read_sweep",
     "sweep_of",
+    "vestigial_search",
     "waterfall",
     "waterfall_map",
     "write",

@@ -58,11 +58,17 @@ class SearchState:
         Hypotheses.
     peaks
         What it has found so far, in order of time.
+    block_start
+        Time of the first code offset of the block that was done last.
+    block_magnitude
+        Of the strongest cell in that block, as the engine has it, in standard deviations of the noise per dimension.
     """
 
     done: float
     total: float
     peaks: tuple[Peak, ...]
+    block_start: GalileoTime
+    block_magnitude: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +153,7 @@ class ExhaustiveSearch:
         begin, uncertainty_s = searchable(source, self.integration_s, first_start, last_start)
         total = self.hypotheses(uncertainty_s, len(chips))
         if total <= 0 or not chips:
-            yield SearchState(done=0.0, total=0.0, peaks=())
+            yield SearchState(done=0.0, total=0.0, peaks=(), block_start=begin)
             return
         engine: Engine = ENGINES[self.engine](np.stack([one.chips for one in chips]))
         n = int(uncertainty_s * CHIP_RATE_HZ) + 1
@@ -160,7 +166,7 @@ class ExhaustiveSearch:
         peaks: tuple[Peak, ...] = ()
         work = sum(block.count for block in blocks)
         pool = ThreadPoolExecutor(max_workers=self.workers or os.cpu_count())
-        waiting: deque[tuple[_Block, Future[list[Peak]]]] = deque()
+        waiting: deque[tuple[_Block, Future[tuple[list[Peak], float]]]] = deque()
         ahead = _AHEAD * (self.workers or os.cpu_count() or 1)
         try:
             rest = iter(blocks)
@@ -172,11 +178,17 @@ class ExhaustiveSearch:
                 if not waiting:
                     return
                 block, future = waiting.popleft()
-                found = future.result()
+                found, magnitude = future.result()
                 done += block.count
                 if found:
                     peaks = separated((*peaks, *found))
-                yield SearchState(done=total * done / work, total=total, peaks=peaks)
+                yield SearchState(
+                    done=total * done / work,
+                    total=total,
+                    peaks=peaks,
+                    block_start=block.begin + block.first / CHIP_RATE_HZ,
+                    block_magnitude=magnitude,
+                )
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -204,20 +216,22 @@ class _Block:
 
     def peaks(
         self, source: SampleSource, engine: Engine, codes: tuple[ChipSequence, ...], threshold: float
-    ) -> list[Peak]:
-        """Return the peaks of the block."""
+    ) -> tuple[list[Peak], float]:
+        """Return the peaks of the block, and the magnitude of its strongest cell."""
         chips = self._chips(source)
         noise = float(np.mean(np.square(chips, dtype=np.float32))) * self.search.n_chips  # variance per dimension
         if noise == 0:
-            return []
+            return [], 0.0
         screen = threshold**2 * noise * 10 ** (-(engine.loss_db + SCREEN_MARGIN_DB) / 10)
         found: list[Peak] = []
+        strongest = 0.0
         for code, powers in zip(codes, engine.powers(chips, self.count), strict=True):
+            strongest = max(strongest, float(np.max(powers)))
             for cluster in _clusters(powers, screen):
                 peak = self._decide(source, code, cluster, threshold)
                 if peak is not None:
                     found.append(peak)
-        return found
+        return found, float(np.sqrt(strongest / noise))
 
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> Peak | None:
         """Return the peak of the first cell of a cluster, strongest first, whose exact value is above the threshold."""

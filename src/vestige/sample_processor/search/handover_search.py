@@ -96,6 +96,7 @@ def search_handover(
     *,
     taps: int = 5,
     progress: Callable[[int, int], None] | None = None,
+    trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[Peak, ...]:
     """Return the signals at the places that a line allows, in order of time.
 
@@ -113,6 +114,8 @@ def search_handover(
         Code offsets half a chip apart that are tested at each place, an odd number.
     progress
         Called with the number of hypotheses that are done, and of all.
+    trace
+        Called for each place with its time and the magnitude of its strongest tap, in standard deviations of the noise.
     """
     if taps < 1 or taps % 2 == 0:
         raise ValueError(f"the number of taps must be odd, not {taps}")
@@ -126,6 +129,9 @@ def search_handover(
             peak = peak_at(source, _handover(source, line, int(chunk[row]), tap), threshold)
             if peak is not None:
                 found.append(peak)
+        if trace is not None:
+            for place, square in zip(chunk, best, strict=True):
+                trace(_handover(source, line, int(place), 0).start_time, float(np.sqrt(square)))
         done += chunk.size * taps
         if progress is not None:
             progress(done, places.size * taps)

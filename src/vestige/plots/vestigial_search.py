@@ -1,0 +1,80 @@
+"""A vestigial signal search: what was found on E1 and in E6, with real results in place of [WFO, Fig. 3]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from vestige.plots.figure import BLUE, GREEN, GREY, RED, dot_size_pt, dress, legend, new_axes
+
+_ROOM = 1.25  # above the strongest, for the legend
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchTrace:
+    """A search in E6.
+
+    Attributes
+    ----------
+    time_s, magnitude
+        Places, after the RECS was sent, and the magnitude there: of a hand-over's place, or the strongest in a block of
+        an exhaustive search; in standard deviations of the noise per dimension.
+    threshold
+        In the same unit.
+    peaks
+        Signals that were found: time and magnitude, the earliest first.
+    """
+
+    time_s: Sequence[float]
+    magnitude: Sequence[float]
+    threshold: float
+    peaks: Sequence[tuple[float, float]]
+
+
+def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
+    """Return magnitude against time, the threshold, and the peaks: the earliest is the true signal."""
+    ax = new_axes()
+    size = dot_size_pt(len(trace.time_s))
+    ax.plot(trace.time_s, trace.magnitude, ".", color=GREY, markersize=size, label="searched", rasterized=True)
+    ax.axhline(trace.threshold, color=BLUE, linewidth=0.7, linestyle="--", label=f"threshold {trace.threshold:.2f}")
+    for number, (at_s, magnitude) in enumerate(trace.peaks):
+        colour, mark, name = (GREEN, "^", "true: the earliest") if number == 0 else (RED, "v", "later: spoofing")
+        ax.plot(at_s, magnitude, mark, color=colour, markersize=4, label=name if number < 2 else None)
+    highest = max([trace.threshold, *trace.magnitude, *(magnitude for _, magnitude in trace.peaks)])
+    ax.set_ylim(0, highest * _ROOM)
+    dress(ax, title=title, x="first chip arrives, after it was sent (s)", y="magnitude (σ)")
+    legend(ax, columns=2)
+    return ax
+
+
+def code_phases(
+    phase_ms: Float[np.ndarray, " n"],
+    power: Float[np.ndarray, " n"],
+    found: Sequence[tuple[float, float]],
+    *,
+    title: str,
+) -> Axes:
+    """Return the power of the strongest Doppler bin over the threshold, against code phase, with the signals found.
+
+    Parameters
+    ----------
+    phase_ms, power
+        One code period; power over the threshold.
+    found
+        Code phase and power of the signals, the strongest first.
+    """
+    ax = new_axes()
+    ax.plot(phase_ms, power, color=GREY, linewidth=0.4, rasterized=True)
+    ax.axhline(1.0, color=BLUE, linewidth=0.7, linestyle="--", label="threshold")
+    at, high = np.array(found, np.float64).reshape(-1, 2).T
+    ax.plot(at, high, "o", color=RED, markersize=5, fillstyle="none", label=f"signals found: {at.size}")
+    ax.set_yscale("log")
+    ax.set_ylim(0.3, max(float(np.max(power)), 1.0) * 2)
+    ax.set_xlim(0, float(phase_ms[-1]))
+    dress(ax, title=title, x="code phase (ms)", y="power / threshold")
+    legend(ax, columns=2)
+    return ax
