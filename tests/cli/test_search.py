@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
@@ -133,3 +134,17 @@ def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
     with pytest.raises(VestigeError, match="no E6 samples"):
         raise _invoke(search, "exhaustive", tmp_path).exception  # type: ignore[misc]
     assert _json("e1", tmp_path, "--svids", "3", "--periods", "1") == {"signals": []}
+
+
+def test_a_search_is_drawn(night: Path, tmp_path: Path) -> None:
+    common = ("--uncertainty-s", "0.001", "--svids", "8")
+    _json("e1", night, "--svids", "8", "--periods", 2, "--plot", tmp_path / "e1.png")
+    _json("handover", night, *common, "--plot", tmp_path / "handover.pdf")
+    _json("exhaustive", night, *common, "--doppler-span-hz", 1500, "--plot", tmp_path / "exhaustive.svg")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["e1.png", "exhaustive.svg", "handover.pdf"]
+    for arguments in (
+        ("e1", night, "--svids", "3,8", "--plot", tmp_path / "a.png"),
+        ("e1", night, "--svids", "8", "--plot", tmp_path / "a.gif"),
+        ("handover", night, "--svids", "3,8", "--plot", tmp_path / "a.png"),
+    ):
+        assert isinstance(_invoke(search, *arguments).exception, click.UsageError)

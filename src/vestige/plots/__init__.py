@@ -11,6 +11,7 @@ from vestige.plots.figure import new_axes, write
 from vestige.plots.magnitude_histogram import magnitude_histogram
 from vestige.plots.range_histogram import RightFlank, range_histogram
 from vestige.plots.range_offset import range_offset
+from vestige.plots.roc import roc_curves
 from vestige.plots.sweep import read_sweep, sweep_of
 from vestige.plots.vestigial_search import SearchTrace, code_phases, vestigial_search
 from vestige.plots.waterfall import waterfall, waterfall_map
@@ -29,6 +30,7 @@ __all__ = [
     "range_histogram",
     "range_offset",
     "read_sweep",
+    "roc_curves",
     "sweep_of",
     "vestigial_search",
     "waterfall",

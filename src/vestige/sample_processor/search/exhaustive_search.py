@@ -131,6 +131,8 @@ class ExhaustiveSearch:
     ) -> Iterator[SearchState]:
         """Yield the state of the search, block after block; whoever stops in between keeps what was found.
 
+        Interrupted from the keyboard, it lets the workers end their blocks, yields once more and passes that on.
+
         Parameters
         ----------
         source
@@ -177,11 +179,11 @@ class ExhaustiveSearch:
                         break
                 if not waiting:
                     return
-                block, future = waiting.popleft()
+                block, future = waiting[0]
                 found, magnitude = future.result()
+                waiting.popleft()
                 done += block.count
-                if found:
-                    peaks = separated((*peaks, *found))
+                peaks = separated((*peaks, *found)) if found else peaks
                 yield SearchState(
                     done=total * done / work,
                     total=total,
@@ -189,6 +191,15 @@ class ExhaustiveSearch:
                     block_start=block.begin + block.first / CHIP_RATE_HZ,
                     block_magnitude=magnitude,
                 )
+        except KeyboardInterrupt:
+            pool.shutdown(wait=True, cancel_futures=True)
+            for block, future in waiting:  # what the workers have begun is not lost
+                if not future.cancelled():
+                    found, magnitude = future.result()
+                    done += block.count
+                    peaks = separated((*peaks, *found))
+            yield SearchState(done=total * done / work, total=total, peaks=peaks, block_start=begin)
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

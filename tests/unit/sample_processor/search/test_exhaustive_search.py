@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from search_builder import arrival, e6_source
 from vestige.sample_processor.search import exhaustive_search
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
-from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import BatchSource
 
@@ -168,3 +169,26 @@ def test_a_weaker_peak_within_a_chip_belongs_to_the_stronger() -> None:
     peaks = [peak(0.5, 8.0), peak(0.5 + 0.9 * CHIP_S, 20.0), peak(0.5 + 2.5 * CHIP_S, 7.0), peak(0.5, 7.0, svid=3)]
     kept = separated(peaks)
     assert [(one.svid, one.magnitude) for one in kept] == [(3, 7.0), (11, 20.0), (11, 7.0)]
+
+
+def test_an_interrupt_loses_no_block_that_was_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The signal is in the second block, the interrupt comes while the first is awaited."""
+    chips = random_chips(np.random.default_rng(8), 5115)
+    block = ENGINES["segment"](chips.chips[None, :]).block
+    source = e6_source([arrival(chips, 1.5 * block / 5.115e6, 60.0)], 2.2 * block / 5.115e6 + 1e-3, 3)
+    search = ExhaustiveSearch(integration_s=1e-3, workers=2)
+    waited = Future.result
+
+    def interrupted(future: Future[object], timeout: float | None = None) -> object:
+        monkeypatch.setattr(Future, "result", waited)
+        waited(future, timeout)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Future, "result", interrupted)
+    states = search.run(source, [chips], START, START + 1, 8.0)
+    state = next(states)
+    with pytest.raises(KeyboardInterrupt):
+        next(states)
+    (peak,) = state.peaks
+    assert peak.start_time - START == pytest.approx(1.5 * block / 5.115e6, abs=0.1e-6)
+    assert 0 < state.done <= state.total
