@@ -144,20 +144,25 @@ class ScenarioPlan:
                 "magnitude_sigma": np.stack([block.magnitude_sigma for block in found.values()]),
                 "phase_rad": np.stack([block.phase_rad for block in found.values()]),
                 "range_offset_m": np.stack([block.range_offset_m for block in found.values()]),
-                "status": self._status(simulation, truth, found[self.scenario.processor.detector]),
+                "status": self._status(
+                    simulation, truth, found[self.scenario.processor.detector], correlated=~np.isnan(noise_power)
+                ),
             }
         )
         if self.scenario.attack:
             values |= attack_columns(simulation, truth)
         return {name: _shaped(values[name], column) for name, column in self.columns.items()}
 
-    def _status(self, simulation: Simulation, truth: TruthBlock, found: DetectionBlock) -> np.ndarray:
+    def _status(
+        self, simulation: Simulation, truth: TruthBlock, found: DetectionBlock, *, correlated: np.ndarray
+    ) -> np.ndarray:
         processor = simulation.processor
         expected_dbhz, place = np.unique(e1_cn0_dbhz(simulation, truth) + processor.e6_over_e1_db, return_inverse=True)
         integration_s = simulation.n_chips / E6C.chip_rate_hz
         predicted_pd = probability_of_detection(expected_dbhz, integration_s, processor.p_fa)[place]
         limits = Limits(budget=processor.budget, kappa=processor.kappa, min_pd=processor.min_pd)
-        return status_block(found.tap >= 0, found.range_offset_m, predicted_pd, limits)
+        known_pd = np.where(correlated, predicted_pd, np.nan)  # nothing follows from what was not looked at
+        return status_block(found.tap >= 0, found.range_offset_m, known_pd, limits)
 
 
 class _Preparation:
