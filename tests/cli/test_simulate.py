@@ -117,6 +117,8 @@ def test_rinex_says_what_csv_says(folder: Path) -> None:
     for a, b in zip(rinex, table, strict=True):
         assert a.time - b.time == pytest.approx(0, abs=1e-9)
         assert a.observations[11].pseudorange_m == pytest.approx(b.observations[11].pseudorange_m, abs=5e-4)
+        cycles = b.observations[11].carrier_phase_cycles
+        assert a.observations[11].carrier_phase_cycles == pytest.approx(cycles, abs=5e-4)
         assert a.observations[11].doppler_hz == pytest.approx(b.observations[11].doppler_hz, abs=5e-4)
 
 

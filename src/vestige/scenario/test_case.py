@@ -28,6 +28,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.signal_generator.keystream import encrypted_chips, encrypted_component, encryption_key
 from vestige.signal_generator.waveform import Component, open_component
 from vestige.signals.definitions import E1B, E1C, E6B, E6C
+from vestige.streams import stream
 
 TAIL_S = 0.3  # after the last RECS was sent: its reception and the 100 ms of E1 around it
 REACH_S = 0.5  # more than from an epoch to the end of its samples
@@ -160,6 +161,7 @@ class AcasTestCase:
         to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
         t_s = self.truth.time_s + MEDIAN_TRAVEL_TIME_S
         pseudorange_m = self.path.range_m(t_s) + self.e1_error_m
+        phase_cycles = self._ambiguity - to_hz * (self.path.range_m(t_s) + self.truth.e1_phase_noise_m)
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
         return tuple(
@@ -169,7 +171,7 @@ class AcasTestCase:
                     SVID: E1Observation(
                         svid=SVID,
                         pseudorange_m=float(pseudorange_m[row]),
-                        carrier_phase_cycles=float("nan"),
+                        carrier_phase_cycles=float(phase_cycles[row]),
                         doppler_hz=float(doppler_hz[row]),
                         doppler_rate_hz_per_s=float(rate_hz_per_s[row]),
                         cn0_dbhz=self.simulation.cn0_e1_dbhz,
@@ -178,6 +180,11 @@ class AcasTestCase:
             )
             for row, epoch in enumerate(range(self.first, self.end))
         )
+
+    @property
+    def _ambiguity(self) -> int:
+        """Whole cycles by which the carrier phase is not the range, as a receiver counts them from anywhere."""
+        return int(stream(self.simulation.seed, "carrier phase", SVID).integers(-1_000_000, 1_000_000))
 
     def assistance(self) -> tuple[Assistance, RootKey]:
         """Return RECS, group delays (zero: the truth's bias is what is left of them) and keys, and their root key."""
@@ -218,6 +225,8 @@ class AcasTestCase:
             "iono_diff_m": truth.iono_diff_m,
             "bias_m": truth.bias_m,
             "e1_noise_m": truth.e1_noise_m,
+            "e1_phase_noise_m": truth.e1_phase_noise_m,
+            "e1_rate_noise_mps": truth.e1_rate_noise_mps,
             "e1_multipath_m": self.e1_error_m - truth.e1_noise_m,
             "range_offset_m": self.range_offset_m,
         }
