@@ -70,6 +70,26 @@ def test_it_is_authenticated_where_the_truth_says(folder: Path) -> None:
     assert [row["epoch"] for row in truth] == ["5", "6", "7"]
 
 
+def test_the_group_delay_is_in_the_signal(folder: Path, tmp_path: Path) -> None:
+    """Whoever drops it is wrong by (γ − 1) c · BGD, whoever has its sign wrong by twice that.
+
+    A ray bends the flanks: a metre of delay is up to 30 % more or less.
+    """
+    shutil.copytree(folder, tmp_path / "case")
+    (bgd,) = (tmp_path / "case" / "assistance").glob("*.BGD")
+    data = bytearray(bgd.read_bytes())
+    lsb = int.from_bytes(data[92:94], "little", signed=True)  # of E11
+    delay_m = ((154 / 125) ** 2 - 1) * 299_792_458 * lsb / 2**32
+    assert 0.2 < abs(delay_m) < 0.8
+    assert [float(row["group_delay_m"]) for row in _truth(folder)] == pytest.approx([delay_m] * 3)
+    right = [one["range_offset_m"] for one in _verdicts(folder)]
+    for value, wrong in ((0, 1), (-lsb, 2)):
+        data[92:94] = value.to_bytes(2, "little", signed=True)
+        bgd.write_bytes(data)
+        moved = np.subtract([one["range_offset_m"] for one in _verdicts(tmp_path / "case")], right)
+        assert moved == pytest.approx([wrong * delay_m] * 3, rel=0.3)
+
+
 def test_with_e1_out_of_the_samples(folder: Path, tmp_path: Path) -> None:
     for path in folder.glob("*.sigmf-*"):
         (tmp_path / path.name).symlink_to(path)
@@ -117,6 +137,8 @@ def test_rinex_says_what_csv_says(folder: Path) -> None:
     for a, b in zip(rinex, table, strict=True):
         assert a.time - b.time == pytest.approx(0, abs=1e-9)
         assert a.observations[11].pseudorange_m == pytest.approx(b.observations[11].pseudorange_m, abs=5e-4)
+        cycles = b.observations[11].carrier_phase_cycles
+        assert a.observations[11].carrier_phase_cycles == pytest.approx(cycles, abs=5e-4)
         assert a.observations[11].doppler_hz == pytest.approx(b.observations[11].doppler_hz, abs=5e-4)
 
 

@@ -127,7 +127,7 @@ def status_block(
     predicted_pd: Float[np.ndarray, " n_epochs"],
     limits: Limits,
 ) -> Int8[np.ndarray, " n_epochs"]:
-    """Return the level 1 status of a block of epochs that were all correlated, as the position in `Status`.
+    """Return the level 1 status of a block of epochs, as the position in `Status`.
 
     It says of arrays what `decide` says of one measurement.
 
@@ -138,7 +138,7 @@ def status_block(
     range_offset_m
         Measured minus predicted range in m; not looked at where nothing was detected.
     predicted_pd
-        Probability of detection that E1 predicts; NaN if it is not known.
+        Probability of detection that E1 predicts; NaN if it is not known or nothing was correlated.
     limits
         Thresholds of the checks.
     """

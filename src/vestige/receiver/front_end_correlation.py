@@ -21,6 +21,8 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from vestige.acas_processor.range_offset import range_offset_m
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.quantiser import QUANTISERS
 from vestige.signals.definitions import E6C
@@ -56,6 +58,25 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
     if front_end.bits is not None:
         every = QUANTISERS[front_end.bits].noise_correlation(every / every[every.size // 2])
     return front_end.oversampling * _smoothed(delay_chips, every, lags) / np.sum(taps) ** 2
+
+
+def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
+    """Return how many metres a range offset grows with each metre of delay; 1 without a filter.
+
+    Three taps are read as points of a triangle [WFO, Sec. III-C], and behind a filter the peak is round. The slope is
+    that of the line of least squares over delays up to a quarter of the spacing, where nearly all offsets are.
+
+    Parameters
+    ----------
+    spacing_m
+        From the early to the punctual tap, in m.
+    """
+    delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
+    offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
+    chips = np.subtract.outer(-delay_m, -offsets_m) * (E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS)
+    taps = signal_correlation(front_end, chips.ravel()).reshape(chips.shape)
+    found_m = range_offset_m(taps, np.ones(delay_m.size, int), 1, offsets_m)
+    return float(delay_m @ found_m / (delay_m @ delay_m))
 
 
 @lru_cache(maxsize=4)

@@ -237,10 +237,11 @@ def observation(svid: int, truth: TruthBlock, row: int, *, error_m: float, cn0_d
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     error_mps = truth.e1_rate_noise_mps[row] + truth.e1.rate_error_mps[row]
     rate_mps = truth.rate_mps[row] + truth.clock_drift_mps[row] + error_mps
+    phase_m = truth.range_m[row] + truth.clock_m[row] + truth.e1.error_m[row] + truth.e1_phase_noise_m[row]
     return E1Observation(
         svid=svid,
         pseudorange_m=float(truth.range_m[row] + truth.clock_m[row] + error_m),
-        carrier_phase_cycles=float("nan"),
+        carrier_phase_cycles=float(-to_hz * phase_m),
         doppler_hz=float(to_hz * rate_mps),
         doppler_rate_hz_per_s=float(to_hz * truth.acceleration_mps2[row]),
         cn0_dbhz=cn0_dbhz + float(10 * np.log10(truth.e1.gain[row])),

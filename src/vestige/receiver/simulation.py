@@ -27,6 +27,7 @@ from jaxtyping import Bool, Complex128, Float
 
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.crypto.chain_parameters import ALPHA_BYTES, ChainParameters
 from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.errors import VestigeError
@@ -61,6 +62,7 @@ Fidelity = Literal["samples", "correlators"]
 SVID = 11  # the paper's single line of sight needs a name
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
+_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # when a key is sent is the same for every alpha
 CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
 
 
@@ -206,7 +208,7 @@ class Simulation:
                 doppler_hz=doppler_hz[part],
                 disturbance=disturbance.part(part.start, part.stop) if disturbance else None,
             )
-        lost = self._undecryptable(first, truth)
+        lost = self._undecryptable(truth)
         taps[lost], noise_power[lost] = np.nan, np.nan
         return Banks(taps, noise_power, None)
 
@@ -215,11 +217,11 @@ class Simulation:
     ) -> tuple[CorrelatorBank | None, FrontEndStatus]:
         """Return the bank that the real processor makes of one epoch's samples, and the state of the front end.
 
-        The bank is None where an attack kept the receiver from decrypting.
+        The bank is None where the receiver must not or cannot decrypt: see `_undecryptable`.
         """
         snapshot, assistance = self.snapshot(epoch, row, truth, e1_multipath_m)
         (satellite,) = self.processor.measure(snapshot, assistance).satellites
-        if satellite.bank is None and not (self.spoofer.attacks and satellite.handover is None):
+        if satellite.bank is None and satellite.handover is not None:
             raise VestigeError(
                 f"epoch {epoch}: the errors that the scenario asks for put the hand-over beyond the recorded samples "
                 f"({satellite.unavailable})"
@@ -280,20 +282,17 @@ class Simulation:
         """Return whether the attacker keeps a key from the receiver."""
         return self.spoofer.withholds_osnma(key.disclosed_at - self.start, key.complete_at - self.start)
 
-    def _undecryptable(self, first: int, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
+    def _undecryptable(self, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
         """Return whether the receiver has no key, or cannot know that it recorded before the key's disclosure."""
-        lost = np.zeros(truth.time_s.size, bool)
-        if not self.spoofer.attacks:
-            return lost
+        deciseconds = np.round(10 * (self.start.second + truth.time_s))
+        key_s = SUBFRAME_S * (deciseconds // (10 * SUBFRAME_S) + self.key_delay) - self.start.second
+        disclosed_s, complete_s = key_s + _ON_AIR.disclosure_start_s, key_s + _ON_AIR.disclosure_end_s
         expected_s = arrival(self.line_of_sight, truth).dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
-        _, firsts, place = np.unique(
-            np.floor((self.start.second + truth.time_s) / SUBFRAME_S), return_index=True, return_inverse=True
-        )
-        for subframe, row in enumerate(firsts):
-            key, mine = self._key(self.transmit_time(first + int(row))), place == subframe
-            left_s = key.disclosed_at - self.start - received_s[mine]
-            lost[mine] = self.withheld(key) | ~(left_s > self.time_uncertainty_s)
+        lost = ~(disclosed_s - received_s > self.time_uncertainty_s)
+        if self.spoofer.attacks:
+            for low_s, high_s in set(zip(disclosed_s.tolist(), complete_s.tolist(), strict=True)):
+                lost[disclosed_s == low_s] |= self.spoofer.withholds_osnma(low_s, high_s)
         return lost
 
     def _key(self, sent: GalileoTime) -> ValidatedKey:

@@ -64,8 +64,8 @@ class TruthBlock:
         Receiver clock times c, and its rate.
     iono_diff_m, bias_m
         By how much E6 is later than E1 in truth and not in the prediction.
-    e1_noise_m, e1_rate_noise_mps
-        Noise of the pseudorange and of the range rate that E1 delivers.
+    e1_noise_m, e1_phase_noise_m, e1_rate_noise_mps
+        Noise of the pseudorange, of the carrier phase times the wavelength, and of the range rate that E1 delivers.
     e1
         What an attack does to E1 tracking.
     e1_attack, e6
@@ -83,6 +83,7 @@ class TruthBlock:
     iono_diff_m: Float[np.ndarray, " n"]
     bias_m: Float[np.ndarray, " n"]
     e1_noise_m: Float[np.ndarray, " n"]
+    e1_phase_noise_m: Float[np.ndarray, " n"]
     e1_rate_noise_mps: Float[np.ndarray, " n"]
     e1: E1Tracking
     e1_attack: BandEffects
@@ -134,7 +135,7 @@ class TruthProcess:
         times_s = (first + np.arange(count)) * self._interval_s
         zero = np.zeros(count)
         clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
-        code_m, _, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
+        code_m, carrier_m, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
         e1 = self._loop.advance(first, count)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
         return TruthBlock(
@@ -147,6 +148,7 @@ class TruthProcess:
             iono_diff_m=self._ionosphere.advance(times_s) if self._ionosphere else zero,
             bias_m=self._bias.advance(times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,
+            e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
             e1=e1,
             e1_attack=self._spoofer.effects(Band.E1, self._svid, times_s),

@@ -2,24 +2,44 @@
 
 from __future__ import annotations
 
+from vestige.receiver.front_end_correlation import range_offset_scale
 from vestige.receiver.staircase import commensurate_tread_m
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
 from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import Spoofer
 
+_FAITHFUL = 0.1  # range offsets that are larger or smaller by less need no word
+
 
 def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
     """Return what the author of a scenario should know before it runs; nothing for most."""
-    attacks = Spoofer(attacks=scenario.attack).cautions() if isinstance(scenario, CampaignScenario) else ()
-    if isinstance(scenario, CampaignScenario) and scenario.fidelity == "correlators":
-        return attacks
-    rate_hz = scenario.receiver.sample_rate_hz
+    if isinstance(scenario, RecordingScenario):
+        return _staircase(scenario.receiver.sample_rate_hz)
+    attacks = Spoofer(attacks=scenario.attack).cautions()
+    stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
+    return (*attacks, *stairs, *_round_peak(scenario))
+
+
+def _staircase(rate_hz: float) -> tuple[str, ...]:
     stairs = commensurate_tread_m(rate_hz, E6C.chip_rate_hz)
     if stairs is None:
-        return attacks
+        return ()
     return (
-        *attacks,
         f"receiver.sample_rate_hz: {rate_hz / 1e6:g} MHz is commensurate with the chip rate of E6, the correlation a "
         f"staircase with treads of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
+    )
+
+
+def _round_peak(scenario: CampaignScenario) -> tuple[str, ...]:
+    front_end = scenario.receiver.front_end.front_end(scenario.receiver.sample_rate_hz)
+    if front_end.bandwidth_hz is None:
+        return ()
+    spacing_m = scenario.processor.spacing * scenario.processor.tap_spacing_m
+    scale = range_offset_scale(front_end, spacing_m)
+    if abs(scale - 1) < _FAITHFUL:
+        return ()
+    return (
+        f"receiver.front_end.bandwidth_hz: {front_end.bandwidth_hz / 1e6:g} MHz round the peak, and three taps "
+        f"{spacing_m:g} m apart, read as a triangle, give {scale:.2f} times the range offset",
     )

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.crypto.group_delay import LSB_S, inter_frequency_delay_s
 from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.root_key import RootKey
 from vestige.errors import VestigeError
@@ -29,12 +30,13 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.signal_generator.keystream import encrypted_chips, encrypted_component, encryption_key
 from vestige.signal_generator.waveform import Component, open_component
 from vestige.signals.definitions import E1B, E1C, E6B, E6C
-from vestige.streams import stream_key
+from vestige.streams import stream, stream_key
 
 TAIL_S = 0.3  # after the last RECS was sent: its reception and the 100 ms of E1 around it
 REACH_S = 0.5  # more than from an epoch to the end of its true samples
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
+_BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
 TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
 
 
@@ -116,7 +118,17 @@ class AcasTestCase:
             line_of_sight=self.simulation.line_of_sight,
             truth=process.advance(self.first - before, before + self.end - self.first + after),
             e1_multipath=self.simulation.models.e1_multipath,
+            group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(self.bgd_s),
         )
+
+    @cached_property
+    def bgd_s(self) -> float:
+        """BGD(E1,E6) of the satellite in s: a value that its file can hold, and never so small that it would not show.
+
+        The truth's bias is what is left of it.
+        """
+        draw = stream(self.simulation.seed, "group delay", SVID)
+        return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
 
     @cached_property
     def truth(self) -> TruthBlock:
@@ -183,6 +195,8 @@ class AcasTestCase:
         to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
         t_s = self.truth.time_s + MEDIAN_TRAVEL_TIME_S
         pseudorange_m = self.path.range_m(t_s) + self.e1_error_m
+        phase_m = self.path.range_m(t_s) + self.truth.e1.error_m + self.truth.e1_phase_noise_m
+        phase_cycles = self._ambiguity - to_hz * phase_m
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps + self.truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
         cn0_dbhz = self.simulation.cn0_e1_dbhz + 10 * np.log10(self.truth.e1.gain)
@@ -193,7 +207,7 @@ class AcasTestCase:
                     SVID: E1Observation(
                         svid=SVID,
                         pseudorange_m=float(pseudorange_m[row]),
-                        carrier_phase_cycles=float("nan"),
+                        carrier_phase_cycles=float(phase_cycles[row]),
                         doppler_hz=float(doppler_hz[row]),
                         doppler_rate_hz_per_s=float(rate_hz_per_s[row]),
                         cn0_dbhz=float(cn0_dbhz[row]),
@@ -204,8 +218,13 @@ class AcasTestCase:
             if abs(self.truth.e1.error_m[row]) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS
         )
 
+    @property
+    def _ambiguity(self) -> int:
+        """Whole cycles by which the carrier phase is not the range, as a receiver counts them from anywhere."""
+        return int(stream(self.simulation.seed, "carrier phase", SVID).integers(-1_000_000, 1_000_000))
+
     def assistance(self) -> tuple[Assistance, RootKey]:
-        """Return RECS, group delays (zero: the truth's bias is what is left of them) and keys, and their root key."""
+        """Return RECS, group delays and keys, and their root key."""
         simulation, chain = self.simulation, self.simulation.osnma_chain()
         keys = {key.time: key for key in chain.validated_keys()}
         segments = []
@@ -218,7 +237,7 @@ class AcasTestCase:
         return (
             Assistance(
                 segments=tuple(segments),
-                group_delays=(GroupDelay(svid=SVID, bgd_e1_e6_s=0.0, valid_from=begin),),
+                group_delays=(GroupDelay(svid=SVID, bgd_e1_e6_s=self.bgd_s, valid_from=begin),),
                 keys=tuple(key for time, key in keys.items() if begin <= time <= end and not simulation.withheld(key)),
             ),
             chain.root,
@@ -240,9 +259,12 @@ class AcasTestCase:
             "clock_m": path.range_m(t_s) - self.simulation.line_of_sight.range_m(t_s),
             "doppler_e1_hz": -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
             "doppler_e6_hz": -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
+            "group_delay_m": np.full(truth.time_s.size, path.group_delay_m),
             "iono_diff_m": truth.iono_diff_m,
             "bias_m": truth.bias_m,
             "e1_noise_m": truth.e1_noise_m,
+            "e1_phase_noise_m": truth.e1_phase_noise_m,
+            "e1_rate_noise_mps": truth.e1_rate_noise_mps,
             "e1_multipath_m": self.simulation.e1_multipath_m(truth),
             "e1_attack_error_m": truth.e1.error_m,
             "range_offset_m": self.range_offset_m,

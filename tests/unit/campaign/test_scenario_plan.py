@@ -24,6 +24,7 @@ from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.cluster import connect
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import summarise
 from vestige.campaign.store import open_results
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
@@ -159,3 +160,27 @@ def test_what_cannot_be_decrypted_is_not_available(fidelity: str) -> None:
     status = np.array(list(Status))[results["status"][:, 0]]
     assert set(status[lost]) == {Status.NOT_AVAILABLE}
     assert Status.NOT_AVAILABLE not in status[~lost]
+
+
+@pytest.mark.parametrize(("key_delay", "time_uncertainty_s", "first_lost"), [(0, 1.0, 21), (1, 40.0, 12), (0, 3600, 0)])
+def test_what_was_not_provably_received_before_disclosure_is_not_available(
+    key_delay: int, time_uncertainty_s: float, first_lost: int
+) -> None:
+    """The key is on air from 22 s of its subframe on: from `first_lost` on, no epoch of a subframe can be decided.
+
+    A RECS is received 16 ms and its travel time, here none, after it was sent.
+    """
+    settings = (f"recs.key_delay={key_delay}", f"receiver.time_uncertainty_s={time_uncertainty_s}")
+    lost = np.arange(60) % 30 >= first_lost
+    for fidelity in N_EPOCHS:
+        one = plan(fidelity, *settings, epochs=60)
+        measured = one.measure(0, one.prepare().advance(0, 60))
+        status = [list(Status)[place] for place in measured["status"].ravel()]
+        assert [place is Status.NOT_AVAILABLE for place in status] == lost.tolist(), fidelity
+        assert np.array_equal(np.isnan(measured["noise_power"]).ravel(), lost)
+        assert np.array_equal(np.isnan(measured["taps"]).all(axis=(1, 2)), lost)
+        assert not (measured["tap_index"][:, lost] >= 0).any()
+        results = xarray.Dataset({name: (one.columns[name].dims, values) for name, values in measured.items()})
+        summary = summarise(results.assign_coords(detector=list(DETECTORS)))
+        assert summary.detections.trials == np.count_nonzero(~lost)
+        assert summary.misses == 0

@@ -29,6 +29,7 @@ def truth(e1_multipath: bool = False) -> ContinuousTruth:
         iono_diff_m=np.array([1.0, -2.0, 4.0, 0.5]),
         bias_m=np.array([0.1, 0.2, 0.3, 0.4]),
         e1_noise_m=np.zeros(4),
+        e1_phase_noise_m=np.zeros(4),
         e1_rate_noise_mps=np.zeros(4),
         e1=E1Loop(NOBODY, 11, interval_s=1.0, cn0_dbhz=35.0).advance(0, 4),
         e1_attack=NOBODY.effects(Band.E1, 11, TIMES),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.front_end_correlation import noise_correlation, signal_correlation, spread
+from vestige.receiver.front_end_correlation import noise_correlation, range_offset_scale, signal_correlation, spread
 from vestige.signals.definitions import E6C
 
 CHIP_M = 58.6105
@@ -73,3 +73,25 @@ def test_spread_is_the_sum_over_the_lags() -> None:
     both = np.concatenate([code[:0:-1], code])  # lags −5 … 5
     expected = sum(a * signal_correlation(front_end, at - lag) for a, lag in zip(both, range(-5, 6), strict=True))
     assert (code @ spread(front_end, 6, 4))[(at * 4).astype(int)] == pytest.approx(expected, abs=1e-12)
+
+
+def test_range_offsets_are_true_on_a_triangle() -> None:
+    for bits in (None, 2):
+        assert range_offset_scale(FrontEnd(sample_rate_hz=12.5e6, bits=bits), 15.0) == pytest.approx(1)
+
+
+def test_range_offsets_behind_a_steep_filter() -> None:
+    """½ Δ (R(Δ−δ) − R(Δ+δ))/(R(δ) − R(Δ+δ)) by hand, R being the integral of sinc²(f T) cos 2πfτ over the pass band."""
+    bandwidth_hz, chip_s, delta_m = 10.23e6, 1 / 5.115e6, 15.0
+    f = (np.arange(20_000) + 0.5) / 20_000 * bandwidth_hz / 2
+    delay_m = np.linspace(0.05, 1, 20) * delta_m / 4
+
+    def correlation(x_m: np.ndarray) -> np.ndarray:
+        return np.cos(2 * np.pi / 299_792_458 * np.outer(x_m, f)) @ np.sinc(f * chip_s) ** 2
+
+    early, late = correlation(delta_m + delay_m), correlation(delta_m - delay_m)
+    found_m = delta_m / 2 * (late - early) / (correlation(delay_m) - early)
+    expected = np.sum(delay_m * found_m) / np.sum(delay_m**2)
+    front_end = FrontEnd(sample_rate_hz=101.2e6, bandwidth_hz=bandwidth_hz, transition_hz=0.1e6)
+    assert expected > 1.3
+    assert range_offset_scale(front_end, delta_m) == pytest.approx(expected, rel=0.02)

@@ -9,6 +9,7 @@ from scipy import stats
 
 from vestige.acas_processor.range_offset import range_offset_m
 from vestige.errors import VestigeError
+from vestige.receiver.front_end_correlation import range_offset_scale
 from vestige.receiver.sampled_epoch import received_signal
 from vestige.receiver.simulation import Banks, Fidelity, Simulation
 from vestige.records import Band, Status
@@ -149,6 +150,19 @@ def test_a_filter_does_not_move_the_signal() -> None:
         assert np.abs(taps[:, 4] - taps[:, 6]) / taps[:, 5] == pytest.approx(
             np.zeros(4), abs=6 / np.sqrt(81_840) + 2e-3
         )
+
+
+@pytest.mark.parametrize(("fidelity", "n"), [("samples", 100), ("correlators", 2000)])
+def test_range_offsets_grow_behind_a_filter_as_computed(fidelity: Fidelity, n: int) -> None:
+    """Delays up to a quarter of the spacing at 80 dBHz: slope within 4.4 standard errors."""
+    filtered = "receiver.front_end={bandwidth_hz=10.23e6, oversampling=2}"
+    simulation = _simulation(*NO_ERRORS, filtered, "receiver.cn0_dbhz=80", 'fidelity="samples"', f"epochs={n}")
+    truth = replace(simulation.truth().advance(0, n), e1_noise_m=np.linspace(-15 / 4, 15 / 4, n))
+    taps = np.abs(simulation.banks(fidelity, 0, truth).taps)
+    found_m = range_offset_m(taps, np.full(n, 5), 1, simulation.processor.offsets_m)
+    fit = stats.linregress(-truth.e1_noise_m, found_m)
+    assert fit.stderr < 0.05
+    assert fit.slope == pytest.approx(range_offset_scale(simulation.front_end, 15.0), abs=4.4 * fit.stderr + 0.01)
 
 
 def test_a_week_ends_within_the_run() -> None:

@@ -156,6 +156,16 @@ def test_a_measured_ionosphere_lies_beside_the_scenario(tmp_path: Path) -> None:
     assert (error.value.path.name, error.value.place) == ("residuals.csv", "line 3")
 
 
+def test_a_filter_that_rounds_the_peak_is_named() -> None:
+    filtered = "receiver.front_end={bandwidth_hz=10.23e6, oversampling=2}"
+    for fidelity in ("samples", "correlators"):
+        (line,) = cautions(_quick(f'fidelity="{fidelity}"', filtered))
+        assert "10.23 MHz" in line
+        assert "15 m apart" in line
+    assert cautions(_quick("receiver.front_end={bandwidth_hz=60e6, oversampling=8}")) == ()
+    assert cautions(_quick("receiver.front_end={bits=2}")) == ()
+
+
 def test_a_commensurate_rate_is_named() -> None:
     (line,) = cautions(_quick('fidelity="samples"', "receiver.sample_rate_hz=10.23e6"))
     assert "29.3 m" in line

@@ -71,6 +71,37 @@ def test_observations_are_the_truth_with_its_errors() -> None:
         assert epoch.observations[11].doppler_hz == pytest.approx(doppler_hz, abs=0.5)  # 1.8 mm in 0.1 s
 
 
+def test_the_group_delay_delays_e6_alone() -> None:
+    """A plausible value of either sign that the file holds, and what the bands of the samples differ by."""
+    bgd_s = {seed: case(0, 1, f"seed={seed}").bgd_s for seed in range(20)}
+    assert all(1e-9 < abs(value) < 5e-9 and (value * 2**32).is_integer() for value in bgd_s.values())
+    assert {np.sign(value) for value in bgd_s.values()} == {-1, 1}
+    one = case(3, 5)
+    left_m = one.truth.iono_diff_m[0] + one.truth.bias_m[0] + 0.5178 * 299_792_458 * one.bgd_s
+    when = float(one.received_s[0])
+    assert one.satellite(Band.E6).propagation(when).delay_m == pytest.approx(left_m, abs=1e-3)
+    assert one.satellite(Band.E1).propagation(when).delay_m == 0
+
+
+def test_the_carrier_phase_is_the_integral_of_the_doppler() -> None:
+    """It grows as the range does: its differences are −Doppler times 0.1 s within the noise of both, 5σ.
+
+    Without the phase noise it is the pseudorange without noise and multipath, whole cycles apart.
+    """
+    one = case(3, 103)
+    wavelength_m, tracking = 0.19029367, one.simulation.models.e1_tracking
+    assert tracking is not None
+    observed = [epoch.observations[11] for epoch in one.observations()]
+    phase, doppler_hz, code_m = np.array([(x.carrier_phase_cycles, x.doppler_hz, x.pseudorange_m) for x in observed]).T
+    left = np.diff(phase) + 0.1 * (doppler_hz[1:] + doppler_hz[:-1]) / 2
+    noise = 2 * (tracking.carrier_sigma_m(35.0) / wavelength_m) ** 2 + 0.01 * tracking.doppler_sigma_hz(35.0) ** 2 / 2
+    assert np.abs(left).max() < 5 * np.sqrt(noise) + 0.02  # a parabola in 0.1 s, and the clock's walk
+    assert np.std(left) > 0.5 * np.sqrt(noise)
+    cycles = phase - (code_m - one.e1_error_m + one.truth.e1_phase_noise_m) / wavelength_m
+    assert np.ptp(cycles) < 0.01
+    assert abs(cycles[0]) > 1
+
+
 def test_a_satellite_at_no_distance_is_placed() -> None:
     assert case(0, 1).simulation.line_of_sight.s0_m == PLACED_M
     assert case(0, 1, "line_of_sight.s0_m=2.4e7").simulation.line_of_sight.s0_m == 2.4e7
