@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray
@@ -116,7 +117,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
         interval = "" if curve.label else f"{CONFIDENCE * 100:g} % interval"
         ax.vlines(x[curve.rows], start[curve.rows], high[curve.rows], color=colour, linewidth=1.0, label=interval)
         some, none = curve.rows[seen[curve.rows]], curve.rows[~seen[curve.rows]]
-        dots = {"color": colour, "markeredgewidth": 0}
+        dots: dict[str, Any] = {"color": colour, "markeredgewidth": 0}
         ax.plot(x[some], events[some] / trials[some], "o", markersize=3, label=curve.label or "counted", **dots)
         if none.size:
             ax.plot(x[none], high[none], "v", markersize=3.5, label="" if curve.label else "none counted", **dots)
