@@ -126,6 +126,22 @@ def test_a_width_is_of_a_sweep(tmp_path: Path) -> None:
     assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", "--width", "0.1").exception, click.UsageError)
 
 
+@pytest.mark.parametrize("local", [("-j", 2), ("--threads",), ("--processes",)])
+def test_local_workers_are_not_those_of_a_cluster(tmp_path: Path, local: tuple[str | int, ...]) -> None:
+    error = _invoke(QUICK, "-o", tmp_path / "a", "--scheduler", "tcp://127.0.0.1:9", *local).exception
+    assert isinstance(error, click.UsageError)
+
+
+def test_a_store_keeps_its_chunks(tmp_path: Path) -> None:
+    arguments = (QUICK, "-o", tmp_path / "a", "--set", "epochs=20")
+    assert _invoke(*arguments, "--chunk", 10).stderr == ""
+    assert _invoke(*arguments, "--chunk", 10).stderr == ""
+    (line,) = _invoke(*arguments, "--chunk", 7).stderr.splitlines()
+    assert (
+        line == f"vestige: {tmp_path / 'a'}: chunks of 10 epochs, as when the store was made; --chunk 7 changes nothing"
+    )
+
+
 def test_curves_of_a_sweep(tmp_path: Path) -> None:
     assert _invoke(*SWEEP, "-o", tmp_path / "a").exception is None
     for kind in ("detection-curve", "miss-curve", "false-alarm-curve"):
