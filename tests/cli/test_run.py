@@ -67,7 +67,7 @@ def test_a_sweep(tmp_path: Path) -> None:
     rows = json.loads(_invoke(*SWEEP, "-o", tmp_path / "a", "--json", "-j", 2).stdout)["campaigns"]
     assert [row["settings"] for row in rows] == [{"receiver.cn0_dbhz": value} for value in (29, 31, 33)]
     heading, *lines, last = text.stdout.splitlines()
-    assert heading.split()[:2] == ["receiver.cn0_dbhz", "epochs"]
+    assert heading.split()[:2] == ["receiver.cn0_dbhz", "counted"]
     assert last == f"table: {tmp_path / 'a' / 'sweep.csv'}"
     for line, row in zip(lines, rows, strict=True):
         found = row["detections"]["early"]
@@ -75,6 +75,23 @@ def test_a_sweep(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted(
         [row["store"] for row in rows] + ["sweep.csv"]
     )
+
+
+def test_a_sweep_writes_over_nothing_else(tmp_path: Path) -> None:
+    alone, swept = tmp_path / "a", tmp_path / "b"
+    assert _invoke(QUICK, "-o", alone, "--set", "epochs=5").exception is None
+    into_store = _invoke(QUICK, "-o", alone, "--set", "epochs=5", "--sweep", "seed=1,2").exception
+    assert str(into_store).startswith(f"{alone}: sweep: found the store of one campaign, expected a folder")
+    assert open_results(alone).sizes["epoch"] == 5
+    assert not list(alone.glob("seed*"))
+
+    assert _invoke(QUICK, "-o", swept, "--sweep", "epochs=5,6").exception is None
+    table = (swept / "sweep.csv").read_text()
+    assert table.splitlines()[0].startswith("epochs,cn0_dbhz,integration_s,p_fa,epochs_counted,")
+    other_keys = _invoke(QUICK, "-o", swept, "--set", "epochs=5", "--sweep", "seed=1,2").exception
+    assert "keys: found epochs, expected seed, as in this sweep" in str(other_keys)
+    assert (swept / "sweep.csv").read_text() == table
+    assert _invoke(QUICK, "-o", swept, "--sweep", "epochs=5,6,7").exception is None
 
 
 @pytest.mark.parametrize(("width", "epochs"), [("0.2", 100), ("50%", 300)])
@@ -107,6 +124,22 @@ def test_bad_widths(tmp_path: Path, width: tuple[str]) -> None:
 
 def test_a_width_is_of_a_sweep(tmp_path: Path) -> None:
     assert isinstance(_invoke(QUICK, "-o", tmp_path / "a", "--width", "0.1").exception, click.UsageError)
+
+
+@pytest.mark.parametrize("local", [("-j", 2), ("--threads",), ("--processes",)])
+def test_local_workers_are_not_those_of_a_cluster(tmp_path: Path, local: tuple[str | int, ...]) -> None:
+    error = _invoke(QUICK, "-o", tmp_path / "a", "--scheduler", "tcp://127.0.0.1:9", *local).exception
+    assert isinstance(error, click.UsageError)
+
+
+def test_a_store_keeps_its_chunks(tmp_path: Path) -> None:
+    arguments = (QUICK, "-o", tmp_path / "a", "--set", "epochs=20")
+    assert _invoke(*arguments, "--chunk", 10).stderr == ""
+    assert _invoke(*arguments, "--chunk", 10).stderr == ""
+    (line,) = _invoke(*arguments, "--chunk", 7).stderr.splitlines()
+    assert (
+        line == f"vestige: {tmp_path / 'a'}: chunks of 10 epochs, as when the store was made; --chunk 7 changes nothing"
+    )
 
 
 def test_curves_of_a_sweep(tmp_path: Path) -> None:

@@ -2,11 +2,14 @@
 
 dask knows which worker holds what. When one dies, the scheduler gives its chunks to another, also those that were
 measured and not fetched yet; a chunk that is measured twice gives the same bits. The cluster's machines need the same
-version of vestige (checked with every chunk) and nothing else: no shared disk, no data.
+source of vestige, and where bits depend on it the
+same kind of processor (both checked with every chunk), and nothing else: no shared disk, no data.
 """
 
 from __future__ import annotations
 
+import re
+import socket
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from functools import partial
@@ -18,6 +21,7 @@ from vestige.errors import UnsupportedError, VestigeError
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss)://(?P<host>\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
 CONNECT_S = 10.0  # a scheduler that is there answers in milliseconds
 
 
@@ -70,15 +74,24 @@ def connect(address: str) -> ClusterExecutor:
         distributed = import_module("distributed")
     except ImportError as error:
         raise UnsupportedError("a cluster needs dask.distributed: pip install 'vestige[distributed]'") from error
-    try:
-        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise VestigeError(f"{address}: no dask scheduler answers ({error})") from error
+    _check_answer(address)
+    client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     cluster = ClusterExecutor(client)
     if not cluster.workers:
         cluster.shutdown()
         raise VestigeError(f"{address}: the dask scheduler has no workers")
     return cluster
+
+
+def _check_answer(address: str) -> None:
+    """Raise if nobody listens at an address. A dask client that cannot connect complains once more when it is freed."""
+    match = _ADDRESS.fullmatch(address)
+    if match is None or not int(match["port"]) < 1 << 16:
+        raise VestigeError(f"--scheduler: found {address!r}, expected an address such as tcp://host:8786")
+    try:
+        socket.create_connection((match["host"].strip("[]"), int(match["port"])), timeout=CONNECT_S).close()
+    except (OSError, UnicodeError) as error:  # UnicodeError: a name that no network can have
+        raise VestigeError(f"{address}: no dask scheduler answers ({error})") from error
 
 
 def _pass_on(inner: Any, outer: Future[R]) -> None:

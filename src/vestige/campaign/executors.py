@@ -13,10 +13,10 @@ import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from importlib.metadata import version
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
+from vestige.campaign.origin import origin
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
@@ -28,16 +28,20 @@ if TYPE_CHECKING:
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def measure_chunk(plan: Plan, first: int, inputs: Mapping[str, Any], expected: str) -> Mapping[str, np.ndarray]:
-    """Return what `plan.measure` returns, if this worker has the `expected` version of vestige.
+def measure_chunk(
+    plan: Plan, first: int, inputs: Mapping[str, Any], expected: Mapping[str, str]
+) -> Mapping[str, np.ndarray]:
+    """Return what `plan.measure` returns, if this worker has the `expected` origin: source and processor.
 
     Raises
     ------
     VestigeError
         If it has another one: its results could not be mixed with the others.
     """
-    if (found := version("vestige")) != expected:
-        raise VestigeError(f"worker {platform.node()}: found vestige {found}, expected {expected}")
+    found = origin(plan)
+    for name, value in expected.items():
+        if found.get(name) != value:
+            raise VestigeError(f"worker {platform.node()}: {name}: found {found.get(name)}, expected {value}")
     return plan.measure(first, inputs)
 
 

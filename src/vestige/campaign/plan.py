@@ -22,7 +22,8 @@ Laws, on which resuming and running in parallel rest:
 4. The plan, the inputs and the results can be pickled. Pickled small: the plan travels with every chunk, so what can be
    derived from it (replicas, tables) is derived in the worker, behind a cache of its own.
 5. Two plans with equal `attrs` give equal results. That is how a store knows whether it may be resumed, so `attrs` hold
-   the scenario, its digest and the seed; the store adds the version of vestige.
+   the scenario, its digest and the seed; the store adds version and source of vestige. If the bits depend on the kind
+   of processor, `attrs` name it as `processor`.
 
     @dataclass(frozen=True, kw_only=True)
     class Coins:

@@ -13,7 +13,6 @@ from collections.abc import Callable, Collection, Generator, Iterator, Mapping, 
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -22,6 +21,7 @@ import numpy as np
 import xarray
 
 from vestige.campaign.executors import local_executor, measure_chunk
+from vestige.campaign.origin import origin
 from vestige.campaign.plan import Plan, check_results
 from vestige.campaign.store import open_results, open_store
 from vestige.errors import VestigeError
@@ -99,9 +99,9 @@ def run(
     Raises
     ------
     InputFileError
-        If `store` is something else, or the store of another scenario, seed or version of vestige.
+        If `store` is something else, or the store of another scenario, seed or source of vestige.
     VestigeError
-        If workers are lost, or have another version of vestige.
+        If workers are lost, or have another source of vestige or, where it matters, another processor.
     KeyboardInterrupt
         As raised by Ctrl-C. Like every exception from here it has a note (`__notes__`) that says how much is stored;
         the same call continues there.
@@ -192,7 +192,7 @@ def _submitted(
     """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)
-    expected = version("vestige")
+    expected = origin(plan)
     for chunk in range(chunks[-1] + 1):
         first = chunk * chunk_epochs
         count = min(chunk_epochs, plan.n_epochs - first)

@@ -14,6 +14,7 @@ from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.mitigation import Limits, status_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
+from vestige.campaign.origin import PROCESSOR, processor_name
 from vestige.campaign.plan import Column, Coord
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
@@ -115,6 +116,7 @@ class ScenarioPlan:
             **({"cn0_dbhz": receiver.cn0_dbhz} if receiver.signal else {}),
             "integration_s": self.simulation.n_chips / E6C.chip_rate_hz,
             "fidelity": self.scenario.fidelity,
+            **({PROCESSOR: processor_name()} if self.scenario.fidelity == "samples" else {}),
         }
 
     def prepare(self) -> _Preparation:

@@ -14,7 +14,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
@@ -23,6 +22,7 @@ import numpy as np
 import xarray
 import zarr
 
+from vestige.campaign.origin import origin
 from vestige.campaign.plan import EPOCH, Plan, shape_of
 from vestige.errors import InputFileError
 
@@ -113,7 +113,7 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
     Raises
     ------
     InputFileError
-        If `path` is something else, or the store of another scenario, seed or version of vestige.
+        If `path` is something else, or the store of another scenario, seed or source of vestige.
     """
     path = Path(path)
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
@@ -121,6 +121,14 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
     store = _open(path, mode="r+")
     _check_identity(store, plan)
     return store
+
+
+def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
+    """Return the epochs in a chunk of a store that is there already, if they are others than wanted."""
+    if not (Path(path) / "zarr.json").exists():
+        return None
+    store = _open(Path(path), mode="r")
+    return None if store.chunk_epochs == min(wanted, store.n_epochs) else store.chunk_epochs
 
 
 def open_results(path: Path | str, *, partial: bool = False, verify: bool = True) -> xarray.Dataset:
@@ -168,7 +176,12 @@ def _create(path: Path, plan: Plan, chunk_epochs: int) -> None:
         raise ValueError(f"{plan.n_epochs} epochs in chunks of {chunk_epochs}: both must be at least 1")
     chunk_epochs = min(chunk_epochs, plan.n_epochs)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+    try:
+        private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        error.filename = str(path)  # the name that the user knows
+        raise
+    with private as folder:
         group = zarr.create_group(Path(folder) / "store", zarr_format=3, attributes=_identity(plan))
         for name, coord in plan.coords.items():
             values = np.asarray(coord.values)
@@ -231,7 +244,7 @@ def _no_store(path: Path, error: Exception) -> InputFileError:
 
 def _identity(plan: Plan) -> dict[str, Any]:
     """Return what must be equal in two runs with equal results, as JSON knows it."""
-    return {**_json(plan.attrs), "vestige_version": version("vestige")}
+    return {**_json(plan.attrs), **origin(plan)}
 
 
 def _schema(plan: Plan) -> dict[str, Any]:
@@ -258,8 +271,9 @@ def _check_identity(store: Store, plan: Plan) -> None:
     # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
+            advice = "; finish with the one that made it or begin anew" if name in origin(plan) else ", as in this run"
             raise InputFileError(
-                store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}, as in this run"
+                store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}{advice}"
             )
 
 

@@ -27,9 +27,11 @@ from vestige.campaign.run import CHUNK_EPOCHS, ExecutorChoice, Progress, Results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.sweep_axes import Value, store_name
+from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
 
 TABLE = "sweep.csv"
+_FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +119,13 @@ def run_sweep(
         As `run` takes them.
     progress
         Called with the name of a campaign's store and its progress.
+
+    Raises
+    ------
+    InputFileError
+        If `folder` is the store of one campaign, or holds a sweep of other keys, whose table would be lost.
     """
+    _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []
     for settings, scenario in campaigns:
         name = store_name(settings)
@@ -166,6 +174,22 @@ class _Counter:
         return self._width.reached(self._detections, self._decisions)
 
 
+def _check_folder(folder: Path, keys: set[str]) -> None:
+    """Raise if a sweep of these keys would write over, or into, something else."""
+    if (folder / "zarr.json").exists():
+        raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
+    try:
+        with (folder / TABLE).open(encoding="utf-8", newline="") as file:
+            heading = next(csv.reader(file), [])
+    except FileNotFoundError:
+        return
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(folder / TABLE, "heading", str(error), "the table of a sweep") from error
+    before = heading[: heading.index(_FIRST_RESULT)] if _FIRST_RESULT in heading else heading
+    if set(before) != keys:
+        raise InputFileError(folder / TABLE, "keys", ", ".join(before), f"{', '.join(sorted(keys))}, as in this sweep")
+
+
 def _write_table(path: Path, rows: Sequence[Row]) -> None:
     """Write all rows; the file is there as a whole or not at all."""
     table = [_cells(row) for row in rows]
@@ -186,10 +210,10 @@ def _cells(row: Row) -> dict[str, object]:
     alarms = row.false_alarms
     return {
         **row.settings,
-        "cn0_dbhz": row.cn0_dbhz,
+        _FIRST_RESULT: row.cn0_dbhz,
         "integration_s": row.integration_s,
         "p_fa": row.p_fa,
-        "epochs": row.epochs,
+        "epochs_counted": row.epochs,
         **(detected | {"p_d_theory": row.p_d_theory} if row.signal else {}),
         "false_alarm_trials": alarms.trials,
         "false_alarms": alarms.successes,

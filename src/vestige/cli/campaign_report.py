@@ -67,7 +67,7 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
     """
     keys = list(rows[0].settings)
     missed = [f"missed {name}" for name in DETECTORS]
-    table = [[*keys, "epochs", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
+    table = [[*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
     for row in rows:
         found, alarms = row.detections[row.detector], row.false_alarms
         table.append(

@@ -25,7 +25,7 @@ MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Store (zarr) to write or continue."
 )
-@click.option("-j", "--workers", type=click.IntRange(1, 1024), default=1, show_default=True)
+@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
 @click.option(
     "--threads/--processes",
     default=None,
@@ -53,7 +53,7 @@ MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the
 def command(
     scenario: Path,
     output: Path,
-    workers: int,
+    workers: int | None,
     threads: bool | None,
     scheduler: str | None,
     chunk_epochs: int | None,
@@ -71,12 +71,17 @@ def command(
 
     if width is not None and not sweeps:
         raise click.UsageError("--width needs --sweep: a single campaign has the epochs of its scenario")
+    if scheduler is not None and (workers, threads) != (None, None):
+        raise click.UsageError("--scheduler has the cluster's workers: -j, --threads and --processes choose nothing")
     os.environ.update(ONE_THREAD)  # before numpy is loaded: chunks are what runs in parallel, and bits stay the same
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
     how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
     if sweeps:
         campaigns = _campaigns(scenario, (*settings, *own), sweeps)
         _caution(scenario, [one for _, one in campaigns])
+        from vestige.campaign.sweep_axes import store_name
+
+        _caution_chunks([output / store_name(values) for values, _ in campaigns], chunk_epochs)
         with _pool(workers, threads, scheduler) as (executor, calls):
             _run_sweep(campaigns, output, width, as_json, {**how, "executor": executor, "workers": calls})
         return
@@ -88,6 +93,7 @@ def command(
 
     plan = ScenarioPlan(scenario=_load(scenario, (*settings, *own)))
     _caution(scenario, [plan.scenario])
+    _caution_chunks([output], chunk_epochs)
     with _pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
         results = run(
             plan,
@@ -101,7 +107,7 @@ def command(
 
 
 @contextmanager
-def _pool(workers: int, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+def _pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
     """Give an executor and how many calls it runs at the same time."""
     if scheduler is not None:
         from vestige.campaign.cluster import connect
@@ -112,6 +118,7 @@ def _pool(workers: int, threads: bool | None, scheduler: str | None) -> Iterator
 
     from vestige.campaign.executors import local_executor
 
+    workers = workers or 1
     kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
     with local_executor(kind, workers) as executor:
         yield executor, workers
@@ -134,6 +141,16 @@ def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
 
     for line in dict.fromkeys(line for scenario in scenarios for line in cautions(scenario)):
         click.echo(f"vestige: {path}: {line}", err=True)
+
+
+def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
+    """Say on stderr where `--chunk` comes too late."""
+    from vestige.campaign.store import kept_chunk_epochs
+
+    for store in stores:
+        if chunk_epochs is not None and (kept := kept_chunk_epochs(store, chunk_epochs)) is not None:
+            line = f"chunks of {kept} epochs, as when the store was made; --chunk {chunk_epochs} changes nothing"
+            click.echo(f"vestige: {store}: {line}", err=True)
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:

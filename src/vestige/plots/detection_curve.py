@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray
@@ -14,7 +15,8 @@ from scipy.special import betaincinv
 from vestige.acas_processor.thresholds import miss_probability, probability_of_detection
 from vestige.errors import VestigeError
 from vestige.plots.epochs import attribute
-from vestige.plots.figure import BLACK, BLUE, dress, legend, new_axes
+from vestige.plots.figure import BLACK, dress, legend, new_axes
+from vestige.plots.sweep_curves import CN0, COLOURS, abscissa, curves
 
 CONFIDENCE = 0.95
 _CURVE_POINTS = 300
@@ -72,7 +74,8 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
 
     The interval is that of Clopper and Pearson: it holds the probability in at least 95 % of all sweeps, also where
     nothing or everything was counted. In log scale a count of 0 has no dot; an arrow hangs from the interval's end.
-    Theory is that of one correlator that is aligned with the signal.
+    Theory is that of one correlator that is aligned with the signal. A sweep of several keys is one curve for each
+    combination of the others; one that does not vary C/N0 is drawn against the first key with numbers.
 
     Parameters
     ----------
@@ -92,30 +95,39 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     """
     kind = KINDS[count]
     cn0_dbhz, trials, events = _counts(sweep, kind)
-    frequency = events / trials
+    label, x = abscissa(sweep)
+    shown = curves(sweep)
     low, high = _interval(events, trials)
     ax = new_axes() if ax is None else ax
 
     integration_s, p_fa = attribute(sweep, "integration_s"), attribute(sweep, "p_fa")
     floor = min(0.3 / trials.max(), 0.1)  # in log scale
+    margin = _MARGIN_DB if label == CN0 or np.ptp(x) == 0 else 0.05 * float(np.ptp(x))
+    ends = x.min() - margin, x.max() + margin
     if integration_s is not None and p_fa is not None:
-        x_dbhz = np.linspace(cn0_dbhz.min() - _MARGIN_DB, cn0_dbhz.max() + _MARGIN_DB, _CURVE_POINTS)
-        expected = kind.theory(x_dbhz, integration_s, p_fa)
-        ax.plot(x_dbhz, expected, color=BLACK, linewidth=0.8, label=kind.theory_label)
+        along = np.linspace(*ends, _CURVE_POINTS)
+        strength_dbhz = along if label == CN0 else np.full(_CURVE_POINTS, cn0_dbhz[0])
+        ax.plot(
+            along, kind.theory(strength_dbhz, integration_s, p_fa), color=BLACK, linewidth=0.8, label=kind.theory_label
+        )
         floor = min(floor, 0.3 * p_fa) if count == "false_alarms" else floor
-    seen = (events > 0) | (not kind.log)
     start = np.maximum(low, floor) if kind.log else low
-    ax.vlines(cn0_dbhz, start, high, color=BLUE, linewidth=1.0, label=f"{CONFIDENCE * 100:g} % interval")
-    ax.plot(cn0_dbhz[seen], frequency[seen], "o", color=BLUE, markersize=3, markeredgewidth=0, label="counted")
-    if not seen.all():
-        ax.plot(cn0_dbhz[~seen], high[~seen], "v", color=BLUE, markersize=3.5, markeredgewidth=0, label="none counted")
+    seen = (events > 0) | (not kind.log)
+    for curve, colour in zip(shown, COLOURS, strict=False):
+        interval = "" if curve.label else f"{CONFIDENCE * 100:g} % interval"
+        ax.vlines(x[curve.rows], start[curve.rows], high[curve.rows], color=colour, linewidth=1.0, label=interval)
+        some, none = curve.rows[seen[curve.rows]], curve.rows[~seen[curve.rows]]
+        dots: dict[str, Any] = {"color": colour, "markeredgewidth": 0}
+        ax.plot(x[some], events[some] / trials[some], "o", markersize=3, label=curve.label or "counted", **dots)
+        if none.size:
+            ax.plot(x[none], high[none], "v", markersize=3.5, label="" if curve.label else "none counted", **dots)
     if kind.log:
         ax.set_ylim(floor, min(2.0, 30 * high.max()))
         ax.set_yscale("log")
     else:
         ax.set_ylim(-0.03, 1.03)
-    ax.set_xlim(cn0_dbhz.min() - _MARGIN_DB, cn0_dbhz.max() + _MARGIN_DB)
-    dress(ax, title=_title(kind, integration_s, p_fa), x="C/N0 (dBHz)", y=f"probability ({kind.label})")
+    ax.set_xlim(*ends)
+    dress(ax, title=_title(kind, integration_s, p_fa), x=label, y=f"probability ({kind.label})")
     legend(ax)
     return ax
 
@@ -123,7 +135,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
 def _counts(
     sweep: xarray.Dataset, kind: _Kind
 ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Return C/N0, trials and events, ascending in C/N0."""
+    """Return C/N0, trials and events of each row."""
     for name in ("cn0_dbhz", kind.trials, kind.counted):
         if name not in sweep.variables or sweep[name].dtype.kind not in "fiu":
             raise VestigeError(f"sweep: found no {name}, expected numbers of it")
@@ -139,8 +151,7 @@ def _counts(
         row = int(np.argmax(bad))
         found = f"{events[row]} of {trials[row]} at {cn0_dbhz[row]} dBHz"
         raise VestigeError(f"sweep: row {row + 1}: found {found}, expected 0 to as many events as trials")
-    order = np.argsort(cn0_dbhz)
-    return cn0_dbhz[order].astype(np.float64), trials[order].astype(np.int64), events[order].astype(np.int64)
+    return cn0_dbhz.astype(np.float64), trials.astype(np.int64), events.astype(np.int64)
 
 
 def _interval(

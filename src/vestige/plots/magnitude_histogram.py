@@ -13,6 +13,7 @@ from vestige.plots.figure import BLACK, BLUE, RED, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_SIGMA = 0.25
+_BELOW_LEGEND = 0.84  # of the height of the axes
 
 
 def magnitude_histogram(
@@ -63,7 +64,10 @@ def magnitude_histogram(
         label=f"not: {strongest.size}, strongest tap",
     )  # fmt: skip
     if threshold is not None:
-        ax.axvline(threshold, color=BLACK, linewidth=0.7, linestyle="--", label=f"threshold {threshold:.2f} σ")
+        ax.axvline(
+            threshold, ymax=_BELOW_LEGEND, color=BLACK, linewidth=0.7, linestyle="--",
+            label=f"threshold {threshold:.2f} σ",
+        )  # fmt: skip
     cn0_dbhz, integration_s = attribute(shown, "cn0_dbhz"), attribute(shown, "integration_s")
     if cn0_dbhz is not None and integration_s is not None:
         signal = float(amplitude(cn0_dbhz, integration_s))

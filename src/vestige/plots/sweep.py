@@ -11,6 +11,7 @@ import xarray
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.plots.epochs import attribute, is_detected, is_missed, select
+from vestige.plots.sweep_curves import KEY
 
 _CONSTANT = ("integration_s", "p_fa")  # attributes of a sweep; in a table, columns with one value throughout
 _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
@@ -52,8 +53,9 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     """Return a sweep from a CSV table with a header, for example the one that `vestige run --sweep` writes.
 
     Columns: `cn0_dbhz`; `trials` and `detections`, or `false_alarm_trials` and `false_alarms`, or all four; if theory
-    is wanted, `integration_s` and `p_fa`, equal in all rows. Others are ignored. In place of `detections` there may be
-    a column for each detector, `detections_early`.
+    is wanted, `integration_s` and `p_fa`, equal in all rows. In place of `detections` there may be a column for each
+    detector, `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep, kept as text under `key NAME`;
+    others are ignored.
 
     Raises
     ------
@@ -81,7 +83,9 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
             attrs[name] = values.pop()
     if not 0 < attrs.get("p_fa", 0.5) < 1 or not attrs.get("integration_s", 1.0) > 0:
         raise InputFileError(path, "integration_s, p_fa", str(attrs), "a time above 0 and a probability")
-    return _dataset(columns, attrs)
+    keys = list(table[0])[: list(table[0]).index("cn0_dbhz")]
+    texts = {KEY + name: np.array([row[name] or "" for row in table]) for name in keys if name not in wanted.values()}
+    return _dataset(columns | texts, attrs)
 
 
 def _column(path: Path, table: list[dict[str, str]], name: str) -> np.ndarray:

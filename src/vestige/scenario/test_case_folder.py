@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
@@ -22,7 +23,7 @@ ACAS test case, written by vestige. docs/test_cases.md of vestige explains every
   scenario.toml                                        how it was made
   truth.csv                                            what a receiver must not know
 
-Satellite E{svid:02d}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6:g} dBHz.
+Satellite E{svid:02d}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
 Check it: vestige inspect FOLDER; vestige process FOLDER
 """
 
@@ -74,5 +75,5 @@ def _readme(case: AcasTestCase) -> str:
         last=case.end - 1,
         seed=simulation.seed,
         e1=simulation.cn0_e1_dbhz,
-        e6=simulation.cn0_dbhz,
+        e6="without signal" if simulation.cn0_dbhz == -math.inf else f"{simulation.cn0_dbhz:g} dBHz",
     )

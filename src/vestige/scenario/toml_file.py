@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 import tomllib
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from vestige.errors import InputFileError, VestigeError
 
@@ -135,9 +137,54 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
             place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
             raise InputFileError(path, place, first["ctx"].get("tag", "nothing"), kinds or "a kind") from error
-        found = "nothing" if first["type"] == "missing" else first["input"]
-        expected = first["msg"].removeprefix("Value error, ")
+        found, expected = _found_and_expected(first, _keys(adapter.json_schema()))
         raise InputFileError(path, place or "top level", found, expected) from error
+
+
+# type of an error of pydantic: what was expected, in our words
+_EXPECTED = {
+    "missing": "a value: the key is needed",
+    "greater_than_equal": "at least {ge:g}",
+    "greater_than": "more than {gt:g}",
+    "less_than_equal": "at most {le:g}",
+    "less_than": "less than {lt:g}",
+    "multiple_of": "a multiple of {multiple_of:g}",
+    "finite_number": "a finite number",
+    "literal_error": "{expected}",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "string_type": "a text",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "dataclass_type": "a table",
+    "dict_type": "a table",
+    "model_attributes_type": "a table",
+}
+
+
+def _found_and_expected(first: ErrorDetails, keys: Iterable[str]) -> tuple[object, str]:
+    """Return what stands at the place of an error and what should."""
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        unknown = str(first["loc"][-1])
+        near = difflib.get_close_matches(unknown, keys, n=1)
+        return f"an unknown key {unknown}", near[0] if near else "one of those in docs/scenarios.md"
+    found = "nothing" if first["type"] == "missing" else first["input"]
+    if (expected := _EXPECTED.get(first["type"])) is not None:
+        return found, expected.format(**first.get("ctx", {}))
+    return found, first["msg"].removeprefix("Value error, ")
+
+
+def _keys(schema: Any) -> set[str]:
+    """Return the keys of all tables of a JSON schema."""
+    if isinstance(schema, dict):
+        return set(schema.get("properties", ())).union(*map(_keys, schema.values()))
+    return set().union(*map(_keys, schema)) if isinstance(schema, list) else set()
 
 
 def _check_numbers(value: Any, place: str, path: Path) -> None:

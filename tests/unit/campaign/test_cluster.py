@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +23,7 @@ distributed = pytest.importorskip("distributed")
 # dask leaves sockets and log lines behind when its processes are killed
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 
+QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 PLAN = ToyPlan(n_epochs=300)
 TRUTH = PLAN.measure(0, PLAN.prepare().advance(0, 300))
 
@@ -94,9 +97,27 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vestige.campaign.cluster.CONNECT_S", 0.2)
-    for address in ("tcp://127.0.0.1:9", "nonsense"):
-        with pytest.raises(VestigeError, match=f"{address}: no dask scheduler answers"):
+    for address in ("tcp://127.0.0.1:9", "tcp://[::1]:9", f"tcp://{'a' * 70}:9"):
+        with pytest.raises(VestigeError, match=rf"^{re.escape(address)}: no dask scheduler answers"):
             connect(address)
+
+
+@pytest.mark.parametrize(
+    "address", ["", "foo", "tcp://", "tcp://host", "tcp://host:port", "http://host:1", "tcp://h:99999"]
+)
+def test_no_address(address: str) -> None:
+    with pytest.raises(VestigeError, match=f"found '{address}', expected an address such as tcp://host:8786"):
+        connect(address)
+
+
+def test_no_traceback_after_the_line(tmp_path: Path) -> None:
+    for address, message in (("tcp://127.0.0.1:9", "no dask scheduler answers"), ("", "expected an address")):
+        arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--scheduler", address]
+        command = [sys.executable, "-m", "vestige", *arguments]
+        found = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603
+        assert found.returncode == 1
+        (line,) = found.stderr.splitlines()
+        assert message in line
 
 
 def test_no_workers() -> None:

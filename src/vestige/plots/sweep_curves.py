@@ -1,0 +1,84 @@
+"""Which curves a sweep is drawn as: what it is drawn against, and which of its rows belong together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray
+from jaxtyping import Float, Int
+
+from vestige.errors import VestigeError
+from vestige.plots.figure import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+
+COLOURS = (BLUE, RED, GREEN, ORANGE, GREY, BLACK)
+KEY = "key "  # prefix of the variables with the values of a key, as text
+CN0 = "C/N0 (dBHz)"
+_CN0_KEY = "receiver.cn0_dbhz"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """Rows of a sweep that differ in the abscissa only.
+
+    Attributes
+    ----------
+    label
+        The values of all other keys; empty if there is but one curve.
+    rows
+        Numbers of the rows, ascending in the abscissa.
+    """
+
+    label: str
+    rows: Int[np.ndarray, " n"]
+
+
+def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
+    """Return label and values of what a sweep is drawn against: C/N0, or if it does not vary, the first key that does.
+
+    A key that has other values than numbers makes curves, see `curves`.
+    """
+    cn0_dbhz = np.atleast_1d(sweep["cn0_dbhz"].values).astype(np.float64)
+    if np.unique(cn0_dbhz).size == 1:
+        for name in _varied(sweep):
+            try:
+                values = sweep[name].values.astype(np.float64)
+            except ValueError:
+                continue
+            if np.isfinite(values).all():
+                return name.removeprefix(KEY), values
+    return CN0, cn0_dbhz
+
+
+def curves(sweep: xarray.Dataset) -> tuple[Curve, ...]:
+    """Return the rows of a sweep, one curve for each combination of the keys that it is not drawn against.
+
+    Raises
+    ------
+    VestigeError
+        If there are more curves than colours.
+    """
+    label, values = abscissa(sweep)
+    order = np.argsort(values, kind="stable")
+    others = [name for name in _varied(sweep) if name.removeprefix(KEY) not in (label, _CN0_KEY)]
+    short = [name.rpartition(".")[2].removeprefix(KEY) for name in others]
+    rows: dict[tuple[str, ...], list[int]] = {}
+    for row in range(values.size):
+        rows.setdefault(tuple(str(sweep[name].values[row]) for name in others), [])
+    for row in order:
+        rows[tuple(str(sweep[name].values[row]) for name in others)].append(int(row))
+    if len(rows) > len(COLOURS):
+        names = ", ".join(name.removeprefix(KEY) for name in others)
+        raise VestigeError(f"sweep: found {len(rows)} combinations of {names}, expected at most {len(COLOURS)} curves")
+    return tuple(
+        Curve(
+            label=", ".join(f"{name} = {value}" for name, value in zip(short, combination, strict=True)),
+            rows=np.array(members, dtype=np.int64),
+        )
+        for combination, members in rows.items()
+    )
+
+
+def _varied(sweep: xarray.Dataset) -> list[str]:
+    names = [str(name) for name in sweep.variables if str(name).startswith(KEY)]
+    return [name for name in names if len(set(sweep[name].values.tolist())) > 1]
