@@ -17,7 +17,9 @@ from vestige.errors import VestigeError
 from vestige.plots import figure
 
 OF_A_CAMPAIGN = [
-    name for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_attack and "png" in kind.formats
+    name
+    for name, kind in KINDS.items()
+    if not (kind.of_sweep or kind.of_attack or kind.of_sky) and "png" in kind.formats
 ]
 
 
@@ -49,6 +51,11 @@ def test_every_kind(kind: str, store: Path, tmp_path: Path) -> None:
     assert (result.exit_code, result.stdout, result.stderr) == (0, f"{file}\n", "")
     with Image.open(file) as image:
         assert image.size[0] == pytest.approx(10 / 2.54 * 300, abs=1)
+
+
+@pytest.mark.parametrize("kind", ["sky", "position", "monitors"])
+def test_a_sky_is_needed(kind: str, store: Path, tmp_path: Path) -> None:
+    assert "expected those of a [constellation]" in refused(kind, store, "-o", tmp_path / "a.png")
 
 
 def test_all(store: Path, tmp_path: Path) -> None:

@@ -168,7 +168,7 @@ def test_both_fidelities_miss_alike(cn0_dbhz: float) -> None:
     settings = (f"receiver.cn0_dbhz={cn0_dbhz}", "epochs=50000")
     magnitudes = {}
     for fidelity, seed, n in (("samples", 11, 500), ("correlators", 12, 50_000)):
-        simulation = _plan(*settings, f"seed={seed}").simulation
+        simulation = _plan(*settings, f"seed={seed}").simulations[0]
         taps, noise_power, _ = simulation.banks(fidelity, 0, simulation.truth().advance(0, n))  # type: ignore[arg-type]
         magnitudes[fidelity] = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
     sampled, drawn = magnitudes["samples"], magnitudes["correlators"]

@@ -72,4 +72,4 @@ def attack_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.nd
 
 def e1_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     """Return the C/N0 that E1 tracking reports."""
-    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain)
+    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.view.amplitude)

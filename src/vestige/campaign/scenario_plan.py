@@ -16,7 +16,8 @@ from vestige.acas_processor.thresholds import probability_of_detection, threshol
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.origin import PROCESSOR, processor_name
 from vestige.campaign.plan import Column, Coord
-from vestige.receiver.simulation import SVID, Simulation
+from vestige.campaign.sky_columns import SKY_COLUMNS, sky_columns, sky_coords
+from vestige.receiver.simulation import NOT_RECEIVED, Banks, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
 from vestige.records import FrontEndStatus, Status
 from vestige.scenario.campaign import CampaignScenario
@@ -73,9 +74,9 @@ class ScenarioPlan:
     scenario: CampaignScenario
 
     @property
-    def simulation(self) -> Simulation:
-        """The receiver."""
-        return self.scenario.simulation()
+    def simulations(self) -> tuple[Simulation, ...]:
+        """The receiver, once for each of its satellites."""
+        return self.scenario.simulations
 
     @property
     def n_epochs(self) -> int:
@@ -85,20 +86,26 @@ class ScenarioPlan:
     @property
     def columns(self) -> Mapping[str, Column]:
         """The variables of the results."""
-        return COLUMNS | ATTACK_COLUMNS if self.scenario.attack else COLUMNS
+        attack = ATTACK_COLUMNS if self.scenario.attack else {}
+        return COLUMNS | attack | (SKY_COLUMNS if self.scenario.constellation else {})
 
     @property
     def coords(self) -> Mapping[str, Coord]:
         """The axes other than `epoch`."""
-        simulation = self.simulation
+        simulation = self.simulations[0]
+        svids = np.array([one.svid for one in self.simulations])
         offsets_m = simulation.processor.offsets_m
         rays = np.arange(simulation.models.n_rays)
-        return {
-            "svid": Coord(dim="satellite", values=np.array([SVID]), units="1", long_name="satellite"),
-            "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
-            "detector": Coord(dim="detector", values=np.array(list(DETECTORS)), units="1", long_name="detector"),
-            "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
-        } | attack_coords(simulation)
+        return (
+            {
+                "svid": Coord(dim="satellite", values=svids, units="1", long_name="satellite"),
+                "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
+                "detector": Coord(dim="detector", values=np.array(list(DETECTORS)), units="1", long_name="detector"),
+                "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
+            }
+            | attack_coords(simulation)
+            | (sky_coords() if self.scenario.constellation else {})
+        )
 
     @property
     def attrs(self) -> Mapping[str, Any]:
@@ -114,19 +121,37 @@ class ScenarioPlan:
             "threshold_sigma": float(threshold(processor.p_fa)),
             "signal": receiver.signal,
             **({"cn0_dbhz": receiver.cn0_dbhz} if receiver.signal else {}),
-            "integration_s": self.simulation.n_chips / E6C.chip_rate_hz,
+            "integration_s": self.simulations[0].n_chips / E6C.chip_rate_hz,
             "fidelity": self.scenario.fidelity,
             **({PROCESSOR: processor_name()} if self.scenario.fidelity == "samples" else {}),
         }
 
     def prepare(self) -> _Preparation:
         """Return the truth at its beginning."""
-        return _Preparation(self.simulation.truth())
+        return _Preparation(tuple(simulation.truth() for simulation in self.simulations))
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on."""
-        simulation, truth = self.simulation, inputs["truth"]
-        taps, noise_power, front_end = simulation.banks(self.scenario.fidelity, first, truth)
+        each = [
+            self._satellite(simulation, first, truth)
+            for simulation, truth in zip(self.simulations, inputs["truth"], strict=True)
+        ]
+        own = each[0].keys()
+        together = {
+            name: np.stack([values[name] for values in each], axis=column.dims.index("satellite"))
+            if "satellite" in column.dims
+            else each[0][name]
+            for name, column in self.columns.items()
+            if name in own
+        }
+        together |= _one_front_end(each)
+        if self.scenario.constellation:
+            together |= sky_columns(self.scenario, first, inputs["truth"], together)
+        return {name: np.ascontiguousarray(together[name], dtype=column.dtype) for name, column in self.columns.items()}
+
+    def _satellite(self, simulation: Simulation, first: int, truth: TruthBlock) -> dict[str, np.ndarray]:
+        """Return the columns of one satellite, without its axis."""
+        taps, noise_power, front_end = self._banks(simulation, first, truth)
         spacing = self.scenario.processor.spacing
         found = {
             name: detect_block(
@@ -155,7 +180,24 @@ class ScenarioPlan:
         )
         if self.scenario.attack:
             values |= attack_columns(simulation, truth)
-        return {name: _shaped(values[name], column) for name, column in self.columns.items()}
+        return values
+
+    def _banks(self, simulation: Simulation, first: int, truth: TruthBlock) -> Banks:
+        """Return the banks of all epochs, NaN in those without RECS."""
+        every, n = self.scenario.recs.every, truth.time_s.size
+        if every == 1:
+            return simulation.banks(self.scenario.fidelity, first, truth)
+        rows = slice(-first % every, n, every)
+        taps, noise_power = np.full((n, simulation.processor.n_taps), np.nan + 0j), np.full(n, np.nan)
+        statuses = [NOT_RECEIVED] * n
+        if rows.start >= n:
+            return Banks(taps, noise_power, tuple(statuses) if self.scenario.fidelity == "samples" else None)
+        some = simulation.banks(self.scenario.fidelity, (first + rows.start) // every, truth.part(rows))
+        taps[rows], noise_power[rows] = some.taps, some.noise_power
+        if some.front_end is None:
+            return Banks(taps, noise_power, None)
+        statuses[rows] = some.front_end
+        return Banks(taps, noise_power, tuple(statuses))
 
     def _status(
         self, simulation: Simulation, truth: TruthBlock, found: DetectionBlock, correlated: np.ndarray
@@ -172,11 +214,11 @@ class ScenarioPlan:
 class _Preparation:
     """The truth, epoch after epoch, as inputs of `measure`."""
 
-    def __init__(self, truth: TruthProcess) -> None:
+    def __init__(self, truth: tuple[TruthProcess, ...]) -> None:
         self._truth = truth
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
-        return {"truth": self._truth.advance(first, count)}
+        return {"truth": tuple(one.advance(first, count) for one in self._truth)}
 
 
 def _truth_columns(truth: TruthBlock, simulation: Simulation) -> dict[str, np.ndarray]:
@@ -205,12 +247,22 @@ def _front_end_columns(statuses: tuple[FrontEndStatus, ...] | None, n: int) -> d
     return {
         "e6_total_power_db": np.array([status.total_power_db for status in statuses]),
         "e6_agc_gain_db": np.array([status.agc_gain_db for status in statuses]),
-        "e6_saturated": np.array([status.saturated for status in statuses]),
+        "e6_saturated": np.array([-1 if status is NOT_RECEIVED else status.saturated for status in statuses]),
     }
 
 
-def _shaped(values: np.ndarray, column: Column) -> np.ndarray:
-    """Return values in the column's dtype, with an axis for the one satellite."""
-    if "satellite" in column.dims:
-        values = np.expand_dims(values, column.dims.index("satellite"))
-    return np.ascontiguousarray(values, dtype=column.dtype)
+def _one_front_end(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return what the front end said around the RECS of all satellites: mean power and gain, whether any clipped."""
+    if len(each) == 1:
+        return {}
+    together = {
+        name: _mean(np.stack([values[name] for values in each])) for name in ("e6_total_power_db", "e6_agc_gain_db")
+    }
+    return together | {"e6_saturated": np.max([values["e6_saturated"] for values in each], axis=0)}
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean over the first axis of what is not NaN."""
+    known = np.isfinite(values)
+    count = np.count_nonzero(known, axis=0)
+    return np.where(count > 0, np.sum(np.where(known, values, 0.0), axis=0) / np.maximum(count, 1), np.nan)

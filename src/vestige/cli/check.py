@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import Scenario
 
 
@@ -73,7 +74,20 @@ def _lines(path: Path, scenario: Scenario) -> list[str]:
         f"{scenario.recs.duration_ms} ms each, C/N0 {scenario.receiver.cn0_dbhz:g} dBHz, {scenario.fidelity}, "
         f"seed {scenario.seed}",
         f"  front_end: {'none' if front_end.transparent else front_end}",
+        *_sky_lines(scenario),
         *(f"  {name}: {getattr(scenario.receiver, name) or 'none'}" for name in models),
         f"  processing: {scenario.processor}",
         *(f"  attack {number}: {attack}" for number, attack in enumerate(scenario.attack, start=1)),
+    ]
+
+
+def _sky_lines(scenario: CampaignScenario) -> list[str]:
+    if scenario.constellation is None:
+        return []
+    svids = ", ".join(f"E{one.svid:02d}" for one in scenario.simulations)
+    return [
+        f"  constellation: {scenario.constellation}",
+        f"  in view at some time: {svids}; a RECS every {scenario.interval_s * scenario.recs.every:g} s",
+        f"  trajectory: {scenario.trajectory}",
+        f"  position: {scenario.position}",
     ]

@@ -23,6 +23,7 @@ class Kind:
     help: str
     of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
     of_attack: bool = False  # of a campaign with an attack
+    of_sky: bool = False  # of a campaign with a constellation; shows all its satellites
     with_detector: bool = True
     compared: bool = False  # drawn for each detector if there is an attack, which they see differently
     formats: tuple[str, ...] = FORMATS
@@ -41,6 +42,9 @@ KINDS = {
     "animation": Kind(
         help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
     ),
+    "sky": Kind(help="where the satellites are (of a sky)", of_sky=True),
+    "position": Kind(help="error of the position fixes against time (of a sky)", of_sky=True),
+    "monitors": Kind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
     "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
@@ -59,7 +63,7 @@ def _finite(_context: click.Context, parameter: click.Parameter, value: float | 
 
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep]
-    + [f"  {_ALL:21} all but the animation as PNG, into a folder; under attack for both detectors"]
+    + [f"  {_ALL:21} all but the animation and those of a sky as PNG, into a folder; under attack for both detectors"]
     + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
     + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
 )
@@ -159,7 +163,7 @@ def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Pa
     other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
-        if kind.of_sweep or "png" not in kind.formats or (kind.of_attack and not attacked):
+        if kind.of_sweep or kind.of_sky or "png" not in kind.formats or (kind.of_attack and not attacked):
             continue
         figures.append((name, folder / f"{name}.png", choice))
         if kind.compared and attacked:
@@ -185,12 +189,37 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     """Return the axes of one kind of figure."""
     from vestige import plots
 
+    if KINDS[name].of_sky:
+        return _sky_axes(name, results)
     choice: dict[str, int | float | str | None] = {"svid": of.svid}
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
     if name == "range-histogram" and of.flank_from_m is not None:
         choice["right_flank"] = of.flank_from_m
     return getattr(plots, name.replace("-", "_"))(results, **choice)
+
+
+def _sky_axes(name: str, results: xarray.Dataset) -> Axes:
+    """Return the axes of one kind of figure of a sky."""
+    import numpy as np
+
+    from vestige import plots
+    from vestige.campaign.monitoring import tracks
+
+    if name == "sky":
+        return plots.sky_plot(results)
+    if name == "position":
+        return plots.position_error(results)
+    n = results.sizes["epoch"]
+    lines = [
+        plots.MonitorLine(
+            name=track.name,
+            run=np.any(track.run.reshape(n, -1), axis=1),
+            failed=np.any(track.failed.reshape(n, -1), axis=1),
+        )
+        for track in tracks(results)
+    ]
+    return plots.monitor_timeline(results["time_s"].values, lines)
 
 
 def _read_sweep(

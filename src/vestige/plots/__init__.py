@@ -12,11 +12,13 @@ from vestige.plots.magnitude_histogram import magnitude_histogram
 from vestige.plots.range_histogram import RightFlank, range_histogram
 from vestige.plots.range_offset import range_offset
 from vestige.plots.roc import roc_curves
+from vestige.plots.sky import MonitorLine, monitor_timeline, position_error, sky_plot
 from vestige.plots.sweep import read_sweep, sweep_of
 from vestige.plots.vestigial_search import SearchTrace, code_phases, vestigial_search
 from vestige.plots.waterfall import waterfall, waterfall_map
 
 __all__ = [
+    "MonitorLine",
     "RightFlank",
     "SearchTrace",
     "attack_comparison",
@@ -26,11 +28,14 @@ __all__ = [
     "detection_curve",
     "is_attacked",
     "magnitude_histogram",
+    "monitor_timeline",
     "new_axes",
+    "position_error",
     "range_histogram",
     "range_offset",
     "read_sweep",
     "roc_curves",
+    "sky_plot",
     "sweep_of",
     "vestigial_search",
     "waterfall",

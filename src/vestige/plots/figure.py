@@ -45,7 +45,7 @@ def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projec
     Parameters
     ----------
     projection
-        `3d` for the waterfall.
+        `3d` for the waterfall, `polar` for the sky.
     """
     figure = Figure(figsize=(width_cm / CM_PER_INCH, height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
     return figure.add_subplot(projection=projection)

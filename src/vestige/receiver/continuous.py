@@ -23,7 +23,7 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.recorder import Propagation, straight
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
-from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.range_model import RangeHistory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class ContinuousTruth:
         Delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m.
     """
 
-    line_of_sight: RangeModel
+    line_of_sight: RangeHistory
     truth: TruthBlock
     e1_multipath: bool
     group_delay_m: float = 0.0

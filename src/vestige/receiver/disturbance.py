@@ -72,6 +72,7 @@ def drawn_disturbance(
     seed: int,
     first: int,
     block_epochs: int,
+    labels: tuple[int, ...] = (),
 ) -> Disturbance:
     """Return the disturbance of the epochs from `first` on; independent of the cut.
 
@@ -85,13 +86,15 @@ def drawn_disturbance(
         Rays whose chips never match.
     seed, first, block_epochs
         Seed, number of the first epoch, and how many epochs share a stream of draws.
+    labels
+        Whose streams they are, beside the block's number.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2
     blocks = range(first // block_epochs, (first + n - 1) // block_epochs + 1) if n else range(0)
     mine = slice(first % block_epochs, first % block_epochs + n)
     shape = (block_epochs, own_chips.size, n_lags)
-    drawn = [stream(seed, "unrelated chips", block).standard_normal(shape) for block in blocks]
+    drawn = [stream(seed, "unrelated chips", block, *labels).standard_normal(shape) for block in blocks]
     unrelated = np.concatenate(drawn or [np.zeros((0, *shape[1:]))])[mine]
     waveforms, rise = np.zeros((n, chips.size), np.complex128), np.zeros(n)
     lags = np.subtract.outer(chips, chips)
@@ -99,7 +102,9 @@ def drawn_disturbance(
         covariance = one.waveform.covariance(E6C, lags.ravel(), one.noise_bandwidth_hz).reshape(lags.shape)
         power, vectors = np.linalg.eigh(covariance)
         factor = vectors * np.sqrt(np.maximum(power, 0.0))
-        coloured = [_circular(seed, number, block, (block_epochs, chips.size)) @ factor.T for block in blocks]
+        coloured = [
+            _circular(seed, (number, block, *labels), (block_epochs, chips.size)) @ factor.T for block in blocks
+        ]
         waveforms += np.concatenate(coloured)[mine] * np.sqrt(one.j_over_n)[:, None]
         rise += one.j_over_n * covariance[0, 0].real
     return Disturbance(white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, own_chips=own_chips)
@@ -124,6 +129,6 @@ def unrelated_correlation(
     return (1 - part) * noise[rows, lag] + part * noise[rows, lag + 1]
 
 
-def _circular(seed: int, number: int, block: int, shape: tuple[int, int]) -> Complex128[np.ndarray, "n n_taps"]:
-    rng = stream(seed, "jamming", number, block)
+def _circular(seed: int, labels: tuple[int, ...], shape: tuple[int, int]) -> Complex128[np.ndarray, "n n_taps"]:
+    rng = stream(seed, "jamming", *labels)
     return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)

@@ -185,7 +185,23 @@ class IonosphereProcess:
         streams: Streams,
     ) -> None:
         self._quantile = quantile
-        self._z = GaussMarkovProcess(streams("ionosphere"), tau_s if correlation == "gauss-markov" else 0.0)
+        self._tau_s = tau_s if correlation == "gauss-markov" else 0.0
+        self._z = GaussMarkovProcess(streams("ionosphere"), self._tau_s)
+        self._common: GaussMarkovProcess | None = None
+        self._share = 0.0
+
+    def shared(self, receiver: Streams, share: float) -> IonosphereProcess:
+        """Return this realisation with a share of the variance of z taken from the receiver's streams.
+
+        Parameters
+        ----------
+        receiver
+            Streams that all satellites have in common.
+        share
+            ρ, 0 … 1.
+        """
+        self._common, self._share = GaussMarkovProcess(receiver("ionosphere"), self._tau_s), share
+        return self
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the differential residual E6 − E1 in m at later times.
@@ -195,4 +211,7 @@ class IonosphereProcess:
         times_s
             Times in s after the scenario's start, ascending.
         """
-        return self._quantile(self._z.advance(times_s))
+        z = self._z.advance(times_s)
+        if self._common is not None:
+            z = np.sqrt(self._share) * self._common.advance(times_s) + np.sqrt(1 - self._share) * z
+        return self._quantile(z)

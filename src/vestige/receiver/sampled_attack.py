@@ -17,7 +17,7 @@ from vestige.receiver.sampled_epoch import JammerSamples, Window, arrival, recei
 from vestige.receiver.truth import TruthBlock
 from vestige.signal_generator.keystream import encrypted_chips
 from vestige.signal_generator.noise_kernel import noise_key
-from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal
 from vestige.signals.definitions import E6C
 from vestige.spoofer.jammers import power_in_samples
@@ -33,7 +33,7 @@ def counterfeit_signals(
     keys: tuple[bytes, bytes],
     svid: int,
     sent: GalileoTime,
-    line_of_sight: RangeModel,
+    line_of_sight: RangeHistory,
     truth: TruthBlock,
     row: int,
     taken: Window,
@@ -85,7 +85,7 @@ def true_signal(
     key: bytes,
     svid: int,
     sent: GalileoTime,
-    line_of_sight: RangeModel,
+    line_of_sight: RangeHistory,
     truth: TruthBlock,
     row: int,
     taken: Window,
@@ -105,21 +105,31 @@ def true_signal(
 
 
 def jammer_samples(
-    truth: TruthBlock, row: int, *, seed: int, epoch: int, input_rate_hz: float
+    truth: TruthBlock, row: int, *, seed: int, epoch: int, input_rate_hz: float, first_stream: int = 0
 ) -> tuple[JammerSamples, ...]:
-    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`."""
+    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`.
+
+    Parameters
+    ----------
+    truth, row
+        The truth of a block, and the epoch's place in it.
+    seed, epoch, first_stream
+        Whose random numbers: streams from `first_stream` on.
+    input_rate_hz
+        Rate of the samples.
+    """
     return tuple(
         JammerSamples(
             waveform=one.waveform,
             power=power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, input_rate_hz),
-            key=noise_key(seed, epoch, _JAMMER + number),
+            key=noise_key(seed, epoch, first_stream + _JAMMER + number),
         )
         for number, one in enumerate(truth.e6.jammers)
         if one.j_over_n[row] > 0
     )
 
 
-def _on_air(taken: Window, line_of_sight: RangeModel, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
+def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
     """Return the first chip of a delayed signal that is in a window, counted from the RECS, and the number of chips."""
     delay_s = delay_m / SPEED_OF_LIGHT_MPS
     arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s

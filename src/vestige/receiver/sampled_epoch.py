@@ -20,7 +20,7 @@ from vestige.crypto.simulated_chain import SimulatedChain, make_chain
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch, ValidatedKey
-from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
 from vestige.spoofer.jammers import AnyJammer
@@ -46,7 +46,7 @@ class Arrival:
         return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
 
 
-def arrival(line_of_sight: RangeModel, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
+def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
     """Return how the chips arrive that are sent `later_s` after the epochs.
 
     Parameters
@@ -62,20 +62,21 @@ def arrival(line_of_sight: RangeModel, truth: TruthBlock, rows: slice = slice(No
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
     dt_s = np.zeros(sent_s.size)
+    ahead_s = truth.view.ahead_s[rows]
     for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
-        pseudorange_m = line_of_sight.range_m(sent_s + dt_s) + late_m + drift_mps * (later_s + dt_s)
+        pseudorange_m = line_of_sight.range_m(sent_s + dt_s - ahead_s) + late_m + drift_mps * (later_s + dt_s)
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
     return Arrival(
         dt_s=dt_s,
         pseudorange_m=pseudorange_m,
-        rate_mps=line_of_sight.rate_mps(sent_s + dt_s) + drift_mps,
-        acceleration_mps2=line_of_sight.acceleration_mps2(sent_s + dt_s),
+        rate_mps=line_of_sight.rate_mps(sent_s + dt_s - ahead_s) + drift_mps,
+        acceleration_mps2=line_of_sight.acceleration_mps2(sent_s + dt_s - ahead_s),
     )
 
 
 def received_signal(
     chips: ChipSequence,
-    line_of_sight: RangeModel,
+    line_of_sight: RangeHistory,
     truth: TruthBlock,
     row: int,
     *,
@@ -232,7 +233,7 @@ def observation(svid: int, truth: TruthBlock, row: int, *, error_m: float, cn0_d
     error_m
         Error of the pseudorange.
     cn0_dbhz
-        C/N0 of undisturbed E1-C.
+        C/N0 of undisturbed E1-C at its nominal strength.
     """
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     error_mps = truth.e1_rate_noise_mps[row] + truth.e1.rate_error_mps[row]
@@ -244,7 +245,7 @@ def observation(svid: int, truth: TruthBlock, row: int, *, error_m: float, cn0_d
         carrier_phase_cycles=float(-to_hz * phase_m),
         doppler_hz=float(to_hz * rate_mps),
         doppler_rate_hz_per_s=float(to_hz * truth.acceleration_mps2[row]),
-        cn0_dbhz=cn0_dbhz + float(10 * np.log10(truth.e1.gain[row])),
+        cn0_dbhz=cn0_dbhz + float(10 * np.log10(truth.e1.gain[row]) + 20 * np.log10(truth.view.amplitude[row])),
     )
 
 

@@ -19,6 +19,7 @@ and every time label with it. Only `received_at` is on the independent clock tha
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -34,6 +35,7 @@ from vestige.errors import VestigeError
 from vestige.receiver.correlator_model import CorrelatorModel
 from vestige.receiver.disturbance import drawn_disturbance
 from vestige.receiver.e1_multipath import e1_multipath_error_m
+from vestige.receiver.elevation import ElevationEffects
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.sampled_attack import counterfeit_signals, jammer_samples, true_signal
 from vestige.receiver.sampled_epoch import (
@@ -51,7 +53,7 @@ from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Sn
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
-from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import amplitude
 from vestige.spoofer.spoofer import NOBODY, Spoofer
 from vestige.streams import stream, stream_key
@@ -64,6 +66,10 @@ DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
 _ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # when a key is sent is the same for every alpha
 CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
+_STREAMS_A_SATELLITE = 1 << 16
+
+
+NOT_RECEIVED = FrontEndStatus(agc_gain_db=math.nan, total_power_db=math.nan, saturated=False)
 
 
 class Banks(NamedTuple):
@@ -76,7 +82,7 @@ class Banks(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """A receiver on one line of sight.
+    """A receiver on one line of sight, by itself or as one of a sky.
 
     Attributes
     ----------
@@ -100,13 +106,19 @@ class Simulation:
         The receiver's processing.
     spoofer
         Who attacks.
+    svid
+        The satellite.
+    elevation
+        What depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID.
+    truth_interval_s
+        Time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone.
     """
 
     seed: int
     start: GalileoTime
     n_epochs: int
     interval_s: float
-    line_of_sight: RangeModel
+    line_of_sight: RangeHistory
     models: ErrorModels
     cn0_dbhz: float
     cn0_e1_dbhz: float
@@ -116,6 +128,9 @@ class Simulation:
     key_delay: int
     processor: AcasProcessor
     spoofer: Spoofer = NOBODY
+    svid: int = SVID
+    elevation: ElevationEffects | None = None
+    truth_interval_s: float | None = None
 
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""
@@ -123,10 +138,11 @@ class Simulation:
             self.models,
             self.line_of_sight,
             cn0_e1_dbhz=self.cn0_e1_dbhz,
-            interval_s=self.interval_s,
+            interval_s=self.interval_s if self.truth_interval_s is None else self.truth_interval_s,
             seed=self.seed,
-            svid=SVID,
+            svid=self.svid,
             spoofer=self.spoofer,
+            elevation=self.elevation,
         )
 
     def transmit_time(self, epoch: int) -> GalileoTime:
@@ -137,6 +153,16 @@ class Simulation:
     def osnma_chain(self) -> SimulatedChain:
         """Return the OSNMA chain of the run, which holds the key of every RECS."""
         return osnma_chain(self.seed, self.start, self._subframes)
+
+    @property
+    def _labels(self) -> tuple[int, ...]:
+        """Whose random numbers are used: the receiver's own on a single line of sight."""
+        return () if self.elevation is None else (self.svid,)
+
+    @property
+    def _first_stream(self) -> int:
+        """First stream number of the noise in samples."""
+        return 0 if self.elevation is None else _STREAMS_A_SATELLITE * self.svid
 
     @property
     def _subframes(self) -> int:
@@ -167,7 +193,10 @@ class Simulation:
             return self._drawn_banks(first, truth)
         e1_multipath_m = self.e1_multipath_m(truth)
         epochs = [
-            self._correlated(first + row, row, truth, float(e1_multipath_m[row])) for row in range(truth.time_s.size)
+            self._correlated(first + row, row, truth, float(e1_multipath_m[row]))
+            if truth.view.in_view[row]
+            else (None, NOT_RECEIVED)
+            for row in range(truth.time_s.size)
         ]
         nothing = np.full(self.processor.n_taps, np.nan + 0j)
         return Banks(
@@ -189,10 +218,16 @@ class Simulation:
         strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude, attack.amplitude], axis=1)
         relative_hz = np.concatenate([np.zeros_like(error_m), truth.rays.doppler_hz, attack.doppler_hz], axis=1)
         doppler_hz = los_doppler_hz + relative_hz
-        phasor = arrival(self.line_of_sight, truth).carrier[:, None]
+        phasor = (truth.view.amplitude * arrival(self.line_of_sight, truth).carrier)[:, None]
         own_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.own_chips])
         disturbance = self.spoofer.attacks and drawn_disturbance(
-            attack, self.processor.offsets_m, own_chips, seed=self.seed, first=first, block_epochs=DRAW_BLOCK
+            attack,
+            self.processor.offsets_m,
+            own_chips,
+            seed=self.seed,
+            first=first,
+            block_epochs=DRAW_BLOCK,
+            labels=self._labels,
         )
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
@@ -201,14 +236,16 @@ class Simulation:
             low, high = max(first, start), min(first + n, start + DRAW_BLOCK)
             part = slice(low - first, high - first)
             taps[part], noise_power[part] = model.banks(
-                model.draws(stream(self.seed, "correlators", block), DRAW_BLOCK).part(low - start, high - start),
+                model.draws(stream(self.seed, "correlators", block, *self._labels), DRAW_BLOCK).part(
+                    low - start, high - start
+                ),
                 cn0_dbhz=self.cn0_dbhz,
                 delay_m=delay_m[part],
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
                 disturbance=disturbance.part(part.start, part.stop) if disturbance else None,
             )
-        lost = self._undecryptable(truth)
+        lost = self._undecryptable(truth) | ~truth.view.in_view
         taps[lost], noise_power[lost] = np.nan, np.nan
         return Banks(taps, noise_power, None)
 
@@ -241,13 +278,13 @@ class Simulation:
             Its E1 range error by multipath in m.
         """
         sent, secret = self.transmit_time(epoch), encryption_key(self.seed)
-        chips = encrypted_chips(secret, SVID, sent, self.n_chips)
-        key = self._key(sent)
-        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz)
+        chips = encrypted_chips(secret, self.svid, sent, self.n_chips)
+        key = self.key(sent)
+        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.view.amplitude[row])
         signal = received_signal(chips, self.line_of_sight, truth, row, amplitude=strength)
         late_s = float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS
         taken = window(signal.start_s + late_s, self.n_chips, self.front_end)
-        where = (SVID, sent, self.line_of_sight, truth, row, taken)
+        where = (self.svid, sent, self.line_of_sight, truth, row, taken)
         forged = stream_key(self.seed, "chips that an attacker makes up")
         batch, status = e6_samples(
             (
@@ -257,9 +294,16 @@ class Simulation:
             sent,
             taken,
             front_end=self.front_end,
-            noise_key=noise_key(self.seed, epoch, _E6_NOISE),
+            noise_key=noise_key(self.seed, epoch, self._first_stream + _E6_NOISE),
             noise_power=1.0 + float(truth.e6.white[row]),
-            jammers=jammer_samples(truth, row, seed=self.seed, epoch=epoch, input_rate_hz=self.front_end.input_rate_hz),
+            jammers=jammer_samples(
+                truth,
+                row,
+                seed=self.seed,
+                epoch=epoch,
+                input_rate_hz=self.front_end.input_rate_hz,
+                first_stream=self._first_stream,
+            ),
         )
         received_at = batch.start + batch.samples.size / batch.sample_rate_hz
         error_m = float(truth.e1_noise_m[row]) + e1_multipath_m + float(truth.e1.error_m[row])
@@ -271,7 +315,7 @@ class Simulation:
             time=sent,
             received_at=received_at,
             time_uncertainty_s=self.time_uncertainty_s,
-            observations={SVID: observation(SVID, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
+            observations={self.svid: observation(self.svid, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
             e6=CorrelatableSamples(batch),
             front_end={Band.E6: status},
         )
@@ -295,5 +339,6 @@ class Simulation:
                 lost[disclosed_s == low_s] |= self.spoofer.withholds_osnma(low_s, high_s)
         return lost
 
-    def _key(self, sent: GalileoTime) -> ValidatedKey:
+    def key(self, sent: GalileoTime) -> ValidatedKey:
+        """Return the OSNMA key of the RECS that is sent at a time."""
         return osnma_keys(self.seed, self.start, self._subframes)[key_time(sent, self.key_delay)]

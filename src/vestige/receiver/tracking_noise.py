@@ -15,8 +15,10 @@ Higher orders are treated alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi, sqrt
 from types import MappingProxyType
 from typing import Literal
@@ -150,3 +152,23 @@ class TrackingNoiseProcess:
             sigma * noise.advance(times_s) for sigma, noise in zip(self._sigmas, self._noises, strict=True)
         )
         return code, carrier, doppler
+
+
+def noise_growth(
+    model: BetzTrackingNoise, nominal_dbhz: float, gain_db: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return by what factors code and Doppler noise grow when the C/N0 is `gain_db` above the nominal one.
+
+    Between whole dB their logarithms are interpolated, which is good to 1e-3.
+    """
+    low, high = math.floor(np.min(gain_db, initial=0.0)), math.ceil(np.max(gain_db, initial=0.0))
+    grid_db = np.arange(low, high + 1)
+    at_grid = np.log([_sigmas(model, nominal_dbhz + gain) for gain in range(low, high + 1)])
+    growth = at_grid - np.log(_sigmas(model, nominal_dbhz))
+    return np.exp(np.interp(gain_db, grid_db, growth[:, 0])), np.exp(np.interp(gain_db, grid_db, growth[:, 1]))
+
+
+@lru_cache(maxsize=10_000)
+def _sigmas(model: BetzTrackingNoise, cn0_dbhz: float) -> tuple[float, float]:
+    """Return the standard deviations of code and Doppler."""
+    return model.code_sigma_m(cn0_dbhz), model.doppler_sigma_hz(cn0_dbhz)

@@ -6,7 +6,8 @@ A model that is None is not there: its term is zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,13 +16,14 @@ from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_loop import E1Loop, E1Tracking
+from vestige.receiver.elevation import ElevationEffects, View, obliquity, ray_amplitude, seen_alone
 from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
 from vestige.receiver.error_process import named_streams
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
 from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
-from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.receiver.tracking_noise import BetzTrackingNoise, noise_growth
 from vestige.records import Band
-from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.spoofer.spoofer import NOBODY, BandEffects, Spoofer
 
 _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
@@ -72,6 +74,8 @@ class TruthBlock:
         What it adds to the bands.
     rays
         Rays beside the line of sight.
+    view
+        How the satellite is seen.
     """
 
     time_s: Float[np.ndarray, " n"]
@@ -89,6 +93,24 @@ class TruthBlock:
     e1_attack: BandEffects
     e6: BandEffects
     rays: RayBlock
+    view: View
+
+    def part(self, rows: slice) -> TruthBlock:
+        """Return the truth of some of the epochs."""
+        kept = {
+            field.name: getattr(self, field.name)[rows]
+            for field in fields(self)
+            if isinstance(getattr(self, field.name), np.ndarray)
+        }
+        return replace(
+            self,
+            **kept,
+            e1=_rows(self.e1, rows),
+            e1_attack=self.e1_attack.part(rows),
+            e6=self.e6.part(rows),
+            rays=_rows(self.rays, rows),
+            view=_rows(self.view, rows),
+        )
 
 
 class TruthProcess:
@@ -106,46 +128,63 @@ class TruthProcess:
         Whose streams are used.
     spoofer
         Who attacks.
+    elevation
+        What depends on the satellite's elevation; None on a single line of sight.
     """
 
     def __init__(
         self,
         models: ErrorModels,
-        line_of_sight: RangeModel,
+        line_of_sight: RangeHistory,
         *,
         cn0_e1_dbhz: float,
         interval_s: float,
         seed: int,
         svid: int,
         spoofer: Spoofer = NOBODY,
+        elevation: ElevationEffects | None = None,
     ) -> None:
         receiver, own = named_streams(seed), named_streams(seed, svid)
         self._spoofer, self._svid = spoofer, svid
         self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
+        if self._ionosphere and elevation:
+            self._ionosphere.shared(receiver, elevation.ionosphere_common)
         self._multipath = models.multipath and models.multipath.process(own)
         self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)
         bandwidth_hz = models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0
         self._loop = E1Loop(spoofer, svid, interval_s=interval_s, cn0_dbhz=cn0_e1_dbhz, loop_bandwidth_hz=bandwidth_hz)
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
+        self._elevation, self._cn0_e1_dbhz = elevation, cn0_e1_dbhz
 
     def advance(self, first: int, count: int) -> TruthBlock:
         """Return the truth of epochs first … first + count − 1, which are the next ones."""
         times_s = (first + np.arange(count)) * self._interval_s
         zero = np.zeros(count)
         clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
+        elevation, path = self._elevation, self._line_of_sight
+        seen = seen_alone(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
+        view = seen.view
         code_m, carrier_m, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
         e1 = self._loop.advance(first, count)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
+        iono_diff_m = self._ionosphere.advance(times_s) if self._ionosphere else zero
+        rays = self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays)
+        if self._elevation:
+            code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
+            carrier_m = carrier_m / view.amplitude
+            iono_diff_m = iono_diff_m * obliquity(view.elevation_rad)
+            scale = ray_amplitude(view.elevation_rad)[:, None]
+            rays = replace(rays, amplitude=rays.amplitude * scale, amplitude_e1=rays.amplitude_e1 * scale)
         return TruthBlock(
             time_s=times_s,
-            range_m=self._line_of_sight.range_m(times_s),
-            rate_mps=self._line_of_sight.rate_mps(times_s),
-            acceleration_mps2=self._line_of_sight.acceleration_mps2(times_s),
+            range_m=seen.range_m,
+            rate_mps=seen.rate_mps,
+            acceleration_mps2=seen.acceleration_mps2,
             clock_m=clock_m,
             clock_drift_mps=drift_mps,
-            iono_diff_m=self._ionosphere.advance(times_s) if self._ionosphere else zero,
+            iono_diff_m=iono_diff_m,
             bias_m=self._bias.advance(times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,
             e1_phase_noise_m=carrier_m * noisier,
@@ -153,8 +192,23 @@ class TruthProcess:
             e1=e1,
             e1_attack=self._spoofer.effects(Band.E1, self._svid, times_s),
             e6=self._spoofer.effects(Band.E6, self._svid, times_s),
-            rays=self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays),
+            rays=rays,
+            view=view,
         )
+
+    def _weaker(
+        self, view: View, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
+        if self._models.e1_tracking is None:
+            return code_m, doppler_hz
+        code, doppler = noise_growth(self._models.e1_tracking, self._cn0_e1_dbhz, 20 * np.log10(view.amplitude))
+        return code_m * code, doppler_hz * doppler
+
+
+def _rows(record: Any, rows: slice) -> Any:
+    """Return the epochs `rows` of a record of arrays."""
+    return replace(record, **{field.name: getattr(record, field.name)[rows] for field in fields(record)})
 
 
 def _no_rays(count: int, n_rays: int) -> RayBlock:

@@ -7,6 +7,8 @@ model that is left out is not there.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -29,9 +31,17 @@ from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.empirical import EmpiricalIonosphereTable
-from vestige.scenario.limits import check_attacks, check_clock, check_length, check_motion, check_weak_signal
+from vestige.scenario.limits import (
+    check_attacks,
+    check_clock,
+    check_length,
+    check_motion,
+    check_weak_signal,
+    longest_delay_s,
+)
 from vestige.scenario.preset import Presets
-from vestige.scenario.toml_file import Section
+from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
+from vestige.scenario.toml_file import MisfitError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import AnyAttack, Spoofer
@@ -104,10 +114,11 @@ class ReceiverTable(Section):
 
 
 class RecsTable(Section):
-    """The RECS: length, and the subframe of the key (0 its own, 1 the next)."""
+    """The RECS: length, the subframe of the key (0 its own, 1 the next), and every how many epochs there is one."""
 
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
     key_delay: Literal[0, 1] = 1
+    every: Annotated[int, Field(ge=1, le=3600)] = 1
 
 
 class ProcessorTable(Section):
@@ -158,11 +169,15 @@ class CampaignScenario(Section):
     start
         Time of epoch 0, on a whole second.
     epochs, interval_s
-        Number of RECS, and the time between them in s.
+        Number of epochs, and the time between them in s. Each has a RECS, unless `recs.every` says otherwise.
     fidelity
         `samples`, the reference, or `correlators`, the same distribution without samples.
     attack
         What the attacker does, one `[[attack]]` each, all at once.
+    constellation, trajectory
+        Where satellites and receiver are; without them there is a single line of sight.
+    position
+        What the receiver believes of its pseudoranges.
     """
 
     kind: Literal["campaign"]
@@ -176,6 +191,9 @@ class CampaignScenario(Section):
     receiver: ReceiverTable
     processor: ProcessorTable = ProcessorTable()
     attack: tuple[AnyAttack, ...] = ()
+    constellation: AnyConstellation | None = None
+    trajectory: AnyTrajectory | None = None
+    position: PositionTable = PositionTable()
 
     @field_validator("start")
     @classmethod
@@ -199,13 +217,70 @@ class CampaignScenario(Section):
             check_clock(self.receiver.clock, duration_s)
         return self
 
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        if self.constellation is None:
+            if self.trajectory is not None:
+                raise MisfitError("trajectory", "no constellation beside it", "[constellation]")
+            if self.position != PositionTable():
+                raise MisfitError("position", "no constellation beside it", "[constellation]")
+            if self.recs.every != 1:
+                raise MisfitError("recs.every", self.recs.every, "1 on a single line of sight")
+            return self
+        if self.trajectory is None:
+            raise MisfitError("trajectory", "nothing", "where the receiver is, beside [constellation]")
+        if "line_of_sight" in self.model_fields_set:
+            raise MisfitError("line_of_sight", "a constellation beside it", "one of them")
+        check_clock(self.receiver.clock, self.epochs * self.interval_s)
+        _ = self.simulations
+        return self
+
     @property
     def start_time(self) -> GalileoTime:
         """`start` as a time."""
         return GalileoTime.parse(self.start)
 
+    @cached_property
+    def simulations(self) -> tuple[Simulation, ...]:
+        """The receiver that the scenario describes, once for each of its satellites."""
+        one = self._line_of_sight()
+        if self.constellation is None or self.trajectory is None:
+            return (one,)
+        sky = satellites_in_view(
+            self.constellation,
+            self.trajectory,
+            self.start_time,
+            duration_s=self.epochs * self.interval_s,
+            longest_delay_s=longest_delay_s(self.attack),
+        )
+        return tuple(
+            replace(
+                one,
+                n_epochs=-(-self.epochs // self.recs.every),
+                interval_s=round(self.interval_s * self.recs.every, 1),
+                truth_interval_s=self.interval_s,
+                line_of_sight=effects.path,
+                svid=effects.path.ephemeris.svid,
+                elevation=effects,
+                cn0_dbhz=one.cn0_dbhz + effects.nominal_db,
+                cn0_e1_dbhz=one.cn0_e1_dbhz + effects.nominal_db,
+            )
+            for effects in sky
+        )
+
     def simulation(self) -> Simulation:
-        """Return the receiver that the scenario describes."""
+        """Return the receiver on its single line of sight.
+
+        Raises
+        ------
+        ValueError
+            If there is a sky instead.
+        """
+        if self.constellation is not None:
+            raise ValueError("a sky has no single line of sight")
+        return self.simulations[0]
+
+    def _line_of_sight(self) -> Simulation:
         receiver, ionosphere = self.receiver, self.receiver.ionosphere
         return Simulation(
             seed=self.seed,

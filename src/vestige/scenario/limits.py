@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from vestige.receiver.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.records import Band
 from vestige.scenario.toml_file import MisfitError
 from vestige.signal_generator.range_model import RangeModel
-from vestige.spoofer.spoofer import Spoofer
+from vestige.spoofer.profiles import extremes
+from vestige.spoofer.spoofer import Attacks, Spoofer
 
 LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
 _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
 _SIGMAS = 6.0
+_WAY_S = 0.2  # of a signal, and what the clock may be wrong by
 
 
 def check_length(fidelity: str, duration_s: float) -> None:
@@ -78,3 +81,10 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
             cn0_dbhz,
             f'at most {largest_dbhz:.1f} dBHz behind a quantiser; fidelity = "samples" has no such limit',
         )
+
+
+def longest_delay_s(attacks: Sequence[Attacks]) -> float:
+    """Return how far back the counterfeits of some attacks reach, with some room for the signal's way, in s."""
+    delays_s = [getattr(attack, "delay_s", 0.0) for attack in attacks]
+    delays_s += [extremes(attack.delay_m)[1] / SPEED_OF_LIGHT_MPS for attack in attacks if hasattr(attack, "delay_m")]
+    return max(delays_s, default=-_WAY_S) + _WAY_S

@@ -67,6 +67,11 @@ class AcasTestCase:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: expected first:end within the scenario's 0:{self.scenario.epochs}"
             )
+        if self.scenario.constellation is not None:
+            raise VestigeError(
+                "constellation: found a sky, expected a single line of sight in a test case "
+                "(--set constellation=none --set trajectory=none --set recs.every=1)"
+            )
         if any(effects.jammers for effects in (self.truth.e1_attack, self.truth.e6)):
             raise VestigeError(
                 "attack: found a jamming waveform, expected counterfeits and white noise in a test case; waveforms are "

@@ -1,11 +1,29 @@
-"""The line-of-sight range model [WFO, Eq. 3]: s(t) = s0 + v t + a t²/2 + A sin ωt."""
+"""The line-of-sight range model [WFO, Eq. 3]: s(t) = s0 + v t + a t²/2 + A sin ωt; what any line of sight answers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+
+@runtime_checkable
+class RangeHistory(Protocol):
+    """Range against time, by whatever geometry."""
+
+    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the range at times in s after the scenario's start, in m."""
+        ...
+
+    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its rate in m/s."""
+        ...
+
+    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its second derivative in m/s²."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Annotated
 
@@ -96,6 +96,15 @@ class BandEffects:
     own_chips: Bool[np.ndarray, " k"]
     white: Float[np.ndarray, " n"]
     jammers: tuple[Jamming, ...]
+
+    def part(self, rows: slice) -> BandEffects:
+        """Return those of some of the epochs."""
+        names = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz", "white")
+        return replace(
+            self,
+            **{name: getattr(self, name)[rows] for name in names},
+            jammers=tuple(replace(one, j_over_n=one.j_over_n[rows]) for one in self.jammers),
+        )
 
     @property
     def amplitude(self) -> Complex128[np.ndarray, "n k"]:

@@ -6,6 +6,7 @@ import pytest
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.continuous import ContinuousTruth
 from vestige.receiver.e1_loop import E1Loop
+from vestige.receiver.elevation import View
 from vestige.receiver.multipath import RayBlock
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -40,6 +41,7 @@ def truth(e1_multipath: bool = False) -> ContinuousTruth:
             amplitude_e1=1j * strength,
             doppler_hz=rng.normal(size=(4, 2)),
         ),
+        view=View.single(4),
     )
     return ContinuousTruth(line_of_sight=PATH, truth=block, e1_multipath=e1_multipath)
 

@@ -1,0 +1,297 @@
+"""The checks of a receiver over the results of a campaign of a sky: statistic, threshold and outcome of every epoch.
+
+Each `Track` is one check. Those that look at satellites have a second axis. What the receiver knows beforehand comes
+from the scenario in the results: its oscillator, its antenna's C/N0 against elevation, its error budget.
+
+| track | statistic | budget |
+|---|---|---|
+| E1 received power | ΔP of the band | two-sided normal |
+| C/N0 | of the prompt correlator, against that of the elevation | two-sided normal |
+| power-distortion | class in the decision map | a bound, 0.6 % |
+| wrong-code floor | against the median of a satellite's first RECS | two-sided normal |
+| E1-E6 range | range offset | κσ of the error budget |
+| clock innovation, consistency, slope | of the fix with all satellites | each a third |
+| RAIM, solution separation | of the fix with all satellites | χ², a bound |
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.special import erfc
+
+from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
+from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
+from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
+from vestige.acas_processor.monitors.judgement import two_sided_factor
+from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.acas_processor.monitors.received_power import DB_PER_NEPER, ReceivedPowerMonitor
+from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
+from vestige.campaign.statistics import Proportion, proportion
+from vestige.errors import VestigeError
+from vestige.navigation.position_fix import UNKNOWNS
+from vestige.navigation.raim import chi_square_threshold
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.records import Band
+from vestige.signals.definitions import E6C
+from vestige.signals.pulse import BOC11
+
+if TYPE_CHECKING:
+    import xarray
+
+P_FA = 1e-5
+_EARLY, _PROMPT, _LATE = TAP_CHIPS.index(-0.15), TAP_CHIPS.index(0.0), TAP_CHIPS.index(0.15)
+_CALIBRATION = 20  # RECS whose median is the usual floor of a satellite
+_POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """One check over a campaign; satellites along a second axis, if it is of satellites.
+
+    Attributes
+    ----------
+    name, unit
+        As in `CheckResult`.
+    p_fa
+        False-alarm probability of one test.
+    statistic, threshold
+        The check fails where |statistic| > threshold; NaN where it was not run.
+    exact
+        Whether p_fa is meant to be met; otherwise it is a bound.
+    """
+
+    name: str
+    unit: str
+    p_fa: float
+    statistic: Float[np.ndarray, "*n"]
+    threshold: Float[np.ndarray, "*n"]
+    exact: bool = True
+
+    @property
+    def run(self) -> Bool[np.ndarray, "*n"]:
+        """Whether the check was run."""
+        return np.isfinite(self.statistic) & np.isfinite(self.threshold)
+
+    @property
+    def failed(self) -> Bool[np.ndarray, "*n"]:
+        """Whether the check was run and failed."""
+        return self.run & (np.abs(self.statistic) > self.threshold)
+
+    @property
+    def alarms(self) -> Proportion:
+        """Failures of all tests that were run."""
+        return proportion(int(np.count_nonzero(self.failed)), int(np.count_nonzero(self.run)))
+
+
+def tracks(
+    results: xarray.Dataset, *, p_fa: float = P_FA, cn0_model_sigma_db: float = Cn0Monitor().sigma_model_db
+) -> tuple[Track, ...]:
+    """Return every check over the results of a campaign of a sky.
+
+    Parameters
+    ----------
+    results
+        As `run` returns them.
+    p_fa
+        Budget of one test of each check whose budget is free.
+    cn0_model_sigma_db
+        What the C/N0 may differ from that of the elevation, 1σ.
+
+    Raises
+    ------
+    VestigeError
+        If the results are not those of a sky.
+    """
+    missing = {"e1_taps", "e1_power_db", "fix_clock_m", "raim_statistic", "elevation_deg"} - set(results.variables)
+    if missing:
+        raise VestigeError(f"results of a campaign: found no {min(missing)}, expected those of a [constellation]")
+    scenario = json.loads(results.attrs["scenario"])
+    return (
+        _received_power(results, p_fa),
+        *_of_taps(results, scenario, p_fa, cn0_model_sigma_db),
+        _floor(results, p_fa),
+        _range(results, scenario),
+        *_clock(results, scenario, p_fa),
+        *_consistency(results, p_fa),
+    )
+
+
+def _received_power(results: xarray.Dataset, p_fa: float) -> Track:
+    monitor = ReceivedPowerMonitor(band=Band.E1, sigma_system_db=0.0, p_fa=p_fa)
+    statistic = monitor.statistic(_values(results, "e1_power_db"))
+    return Track(
+        name=monitor.name,
+        unit=monitor.unit,
+        p_fa=p_fa,
+        statistic=statistic,
+        threshold=np.full(statistic.shape, monitor.threshold_db),
+    )
+
+
+def _of_taps(
+    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float
+) -> tuple[Track, Track]:
+    """Return C/N0 and power–distortion of each satellite."""
+    elevation = np.radians(_values(results, "elevation_deg"))
+    fall_db = scenario["constellation"]["cn0_fall_db"]
+    expected_dbhz = scenario["receiver"]["cn0_e1_dbhz"] - fall_db * (1 - np.sin(elevation))
+    taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
+    squared = 2 * 10 ** (expected_dbhz / 10) * INTEGRATION_S  # s²; |ξ|² has mean s² + 2 and variance 4 s² + 4
+    measured = np.maximum(np.abs(taps[..., _PROMPT]) ** 2 - 2, 1e-3)
+    cn0 = Track(
+        name="C/N0",
+        unit="dB",
+        p_fa=p_fa,
+        statistic=10 * np.log10(measured / squared),
+        threshold=two_sided_factor(p_fa) * np.hypot(DB_PER_NEPER * np.sqrt(4 * squared + 4) / squared, model_sigma_db),
+    )
+    monitor = PowerDistortionMonitor(
+        hypotheses=replace(
+            Hypotheses(),
+            pulse=BOC11,
+            sky_cn0_dbhz=float(np.nanmean(expected_dbhz)),
+            integration_s=INTEGRATION_S,
+            bandwidth_hz=POWER_BANDWIDTH_HZ,
+            n_satellites=max(1, round(float(np.mean(np.sum(np.isfinite(elevation), axis=1))))),
+            sigma_power_db=_POWER_SIGMA_DB,
+        )
+    )
+    rise_db = np.broadcast_to(_values(results, "e1_power_db")[:, None], elevation.shape)
+    distortion = np.abs(taps[..., _EARLY] - taps[..., _LATE])
+    found = np.full(elevation.shape, np.nan)
+    step = np.round(expected_dbhz / monitor.cn0_step_db) * monitor.cn0_step_db
+    for level in np.unique(step[np.isfinite(step)]).tolist():
+        here = (step == level) & np.isfinite(distortion)
+        found[here] = monitor.map_for(level).classify(rise_db[here], distortion[here])
+    classes = Track(
+        name=monitor.name,
+        unit=monitor.unit,
+        p_fa=monitor.p_fa,
+        statistic=found,
+        threshold=np.full(found.shape, float(SignalClass.MULTIPATH)),
+        exact=False,
+    )
+    return cn0, classes
+
+
+def _floor(results: xarray.Dataset, p_fa: float) -> Track:
+    power = _values(results, "noise_power", "epoch", "satellite")
+    gain_db = np.nan_to_num(_values(results, "e6_agc_gain_db"))[:, None]
+    n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
+    monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=0.0, p_fa=p_fa)
+    floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
+    usual_db = [_usual(column) for column in floor_db.T]
+    return Track(
+        name=monitor.name,
+        unit=monitor.unit,
+        p_fa=p_fa,
+        statistic=floor_db - np.array(usual_db),
+        threshold=np.full(floor_db.shape, monitor.threshold_db * np.sqrt(1 + np.pi / 2 / _CALIBRATION)),
+    )
+
+
+def _usual(floor_db: Float[np.ndarray, " n"]) -> float:
+    """Return the median of the first RECS of a satellite; NaN without any."""
+    known = floor_db[np.isfinite(floor_db)][:_CALIBRATION]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
+    table = scenario["processor"]
+    kappa = table["kappa"]
+    offset_m = results["range_offset_m"].sel(detector=table["detector"]).transpose("epoch", "satellite").values
+    return Track(
+        name="E1-E6 range",
+        unit="m",
+        p_fa=float(erfc(kappa / np.sqrt(2))),
+        statistic=offset_m.astype(np.float64),
+        threshold=np.full(offset_m.shape, kappa * ErrorBudget(**table["budget"]).sigma_m),
+        exact=False,
+    )
+
+
+def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, ...]:
+    """Return the three clock checks, with the errors of the fix as they are in each epoch."""
+    fix = results.sel(fix="all")
+    bias, drift = _values(fix, "fix_sigma_clock_m") ** 2, _values(fix, "fix_sigma_drift_mps") ** 2
+    table = scenario["receiver"]["clock"] or {"h0_s": 0.0, "h_minus_2_hz": 0.0}
+    oscillator = TwoStateClock(h0_s=table["h0_s"], h_minus_2_hz=table["h_minus_2_hz"])
+    monitor = ClockDriftMonitor(
+        white_s=oscillator.white_s, walk_hz=oscillator.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=p_fa
+    )
+    time_s = _values(results, "time_s")
+    found = monitor.statistics(time_s, _values(fix, "fix_clock_m"), _values(fix, "fix_drift_mps"))
+    step_s = np.diff(time_s, prepend=np.nan)
+    of_two = drift + np.roll(drift, 1)
+    parts = (
+        ("innovation", "m/s", found.innovation_mps, found.innovation_threshold_mps, of_two),
+        (
+            "consistency",
+            "m",
+            found.consistency_m,
+            found.consistency_threshold_m,
+            bias + np.roll(bias, 1) + of_two * step_s**2 / 4,
+        ),
+        ("slope", "m/s²", found.slope_mps2, found.slope_threshold_mps2, _slope_variance(drift, step_s, monitor.window)),
+    )
+    return tuple(
+        Track(
+            name=f"clock {name}",
+            unit=unit,
+            p_fa=p_fa / 3,
+            statistic=statistic,
+            threshold=np.hypot(of_oscillator, monitor.factor * np.sqrt(of_fix)),
+        )
+        for name, unit, statistic, of_oscillator, of_fix in parts
+    )
+
+
+def _slope_variance(
+    variance: Float[np.ndarray, " n"], step_s: Float[np.ndarray, " n"], window: int
+) -> Float[np.ndarray, " n"]:
+    """Return the variance of the slope of the last `window` values at equal steps, NaN before there are as many."""
+    found = np.full(variance.size, np.nan)
+    if variance.size >= window:
+        centred = (np.arange(window) - (window - 1) / 2) * float(step_s[-1])
+        weight = centred / np.sum(centred**2)
+        found[window - 1 :] = np.lib.stride_tricks.sliding_window_view(variance, window) @ weight**2
+    return found
+
+
+def _consistency(results: xarray.Dataset, p_fa: float) -> tuple[Track, Track]:
+    fix = results.sel(fix="all")
+    raim, separation = RaimMonitor(p_fa=p_fa), SolutionSeparationMonitor()
+    freedom = fix["fix_satellites"].values.astype(np.int64) - UNKNOWNS
+    apart = _values(fix, "separation_statistic")
+    return (
+        Track(
+            name=raim.name,
+            unit=raim.unit,
+            p_fa=p_fa,
+            statistic=_values(fix, "raim_statistic"),
+            threshold=chi_square_threshold(freedom, p_fa),
+        ),
+        Track(
+            name=separation.name,
+            unit=separation.unit,
+            p_fa=separation.p_fa,
+            statistic=apart,
+            threshold=np.ones(apart.shape),
+            exact=False,
+        ),
+    )
+
+
+def _values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
+    """Return a variable as float64, epochs first."""
+    found = results[name]
+    order = dims or ("epoch", *(str(dim) for dim in found.dims if dim != "epoch"))
+    return found.transpose(*order).values.astype(np.float64)

@@ -1,0 +1,125 @@
+"""What E1 gives a receiver at every epoch, with RECS or without: correlators of each satellite, power of the band.
+
+Theory of operation
+-------------------
+The correlators stand at offsets d from where the loop has settled, x₀ (by noise, rays and counterfeits). With R the
+autocorrelation of BOC(1,1), signals of complex amplitude a_i relative to the true one, delay τ_i and Doppler f_i
+relative to what the carrier loop follows, T the integration time and s = √(2 C/N0 T),
+
+    ξ(d) = g [ s Σ_i a_i e^{jπ f_i T} sinc(f_i T) R(x₀ + d − τ_i) + √(1 + ρ) (L z)_d ]
+    z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
+
+so without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator, and
+g the gain control, which holds the power of the band W,
+
+    g^{−2} = (1 + Σ r_i (1 + Σ η) + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
+
+The power is read with the scatter of noise, 4.343 dB/√(W T_P). The front end itself does not drift here.
+
+The limit of continuous time without a front end, at both fidelities: E1 is not simulated as samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Complex128, Float
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band
+from vestige.signals.definitions import E1C
+from vestige.signals.pulse import BOC11, autocorrelation
+from vestige.streams import stream
+
+TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # of power–distortion, of the loop, prompt
+INTEGRATION_S = 0.1
+POWER_BANDWIDTH_HZ = 2e6  # W
+_POWER_AVERAGING_S = 0.01
+_DB_PER_NEPER = 10 / np.log(10)
+_CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
+_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # rays have their Doppler on E6
+_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
+
+
+def e1_taps(
+    truth: TruthBlock,
+    cn0_dbhz: Float[np.ndarray, " n"],
+    multipath_m: Float[np.ndarray, " n"],
+    *,
+    with_rays: bool,
+    seed: int,
+    svid: int,
+    first: int,
+) -> Complex128[np.ndarray, "n n_taps"]:
+    """Return ξ of one satellite before the gain control.
+
+    Parameters
+    ----------
+    truth
+        Of the satellite.
+    cn0_dbhz
+        C/N0 of the true signal without interference.
+    multipath_m, with_rays
+        Error of the pseudorange by rays, and whether they are in E1.
+    seed, svid, first
+        Whose random numbers, and the number of the first epoch.
+    """
+    n, one = truth.time_s.size, np.ones((truth.time_s.size, 1))
+    settled_m = truth.e1_noise_m + multipath_m + truth.e1.error_m
+    followed_hz = -truth.e1.rate_error_mps * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    attack, rays = truth.e1_attack, truth.rays
+    amplitude = np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1)
+    delay_m = np.concatenate([0 * one, rays.delay_m, attack.delay_m], axis=1)
+    doppler_hz = np.concatenate([0 * one, rays.doppler_hz * _RAY_DOPPLER, attack.doppler_hz], axis=1)
+    turns = (doppler_hz - followed_hz[:, None]) * INTEGRATION_S
+    strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
+    chips = (settled_m[:, None, None] - delay_m[..., None]) * _CHIPS_A_METRE + np.array(TAP_CHIPS)
+    shape = autocorrelation(BOC11, chips.ravel()).reshape(chips.shape)
+    signals = np.einsum("nr,nrt->nt", strength, shape)
+    noise = _noise(seed, svid, first, n) * np.sqrt(1 + attack.rise(Band.E1))[:, None]
+    return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals + noise
+
+
+def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
+    """Return by how much the power of the band is above that without attack, −20 log₁₀ g, in dB.
+
+    Parameters
+    ----------
+    truth
+        Of each satellite.
+    cn0_dbhz
+        C/N0 of the true signals; NaN out of view.
+    """
+    share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
+    eta = np.stack([np.sum(10 ** (one.e1_attack.power_db / 10), axis=1) for one in truth], axis=1)
+    added = truth[0].e1_attack.white.copy()
+    for jamming in truth[0].e1_attack.jammers:
+        added += jamming.j_over_n * jamming.noise_bandwidth_hz / POWER_BANDWIDTH_HZ
+    quiet = 1 + share.sum(axis=1)
+    return 10 * np.log10((quiet + np.sum(share * eta, axis=1) + added) / quiet)
+
+
+def power_noise_db(seed: int, first: int, n: int) -> Float[np.ndarray, " n"]:
+    """Return the scatter of the power reading of n epochs in dB."""
+    sigma_db = _DB_PER_NEPER / np.sqrt(POWER_BANDWIDTH_HZ * _POWER_AVERAGING_S)
+    blocks, mine = _blocks(first, n)
+    drawn = [stream(seed, "E1 power", block).standard_normal(_DRAW_BLOCK) for block in blocks]
+    return sigma_db * np.concatenate(drawn)[mine]
+
+
+def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "n n_taps"]:
+    lags = np.subtract.outer(TAP_CHIPS, TAP_CHIPS)
+    factor = np.linalg.cholesky(autocorrelation(BOC11, lags.ravel()).reshape(lags.shape))
+    blocks, mine = _blocks(first, n)
+    shape = (2, _DRAW_BLOCK, len(TAP_CHIPS))
+    drawn = [stream(seed, "E1 taps", block, svid).standard_normal(shape) for block in blocks]
+    real, imaginary = np.concatenate(drawn, axis=1)[:, mine]
+    return (real + 1j * imaginary) @ factor.T
+
+
+def _blocks(first: int, n: int) -> tuple[range, slice]:
+    """Return the blocks of draws that hold n epochs, and where in them these are."""
+    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
+    return blocks, slice(first % _DRAW_BLOCK, first % _DRAW_BLOCK + n)

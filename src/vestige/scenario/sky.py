@@ -1,0 +1,240 @@
+"""The tables of a sky: `[constellation]`, where the satellites are, and `[trajectory]`, where the receiver is."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field, PrivateAttr, computed_field, field_validator
+
+from vestige.constants import MAX_SVID
+from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
+from vestige.receiver.constellation import ElevationCn0, walker_ephemerides
+from vestige.receiver.elevation import ElevationEffects, SatelliteRange
+from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
+from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
+from vestige.recording.rinex_navigation import read_rinex_navigation
+from vestige.scenario.toml_file import MisfitError, Section
+from vestige.time import GalileoTime
+
+_GRID_S = 60.0  # a satellite that is above the mask for less than this may be left out
+_MOST_TIMES = 3000
+_LARGEST_ACCELERATION_MPS2 = 100.0  # 10 g
+_AFTER_S = 1.0  # signals of the last epoch are under way for less
+
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Height = Annotated[float, Field(ge=-1e4, le=1e6)]
+
+
+class Constellation(Section):
+    """What all constellations have in common.
+
+    Attributes
+    ----------
+    mask_deg
+        Elevation mask.
+    cn0_fall_db
+        By how much the C/N0 at the horizon is below that at the zenith, which is `receiver.cn0_dbhz`.
+    ionosphere_common
+        Share of the ionosphere's variance that all satellites have in common.
+    svids
+        Only these satellites; none named means all.
+    """
+
+    mask_deg: Annotated[float, Field(ge=0, le=89)] = 5.0
+    cn0_fall_db: Annotated[float, Field(ge=0, le=40)] = 9.0
+    ionosphere_common: Annotated[float, Field(ge=0, le=1)] = 0.5
+    svids: tuple[Annotated[int, Field(ge=1, le=MAX_SVID)], ...] = ()
+
+    def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
+        """Return one for each satellite that there is."""
+        raise NotImplementedError
+
+    def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
+        """Return one for each satellite that is to be simulated, by ascending SVID."""
+        found = {one.svid: one for one in self.ephemerides(start) if not self.svids or one.svid in self.svids}
+        missing = sorted(set(self.svids) - set(found))
+        if missing:
+            raise MisfitError("constellation.svids", missing[0], f"one of {sorted(found)}")
+        return tuple(found[svid] for svid in sorted(found))
+
+
+class WalkerConstellation(Constellation):
+    """Galileo's reference constellation, Walker 24/3/1."""
+
+    kind: Literal["walker"]
+
+    def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
+        """Return one for each satellite that there is."""
+        return walker_ephemerides(start)
+
+
+class RinexConstellation(Constellation):
+    """The satellites of a RINEX navigation file; a relative path starts at the scenario file."""
+
+    kind: Literal["rinex"]
+    path: Annotated[str, Field(min_length=1)]
+
+    _ephemerides: tuple[Ephemeris, ...] = PrivateAttr()
+
+    def model_post_init(self, context: Any) -> None:
+        """Read the file; the context of the validation says in which folder the scenario stands."""
+        self._ephemerides = read_rinex_navigation((context["folder"] if context else Path()) / self.path)
+
+    @computed_field  # type: ignore[prop-decorator]
+    @cached_property
+    def ephemerides_sha256(self) -> str:
+        """Digest of the ephemerides: with other ones it is another scenario."""
+        return hashlib.sha256(repr(self._ephemerides).encode()).hexdigest()
+
+    def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
+        """Return one for each satellite that there is."""
+        found = tuple(nearest_ephemerides(self._ephemerides, start).values())
+        if not found:
+            raise MisfitError("constellation.path", f"no ephemeris that is valid at {start}", "one of its day")
+        return found
+
+
+AnyConstellation = Annotated[WalkerConstellation | RinexConstellation, Field(discriminator="kind")]
+
+
+class StaticTable(Section):
+    """A receiver that stands; latitude and longitude in degrees, height above the ellipsoid."""
+
+    kind: Literal["static"]
+    latitude_deg: Latitude
+    longitude_deg: Degrees
+    height_m: Height = 0.0
+
+    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it stands for ever)
+        """Return where the receiver is."""
+        return StaticTrajectory(
+            latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, height_m=self.height_m
+        )
+
+
+class CircleTable(Section):
+    """A receiver that goes round a circle."""
+
+    kind: Literal["circle"]
+    latitude_deg: Latitude
+    longitude_deg: Degrees
+    height_m: Height = 0.0
+    radius_m: Annotated[float, Field(ge=0.1, le=1e6)]
+    speed_mps: Annotated[float, Field(ge=0, le=1000)]
+
+    @field_validator("speed_mps")
+    @classmethod
+    def _possible(cls, speed_mps: float, info: Any) -> float:
+        radius_m = info.data.get("radius_m")
+        if radius_m and speed_mps**2 / radius_m > _LARGEST_ACCELERATION_MPS2:
+            raise ValueError(f"a speed with at most {_LARGEST_ACCELERATION_MPS2:g} m/s² on this circle")
+        return speed_mps
+
+    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it goes round for ever)
+        """Return where the receiver is."""
+        return CircularTrajectory(
+            latitude_deg=self.latitude_deg,
+            longitude_deg=self.longitude_deg,
+            height_m=self.height_m,
+            radius_m=self.radius_m,
+            speed_mps=self.speed_mps,
+        )
+
+
+class WaypointsTable(Section):
+    """A receiver that passes through the waypoints of a CSV file; a relative path starts at the scenario file."""
+
+    kind: Literal["waypoints"]
+    path: Annotated[str, Field(min_length=1)]
+
+    _points: Float[np.ndarray, "k 4"] = PrivateAttr()
+
+    def model_post_init(self, context: Any) -> None:
+        """Read the file; the context of the validation says in which folder the scenario stands."""
+        self._points = read_numeric_csv((context["folder"] if context else Path()) / self.path, WAYPOINTS)
+
+    @computed_field  # type: ignore[prop-decorator]
+    @cached_property
+    def points_sha256(self) -> str:
+        """Digest of the waypoints: with other ones it is another scenario."""
+        return hashlib.sha256(self._points.tobytes()).hexdigest()
+
+    def trajectory(self, first_s: float, last_s: float) -> Trajectory:
+        """Return where the receiver is."""
+        begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
+        if begin_s > first_s or end_s < last_s:
+            raise MisfitError(
+                "trajectory.path", f"waypoints from {begin_s:g} to {end_s:g} s", f"from {first_s:g} to {last_s:g} s"
+            )
+        return WaypointTrajectory.from_geodetic(self._points)
+
+
+class PositionTable(Section):
+    """What the receiver believes of its E1 pseudoranges beside the noise of tracking, and RAIM's budget.
+
+    Attributes
+    ----------
+    ionosphere_sigma_m
+        Residual of the ionosphere on E1 at 17.5° elevation.
+    multipath_sigma_m, floor_sigma_m
+        Of multipath, and of all else.
+    p_fa
+        False-alarm probability of RAIM in one epoch.
+    """
+
+    ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    multipath_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    floor_sigma_m: Annotated[float, Field(ge=1e-3, le=1000)] = 0.1
+    p_fa: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-5
+
+
+AnyTrajectory = Annotated[StaticTable | CircleTable | WaypointsTable, Field(discriminator="kind")]
+
+
+def satellites_in_view(
+    constellation: Constellation, table: AnyTrajectory, start: GalileoTime, *, duration_s: float, longest_delay_s: float
+) -> tuple[ElevationEffects, ...]:
+    """Return the satellites that are above the mask at some time of a run, by ascending SVID.
+
+    They are looked for every minute, in long runs less often.
+
+    Parameters
+    ----------
+    constellation, table
+        Satellites and receiver.
+    start, duration_s
+        Of the run.
+    longest_delay_s
+        How far back an attacker's recording reaches.
+
+    Raises
+    ------
+    MisfitError
+        If there is none, or the receiver's whereabouts are not known for the whole run.
+    """
+    trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
+    times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
+    antenna = ElevationCn0(zenith_dbhz=0.0, fall_db=constellation.cn0_fall_db)
+    found = []
+    for ephemeris in constellation.chosen(start):
+        path = SatelliteRange(ephemeris=ephemeris, start=start, trajectory=trajectory)
+        highest_rad = float(np.max(path.sight(times_s).elevation_rad))
+        if highest_rad >= np.radians(constellation.mask_deg):
+            found.append(
+                ElevationEffects(
+                    path=path,
+                    mask_deg=constellation.mask_deg,
+                    highest_rad=highest_rad,
+                    antenna=antenna,
+                    ionosphere_common=constellation.ionosphere_common,
+                )
+            )
+    if not found:
+        raise MisfitError("constellation", "no satellite in view", "at least one")
+    return tuple(found)

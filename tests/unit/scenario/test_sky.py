@@ -1,0 +1,70 @@
+"""The tables of a sky: what they describe, and one line with its place for whatever does not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.sky_builder import SCENARIO, sky_scenario
+
+from vestige.errors import VestigeError
+from vestige.receiver.trajectory import WaypointTrajectory
+
+WAYPOINTS = "time_s,latitude_deg,longitude_deg,height_m\n"
+
+
+@pytest.mark.parametrize(
+    ("setting", "place"),
+    [
+        ("trajectory=none", "trajectory"),
+        ("constellation=none", "trajectory"),
+        ("constellation.svids=[30]", "constellation.svids"),
+        ("line_of_sight.v_mps=3.0", "line_of_sight"),
+        ('trajectory={kind="static", latitude_deg=91, longitude_deg=0}', "latitude_deg"),
+        ('trajectory={kind="circle", latitude_deg=1, longitude_deg=0, radius_m=1, speed_mps=900}', "speed_mps"),
+        ('constellation.kind="kepler"', "constellation.kind"),
+        ('constellation={kind="rinex", path="no.rnx"}', "no.rnx"),
+        ('trajectory={kind="waypoints", path="no.csv"}', "no.csv"),
+        ("recs.every=0", "recs.every"),
+    ],
+)
+def test_what_does_not_fit_is_one_line_with_its_place(setting: str, place: str) -> None:
+    with pytest.raises((VestigeError, OSError)) as caught:
+        sky_scenario(setting)
+    assert place in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_recs_between_epochs_belong_to_a_sky() -> None:
+    with pytest.raises(VestigeError, match=r"recs\.every"):
+        sky_scenario("recs.every=30", path=SCENARIO.with_name("quick.toml"))
+
+
+def test_no_satellite_is_in_view() -> None:
+    with pytest.raises(VestigeError, match="no satellite in view"):
+        sky_scenario("constellation.svids=[1]", "epochs=3")
+
+
+@pytest.mark.parametrize(("last_s", "fits"), [(59.0, False), (60.0, False), (61.0, True)])
+def test_waypoints_reach_over_the_whole_run(tmp_path: Path, last_s: float, fits: bool) -> None:
+    (tmp_path / "way.csv").write_text(f"{WAYPOINTS}0,48.1,11.6,500\n{last_s},48.2,11.7,600\n", encoding="utf-8")
+    (tmp_path / "sky.toml").write_text(SCENARIO.read_text(encoding="utf-8"), encoding="utf-8")
+    settings = ("epochs=60", 'trajectory={kind="waypoints", path="way.csv"}')
+    if not fits:
+        with pytest.raises(VestigeError, match=r"trajectory\.path"):
+            sky_scenario(*settings, path=tmp_path / "sky.toml")
+        return
+    scenario = sky_scenario(*settings, path=tmp_path / "sky.toml")
+    effects = scenario.simulations[0].elevation
+    assert effects is not None
+    assert isinstance(effects.path.trajectory, WaypointTrajectory)
+
+
+def test_each_satellite_has_the_strength_of_its_highest_elevation() -> None:
+    scenario = sky_scenario()
+    assert [one.svid for one in scenario.simulations] == [6, 7, 8, 12, 13, 14, 23, 24]
+    for one in scenario.simulations:
+        assert one.elevation is not None
+        assert one.cn0_e1_dbhz == pytest.approx(45 - 9 * (1 - np.sin(one.elevation.highest_rad)))
+        assert (one.n_epochs, one.interval_s, one.truth_interval_s) == (120, 30.0, 1.0)
