@@ -87,7 +87,7 @@ def _theory_of_a_tap(plan: ScenarioPlan) -> float:
     Marcum Q over the errors of E1: the code's move the tap down the triangle of ±58.61 m, the Doppler's cost
     sinc(Δf T_I).
     """
-    simulation = plan.simulation
+    (simulation,) = plan.simulations
     tracking = simulation.models.e1_tracking
     assert tracking is not None
     error_m, of_error = np.polynomial.hermite_e.hermegauss(60)
@@ -110,7 +110,8 @@ def test_without_multipath_and_ionosphere_theory_says_how_many(cn0_dbhz: float, 
     plan = _plan("receiver.multipath=none", "receiver.ionosphere=none", f"receiver.cn0_dbhz={cn0_dbhz}")
     probability, limit = _theory_of_a_tap(plan), float(threshold(1e-7))
     assert probability * epochs == pytest.approx(expected, rel=0.01)
-    taps, noise_power, _ = plan.simulation.banks("correlators", 0, plan.simulation.truth().advance(0, epochs))
+    (simulation,) = plan.simulations
+    taps, noise_power, _ = simulation.banks("correlators", 0, simulation.truth().advance(0, epochs))
     magnitudes = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
     below = int(np.count_nonzero(magnitudes[:, 5] <= limit))
     assert binomial_test(below, epochs, probability) > 1 - SURE

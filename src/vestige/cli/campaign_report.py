@@ -46,7 +46,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
     undecided = results.sizes["epoch"] * results.sizes["satellite"] - summarise(results).detections.trials
     if undecided:
-        lines.append(f"not available: {undecided}, without a key, or not provably received before its disclosure")
+        lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
     return "\n".join(lines)
