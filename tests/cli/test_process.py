@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
+from night import TWO_SATELLITES, invoke
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.cli.process import command as process
 from vestige.cli.recs_make import command as recs_make
@@ -29,41 +30,20 @@ from vestige.recording.snapshots import MARGIN_S, RecordingSource
 from vestige.records import Band, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
 
-SCENARIO = """
-kind = "recording"
-seed = 5
-start = "2026-11-21T12:00:16 GST"
-duration_s = 0.125
-[receiver]
-sample_rate_hz = 6.2e6
-hardware_bias_e1_e6_m = -18.0
-[[satellite]]
-svid = 3
-range_m = 23_482_000.0
-range_rate_mps = -120.0
-cn0_e1_dbhz = 45.0
-cn0_e6_dbhz = 47.0
-[[satellite]]
-svid = 8
-range_m = 25_105_000.0
-range_rate_mps = 310.5
-cn0_e1_dbhz = 43.0
-cn0_e6_dbhz = 45.0
-[[satellite]]
+SCENARIO = (
+    TWO_SATELLITES
+    + """[[satellite]]
 svid = 34
 range_m = 27_900_000.0
 range_rate_mps = 640.0
 cn0_e1_dbhz = 42.0
 cn0_e6_dbhz = 44.0
 """
-
-
-def _invoke(command: object, *arguments: object) -> Result:
-    return CliRunner().invoke(command, [str(argument) for argument in arguments], standalone_mode=False)  # type: ignore[arg-type]
+)
 
 
 def _json(command: object, *arguments: object) -> dict:
-    result = _invoke(command, *arguments, "--json")
+    result = invoke(command, *arguments, "--json")
     if result.exception is not None:
         raise result.exception
     return json.loads(result.stdout)
@@ -73,7 +53,7 @@ def _json(command: object, *arguments: object) -> dict:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     room = tmp_path_factory.mktemp("process")
     (room / "scenario.toml").write_text(SCENARIO)
-    result = _invoke(simulate, room / "scenario.toml", "-o", room / "night")
+    result = invoke(simulate, room / "scenario.toml", "-o", room / "night")
     assert result.exception is None
     made = _json(
         recs_make, "--from-recording", room / "night", "--keys", room / "night" / "osnma" / "keys.csv",
@@ -101,7 +81,7 @@ def test_verdicts(calibrated: dict) -> None:
 
 def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_path: Path) -> None:
     bias = ("--hardware-bias-m", calibrated["hardware_bias_m"])
-    result = _invoke(process, folder, *bias, "-o", tmp_path / "verdicts.csv")
+    result = invoke(process, folder, *bias, "-o", tmp_path / "verdicts.csv")
     assert result.exception is None
     assert result.stdout.count("AUTHENTIC") == 4  # three rows and the result
     assert "E12" in result.stdout
@@ -188,12 +168,12 @@ def test_a_damaged_recs_file_costs_only_itself(folder: Path, tmp_path: Path) -> 
         (tmp_path / path.name).write_bytes(path.read_bytes())
     damaged = next(path for path in sorted(tmp_path.iterdir()) if "_08_" in path.name)
     damaged.write_bytes(damaged.read_bytes()[:-7])
-    result = _invoke(process, folder, "--assistance", tmp_path, "--hardware-bias-m", "-18")
+    result = invoke(process, folder, "--assistance", tmp_path, "--hardware-bias-m", "-18")
     assert result.exception is None
     assert damaged.name in result.stderr
     assert "E03" in result.stdout
     assert "E08" not in result.stdout
-    strict = _invoke(process, folder, "--assistance", tmp_path, "--strict")
+    strict = invoke(process, folder, "--assistance", tmp_path, "--strict")
     assert isinstance(strict.exception, VestigeError)
 
 
@@ -205,7 +185,7 @@ def test_a_certificate_means_that_unsigned_files_are_not_used(folder: Path, tmp_
     for path in (folder / "assistance").iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "receiver.toml").write_text("hardware_bias_e1_e6_m = 29.2\n")
-    result = _invoke(process, folder, "--assistance", tmp_path, "--certificate", certificate)
+    result = invoke(process, folder, "--assistance", tmp_path, "--certificate", certificate)
     assert result.exception is None
     assert "no verdict" in result.stdout
     assert "hardware bias E6-E1 used: +0.0 m" in result.stdout
@@ -278,7 +258,7 @@ def test_make_without_a_trust_anchor(folder: Path, tmp_path: Path) -> None:
 
 def test_simulate_refuses_to_overwrite(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "scenario.toml").write_text(SCENARIO)
-    result = _invoke(simulate, tmp_path / "scenario.toml", "-o", folder)
+    result = invoke(simulate, tmp_path / "scenario.toml", "-o", folder)
     assert isinstance(result.exception, InputFileError)
 
 

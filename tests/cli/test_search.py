@@ -7,43 +7,18 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
+from night import TWO_SATELLITES, invoke
 from vestige.cli import search as module
 from vestige.cli.recs_make import command as recs_make
 from vestige.cli.search import command as search
 from vestige.cli.simulate import command as simulate
 from vestige.errors import VestigeError
 
-SCENARIO = """
-kind = "recording"
-seed = 5
-start = "2026-11-21T12:00:16 GST"
-duration_s = 0.125
-[receiver]
-sample_rate_hz = 6.2e6
-hardware_bias_e1_e6_m = -18.0
-[[satellite]]
-svid = 3
-range_m = 23_482_000.0
-range_rate_mps = -120.0
-cn0_e1_dbhz = 45.0
-cn0_e6_dbhz = 47.0
-[[satellite]]
-svid = 8
-range_m = 25_105_000.0
-range_rate_mps = 310.5
-cn0_e1_dbhz = 43.0
-cn0_e6_dbhz = 45.0
-"""
-
-
-def _invoke(command: object, *arguments: object) -> Result:
-    return CliRunner().invoke(command, [str(argument) for argument in arguments], standalone_mode=False)  # type: ignore[arg-type]
-
 
 def _json(*arguments: object) -> dict:
-    result = _invoke(search, *arguments, "--json")
+    result = invoke(search, *arguments, "--json")
     if result.exception is not None:
         raise result.exception
     return json.loads(result.stdout)
@@ -52,9 +27,9 @@ def _json(*arguments: object) -> dict:
 @pytest.fixture(scope="module")
 def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     room = tmp_path_factory.mktemp("search")
-    (room / "scenario.toml").write_text(SCENARIO)
-    assert _invoke(simulate, room / "scenario.toml", "-o", room / "night").exception is None
-    made = _invoke(
+    (room / "scenario.toml").write_text(TWO_SATELLITES)
+    assert invoke(simulate, room / "scenario.toml", "-o", room / "night").exception is None
+    made = invoke(
         recs_make, "--from-recording", room / "night", "--keys", room / "night" / "osnma" / "keys.csv",
         "--public-key", room / "night" / "osnma" / "public_key.pem", "-o", room / "night" / "assistance",
         "--svids", "3,8", "--json",
@@ -68,7 +43,7 @@ def test_e1_lists_one_signal_for_each_satellite(night: Path) -> None:
     assert [one["svid"] for one in found] == [3, 8]
     assert found[0]["doppler_hz"] == pytest.approx(120 / 299_792_458 * 1575.42e6, abs=63)
     assert found[0]["statistic"] > found[0]["threshold"]
-    text = _invoke(search, "e1", night, "--svids", "3", "--periods", 2).stdout
+    text = invoke(search, "e1", night, "--svids", "3", "--periods", 2).stdout
     assert text.startswith("E03  code phase")
     assert "spoofing" not in text
 
@@ -80,14 +55,14 @@ def test_handover_finds_each_recs_once(night: Path) -> None:
         (3, False, 1),
         (8, False, 1),
     ]
-    text = _invoke(search, "handover", night, "--svids", "3", "--uncertainty-s", "0.1").stdout
+    text = invoke(search, "handover", night, "--svids", "3", "--uncertainty-s", "0.1").stdout
     assert "true: the earliest" in text
 
 
 def test_exhaustive_finds_what_the_handover_finds(night: Path) -> None:
     """Open E6-C repeats its primary code every millisecond: the window is the travel time of one satellite ± 0.2 ms."""
     handed = _json("handover", night, "--svids", "8", "--uncertainty-s", "0.1")["satellites"][0]["peaks"][0]
-    result = _invoke(
+    result = invoke(
         search, "exhaustive", night, "--svids", "8", "--uncertainty-s", "0.01", "--doppler-span-hz", "1500",
         "--integration-ms", "16", "--engine", "segment", "--json",
     )  # fmt: skip
@@ -125,14 +100,14 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
 
 def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
     with pytest.raises(VestigeError, match="no RECS of these satellites"):
-        raise _invoke(search, "handover", night, "--svids", "30").exception  # type: ignore[misc]
+        raise invoke(search, "handover", night, "--svids", "30").exception  # type: ignore[misc]
     (tmp_path / "e1.bin").write_bytes(bytes(2_000_000))
     (tmp_path / "recording.toml").write_text(
         'start = "2026-11-21T12:00:16 GST"\nsample_rate_hz = 6.2e6\n[e1]\nfile = "e1.bin"\nformat = "int8"\n'
         'layout = "iq"\ncenter_frequency_hz = 1575.42e6\n'
     )
     with pytest.raises(VestigeError, match="no E6 samples"):
-        raise _invoke(search, "exhaustive", tmp_path).exception  # type: ignore[misc]
+        raise invoke(search, "exhaustive", tmp_path).exception  # type: ignore[misc]
     assert _json("e1", tmp_path, "--svids", "3", "--periods", "1") == {"signals": []}
 
 
@@ -147,4 +122,4 @@ def test_a_search_is_drawn(night: Path, tmp_path: Path) -> None:
         ("e1", night, "--svids", "8", "--plot", tmp_path / "a.gif"),
         ("handover", night, "--svids", "3,8", "--plot", tmp_path / "a.png"),
     ):
-        assert isinstance(_invoke(search, *arguments).exception, click.UsageError)
+        assert isinstance(invoke(search, *arguments).exception, click.UsageError)

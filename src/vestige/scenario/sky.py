@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from abc import abstractmethod
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -51,9 +52,9 @@ class Constellation(Section):
     ionosphere_common: Annotated[float, Field(ge=0, le=1)] = 0.5
     svids: tuple[Annotated[int, Field(ge=1, le=MAX_SVID)], ...] = ()
 
+    @abstractmethod
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that there is."""
-        raise NotImplementedError
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that is to be simulated, by ascending SVID."""

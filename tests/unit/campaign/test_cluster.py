@@ -18,7 +18,7 @@ from vestige.campaign.cluster import ClusterExecutor, connect
 from vestige.campaign.run import Progress, run
 from vestige.errors import UnsupportedError, VestigeError
 
-distributed = pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed", reason="needs the optional extra `distributed`")
 
 # dask leaves sockets and log lines behind when its processes are killed
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")

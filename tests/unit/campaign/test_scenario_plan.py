@@ -30,7 +30,7 @@ from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
-distributed = pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed", reason="needs the optional extra `distributed`")
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 N_EPOCHS = {"samples": 150, "correlators": 1200}  # the latter: more than two blocks of draws
