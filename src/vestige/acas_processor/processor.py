@@ -22,7 +22,8 @@ from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, assisted_delay_m, hand_over
-from vestige.acas_processor.mitigation import LEVELS, Limits, decide
+from vestige.acas_processor.minimum_defence import Limits
+from vestige.acas_processor.mitigation import LEVELS, decide
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention

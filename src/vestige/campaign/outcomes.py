@@ -30,6 +30,7 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float, Int8
 
+from vestige.acas_processor.mitigation import ALARMS
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Status
 from vestige.signals.definitions import E6C
@@ -37,7 +38,6 @@ from vestige.signals.definitions import E6C
 RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # one chip of E6-C
 FLOOR_DB = -15.0
 SHARE = 0.97
-ALARMS = (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED)
 
 
 class Outcome(IntEnum):

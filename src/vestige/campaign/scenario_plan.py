@@ -11,7 +11,8 @@ import numpy as np
 
 from vestige.acas_processor.detection_block import DetectionBlock, detect_block
 from vestige.acas_processor.detectors import DETECTORS
-from vestige.acas_processor.mitigation import Limits, status_block
+from vestige.acas_processor.minimum_defence import Limits, minimum_block
+from vestige.acas_processor.mitigation import combine_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.origin import PROCESSOR, processor_name
@@ -207,7 +208,8 @@ class ScenarioPlan:
         integration_s = simulation.n_chips / E6C.chip_rate_hz
         predicted_pd = probability_of_detection(expected_dbhz, integration_s, processor.p_fa)[place]
         limits = Limits(budget=processor.budget, kappa=processor.kappa, min_pd=processor.min_pd)
-        status = status_block(found.tap >= 0, found.range_offset_m, predicted_pd, limits)
+        failed, available = minimum_block(found.tap >= 0, found.range_offset_m, predicted_pd, limits)
+        status = combine_block(1, failed, available[:, None])[:, 0]
         return np.where(correlated, status, list(Status).index(Status.NOT_AVAILABLE))
 
 

@@ -36,7 +36,8 @@ from statistics import median
 import numpy as np
 from jaxtyping import Bool
 
-from vestige.campaign.outcomes import ALARMS, position
+from vestige.acas_processor.mitigation import ALARMS
+from vestige.campaign.outcomes import position
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.records import Status
 

@@ -9,8 +9,18 @@ from hypothesis import strategies as st
 
 from builders import START
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.mitigation import LEVELS, Limits, decide, status_block
-from vestige.records import CorrelatorBank, Detection, Measurement, Outcome, SatelliteMeasurement, Status, Verdict
+from vestige.acas_processor.minimum_defence import Limits, minimum_block
+from vestige.acas_processor.mitigation import LEVELS, Scope, combine, combine_block, confirmed_block, decide
+from vestige.records import (
+    CheckResult,
+    CorrelatorBank,
+    Detection,
+    Measurement,
+    Outcome,
+    SatelliteMeasurement,
+    Status,
+    Verdict,
+)
 
 LIMITS = Limits(budget=ErrorBudget.uncorrected())
 BANK = CorrelatorBank(offsets_m=np.zeros(1), taps=np.zeros(1, np.complex128), noise_power=1.0, integration_s=0.016)
@@ -68,11 +78,79 @@ def test_the_range_limit_is_kappa_sigma() -> None:
 )
 def test_a_block_gets_the_status_of_its_epochs(epochs: list[tuple[bool, float, float]]) -> None:
     detected, offsets, predicted = (np.array(column) for column in zip(*epochs, strict=True))
-    block = status_block(detected, offsets.astype(float), predicted.astype(float), LIMITS)
+    failed, available = minimum_block(detected, offsets.astype(float), predicted.astype(float), LIMITS)
+    block = combine_block(1, failed, available[:, None])[:, 0]
     for status, (found, offset, pd) in zip(block, epochs, strict=True):
         one = replace(_detected(offset), predicted_pd=pd)
         assert list(Status)[status] is _verdict(one if found else replace(one, detection=None)).status
 
 
-def test_levels_are_a_table() -> None:
-    assert set(LEVELS) == {1}
+def test_levels_are_those_of_the_paper() -> None:
+    """[WFO, Sec. IV]: level 2 adds steps 3 to 5; level 3 replaces 4 and 5, and bridges."""
+    steps = {level: {row.step for row in rows} for level, rows in LEVELS.items()}
+    assert steps == {1: {1, 2}, 2: {1, 2, 3, 4, 5}, 3: {1, 2, 3, 4, 5, 7}}
+    names = {level: [row.name for row in rows] for level, rows in LEVELS.items()}
+    assert set(names[1]) < set(names[2]) < set(names[3])
+    assert all(len(set(of_level)) == len(of_level) for of_level in names.values())
+    assert "E6 exhaustive search" not in names[2]
+
+
+_OUTCOMES = {"p": Outcome.PASS, "f": Outcome.FAIL, "n": Outcome.NOT_RUN}
+
+
+def _checks(level: int, letters: str) -> list[CheckResult]:
+    return [
+        CheckResult(name=row.name, outcome=_OUTCOMES[letter], reason=row.name)
+        for row, letter in zip(LEVELS[level], letters, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("failing", "status"),
+    [
+        ((), Status.AUTHENTIC),
+        (("C/N0",), Status.SUSPECT),
+        (("RAIM", "E6 power"), Status.NOT_DETECTED),
+        (("E6 power", "E1 vestigial search"), Status.SPOOFED),
+        (("E1 received power", "E1-E6 range"), Status.SPOOFED),
+        (("power-distortion",), Status.AUTHENTIC),  # is of level 3
+    ],
+)
+def test_the_gravest_failure_counts(failing: tuple[str, ...], status: Status) -> None:
+    checks = [
+        CheckResult(name=row.name, outcome=Outcome.FAIL if row.name in failing else Outcome.PASS, reason=row.name)
+        for row in LEVELS[3]
+    ]
+    assert combine(2, checks)[0] is status
+    assert combine(2, checks[::-1])[0] is status
+
+
+def test_what_was_not_run_is_said() -> None:
+    status, reason = combine(2, _checks(2, "ppnnnnnnnnnn"))
+    assert status is Status.AUTHENTIC
+    assert "not run: E1 received power, E6 received power, C/N0" in reason
+    assert combine(2, _checks(2, "npppppppppp" + "p"))[0] is Status.NOT_AVAILABLE
+
+
+@given(st.sampled_from(sorted(LEVELS)), st.data())
+def test_blocks_combine_as_epochs_do(level: int, data: st.DataObject) -> None:
+    n = len(LEVELS[level])
+    letters = data.draw(st.lists(st.text("pfn", min_size=n, max_size=n), min_size=1, max_size=5))
+    failed = {
+        row.name: np.array([[one[k] == "f"] if row.scope is Scope.SATELLITE else one[k] == "f" for one in letters])
+        for k, row in enumerate(LEVELS[level])
+    }
+    available = np.array([[all(letter != "n" for letter in one[:2])] for one in letters])
+    block = combine_block(level, failed, available)[:, 0]
+    assert [list(Status)[status] for status in block] == [combine(level, _checks(level, one))[0] for one in letters]
+
+
+@given(st.lists(st.sampled_from("pfn"), min_size=1, max_size=30), st.integers(1, 4))
+def test_confirmation_counts_failures_in_a_row(letters: list[str], confirm: int) -> None:
+    failed, run = np.array([one == "f" for one in letters]), np.array([one != "n" for one in letters])
+    expected, count = [], 0
+    for one in letters:
+        count = count + 1 if one == "f" else count if one == "n" else 0
+        expected.append(one == "f" and count >= confirm)
+    assert confirmed_block(failed, run, confirm).tolist() == expected
+    assert confirmed_block(failed[:, None], run[:, None], confirm)[:, 0].tolist() == expected

@@ -1,0 +1,102 @@
+"""How many false alarms a level may raise in a day, and the share of each check.
+
+Most checks can be set to any false-alarm probability. They get equal shares of the level's alarms a day, and each
+spreads its share over its tests of a day:
+
+    P_fa = alarms a day / (number of such checks · tests a day)
+
+Some bring their own, and come on top: the range check errs with erfc(κ/√2) if its budget σ is what the errors are (it
+is meant to be more), E6 power with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
+confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole: an alarm that is held
+(`alarm.py`) counts its failures once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vestige.acas_processor.minimum_defence import KAPPA, MIN_PD
+from vestige.acas_processor.mitigation import LEVELS, Occasion, Row, Scope
+
+DAY_S = 86_400.0
+SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
+ALARMS_A_DAY = 1.0  # for what can be chosen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cadence:
+    """How often a receiver tests.
+
+    Attributes
+    ----------
+    satellites
+        In view.
+    observation_s, recs_s, search_s
+        Time between epochs of E1, between RECS, and between exhaustive searches, in s.
+    """
+
+    satellites: int
+    observation_s: float = 1.0
+    recs_s: float = 30.0
+    search_s: float = 3600.0
+
+    def tests_a_day(self, row: Row) -> float:
+        """Return how many tests of a check there are in a day."""
+        interval_s = {
+            Occasion.OBSERVATION: self.observation_s,
+            Occasion.RECS: self.recs_s,
+            Occasion.SUBFRAME: SUBFRAME_S,
+            Occasion.SEARCH: self.search_s,
+        }[row.occasion]
+        return DAY_S / interval_s * (self.satellites if row.scope is Scope.SATELLITE else 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """What a check may do.
+
+    Attributes
+    ----------
+    p_fa
+        False-alarm probability of one test, before confirmation.
+    alarms_a_day
+        At most, after confirmation.
+    chosen
+        Whether p_fa is a share of the budget, or the check's own.
+    """
+
+    p_fa: float
+    alarms_a_day: float
+    chosen: bool
+
+
+def false_alarm_budget(
+    level: int, cadence: Cadence, *, alarms_a_day: float = ALARMS_A_DAY, kappa: float = KAPPA, min_pd: float = MIN_PD
+) -> dict[str, Share]:
+    """Return the share of each check of a level, by name.
+
+    Parameters
+    ----------
+    level
+        Mitigation level, a key of `LEVELS`.
+    cadence
+        How often the receiver tests.
+    alarms_a_day
+        Of all checks together whose probability can be chosen.
+    kappa, min_pd
+        Of the range check and of E6 power.
+    """
+    own = {
+        "E6 power": 1 - min_pd,
+        "E1-E6 range": math.erfc(kappa / math.sqrt(2)),
+        "power-distortion": 0.006,  # [WESSON18]
+        "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
+    }
+    free = sum(row.name not in own for row in LEVELS[level])
+    shares = {}
+    for row in LEVELS[level]:
+        tests = cadence.tests_a_day(row)
+        p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)
+        shares[row.name] = Share(p_fa=p_fa, alarms_a_day=p_fa**row.confirm * tests, chosen=row.name not in own)
+    return shares

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from builders import START
+from vestige.acas_processor.alarm import AlarmState, StateChange, state_block
+from vestige.records import Status
+
+
+def _fold(epochs: list[tuple[float, Status]], hold_s: float = 90.0) -> tuple[list[Status], list[StateChange]]:
+    state, shown, changes = AlarmState(hold_s=hold_s), [], []
+    for time_s, status in epochs:
+        state, change = state.step(11, START + time_s, status, f"at {time_s:g}")
+        shown.append(state.shown[11])
+        changes += [change] if change else []
+    return shown, changes
+
+
+def test_an_attack_that_is_seen_now_and_then_is_one_alarm() -> None:
+    flicker = [(30.0 * n, Status.SPOOFED if 4 <= n <= 12 and n % 2 == 0 else Status.AUTHENTIC) for n in range(20)]
+    shown, changes = _fold(flicker)
+    assert [(one.before, one.after) for one in changes] == [
+        (Status.NOT_AVAILABLE, Status.AUTHENTIC),
+        (Status.AUTHENTIC, Status.SPOOFED),
+        (Status.SPOOFED, Status.AUTHENTIC),
+    ]
+    assert [one.alarm for one in changes] == [False, True, False]
+    assert [one.reason for one in changes] == ["at 0", "at 120", "at 450"]
+    assert [n for n, status in enumerate(shown) if status is Status.SPOOFED] == list(range(4, 15))
+
+
+def test_a_state_falls_step_by_step() -> None:
+    """SPOOFED at 0, SUSPECT at 60: at 90 the first has had its time, at 150 the second."""
+    shown, _ = _fold([(0, Status.SPOOFED), (60, Status.SUSPECT), (90, Status.AUTHENTIC), (150, Status.NOT_AVAILABLE)])
+    assert shown == [Status.SPOOFED, Status.SPOOFED, Status.SUSPECT, Status.AUTHENTIC]
+
+
+def test_satellites_do_not_share_a_state() -> None:
+    state, _ = AlarmState().step(11, START, Status.SPOOFED, "")
+    state, change = state.step(12, START, Status.AUTHENTIC, "")
+    assert state.shown == {11: Status.SPOOFED, 12: Status.AUTHENTIC}
+    assert change is not None
+    assert not change.alarm
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 60), st.sampled_from(list(Status))), min_size=1, max_size=30),
+    st.sampled_from([1.0, 30.0, 90.0]),
+)
+def test_blocks_are_folds(steps: list[tuple[int, Status]], hold_s: float) -> None:
+    time_s = np.cumsum([float(step) for step, _ in steps])
+    status = np.array([[list(Status).index(one)] for _, one in steps], np.int8)
+    block = state_block(status, time_s, hold_s)[:, 0]
+    shown, _ = _fold(list(zip(time_s.tolist(), (one for _, one in steps), strict=True)), hold_s)
+    assert [list(Status)[one] for one in block] == shown
