@@ -365,6 +365,8 @@ class Verdict:
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
         One line for a person.
+    true_offset_m
+        Where a search found more than one signal: the range of the earliest minus that of E1, in m. NaN otherwise.
     """
 
     index: int
@@ -376,3 +378,4 @@ class Verdict:
     checks: tuple[CheckResult, ...]
     range_offset_m: float
     reason: str
+    true_offset_m: float = float("nan")

@@ -15,9 +15,10 @@ looks at (one satellite or the whole receiver), and how often.
 
 Checks are evidence of different weight. One that finds a second signal, or E6 where E1 is not, says SPOOFED: somebody
 sends what the satellite did not. No E6 at all is NOT_DETECTED. What jamming, a building or a bad oscillator might do
-too is SUSPECT. Of several failures the gravest counts. A check that was not run is no evidence: without steps 1 and 2
-nothing follows (NOT_AVAILABLE); of the others the reason of the verdict says which are missing. Between two RECS only
-the monitors speak.
+too is SUSPECT, and so is every other satellite when one is found twice: a meaconer repeats the whole band, and its copy
+of a weak satellite may hide the true signal. Of several failures the gravest counts. A check that was not run is no
+evidence: without steps 1 and 2 nothing follows (NOT_AVAILABLE); of the others the reason of the verdict says which are
+missing. Between two RECS only the monitors speak.
 
 A check that is known to err by itself now and then (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in
 a row. What a receiver shows its user is steadier still: `alarm.py`.
@@ -68,6 +69,8 @@ class Row:
         What one test looks at, and when it is made.
     confirm
         Tests in a row that must fail.
+    spreads
+        Whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all.
     """
 
     step: int
@@ -76,6 +79,7 @@ class Row:
     scope: Scope = Scope.SATELLITE
     occasion: Occasion = Occasion.OBSERVATION
     confirm: int = 1
+    spreads: bool = False
 
 
 _MINIMUM = (
@@ -88,7 +92,9 @@ _POWER = (
     Row(step=3, name="C/N0", failure=Status.SUSPECT),
     Row(step=3, name="wrong-code floor", failure=Status.SUSPECT, occasion=Occasion.RECS),
 )
-_HANDOVER_SEARCH = (Row(step=4, name="E1 vestigial search", failure=Status.SPOOFED, occasion=Occasion.RECS),)
+_HANDOVER_SEARCH = (
+    Row(step=4, name="E1 vestigial search", failure=Status.SPOOFED, occasion=Occasion.RECS, spreads=True),
+)
 _FIX = tuple(
     Row(step=5, name=name, failure=Status.SUSPECT, scope=Scope.RECEIVER)
     for name in ("clock innovation", "clock consistency", "clock slope", "RAIM", "solution separation")
@@ -98,7 +104,9 @@ _SECOND_CHANNEL = (
     Row(step=4, name="OSNMA reception", failure=Status.SUSPECT, scope=Scope.RECEIVER, occasion=Occasion.SUBFRAME),
     Row(step=4, name="OSNMA agreement", failure=Status.SPOOFED, scope=Scope.RECEIVER, occasion=Occasion.SUBFRAME),
 )
-_EXHAUSTIVE_SEARCH = (Row(step=5, name="E6 exhaustive search", failure=Status.SPOOFED, occasion=Occasion.SEARCH),)
+_EXHAUSTIVE_SEARCH = (
+    Row(step=5, name="E6 exhaustive search", failure=Status.SPOOFED, occasion=Occasion.SEARCH, spreads=True),
+)
 _BRIDGING = (
     Row(step=7, name="power-distortion", failure=Status.SUSPECT, confirm=3),
     Row(step=7, name="inertial range rate", failure=Status.SUSPECT),
@@ -164,6 +172,9 @@ def combine_block(
             of_row = failed[row.name]
             of_row = of_row[:, None] if of_row.ndim == 1 else of_row
             found = np.maximum(found, np.where(of_row, GRAVITY.index(row.failure), 0))
+            if row.spreads:
+                twice = np.any(of_row, axis=1, keepdims=True)
+                found = np.maximum(found, np.where(twice, GRAVITY.index(Status.SUSPECT), 0))
     return np.array([_POSITION[status] for status in GRAVITY], np.int8)[found]
 
 
@@ -193,7 +204,11 @@ def confirmed_block(
 
 
 def decide(
-    measurement: Measurement, level: int, limits: Limits, further: Mapping[int, Sequence[CheckResult]] | None = None
+    measurement: Measurement,
+    level: int,
+    limits: Limits,
+    further: Mapping[int, Sequence[CheckResult]] | None = None,
+    true_offset_m: Mapping[int, float] | None = None,
 ) -> tuple[Verdict, ...]:
     """Return one verdict for each satellite of a snapshot.
 
@@ -207,12 +222,20 @@ def decide(
         Thresholds of steps 1 and 2.
     further
         The other checks of the level, by satellite; those of the receiver belong to every satellite.
+    true_offset_m
+        As in `Verdict`, by satellite.
     """
+    every = {
+        one.svid: (check_e6_power(one, limits), check_range(one, limits), *(further or {}).get(one.svid, ()))
+        for one in measurement.satellites
+    }
+    twice = _seen_twice(level, every)
     verdicts = []
     for satellite in measurement.satellites:
-        own = () if further is None else further.get(satellite.svid, ())
-        checks = (check_e6_power(satellite, limits), check_range(satellite, limits), *own)
+        checks = every[satellite.svid]
         status, reason = combine(level, checks)
+        if twice and GRAVITY.index(status) < GRAVITY.index(Status.SUSPECT):
+            status, reason = Status.SUSPECT, f"{' '.join(f'E{svid:02d}' for svid in twice)}: more than one signal"
         verdicts.append(
             Verdict(
                 index=measurement.index,
@@ -224,6 +247,17 @@ def decide(
                 checks=checks,
                 range_offset_m=float("nan") if satellite.detection is None else satellite.detection.range_offset_m,
                 reason=reason,
+                true_offset_m=(true_offset_m or {}).get(satellite.svid, float("nan")),
             )
         )
     return tuple(verdicts)
+
+
+def _seen_twice(level: int, checks: Mapping[int, Sequence[CheckResult]]) -> list[int]:
+    """Return the satellites of which a search found more than one signal."""
+    searches = {row.name for row in LEVELS[level] if row.spreads}
+    return [
+        svid
+        for svid, own in checks.items()
+        if any(check.name in searches and check.outcome is Outcome.FAIL for check in own)
+    ]

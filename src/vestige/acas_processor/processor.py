@@ -1,7 +1,8 @@
 """The ACAS processor: from a snapshot and its assistance to verdicts [WFO, Sec. II-B, III].
 
 `measure` is heavy and pure: one snapshot in, one measurement out, so snapshots can be measured in any order on any
-number of workers. `decide` is light. For one satellite `measure` goes
+number of workers. `decide` is light; at level 1 it needs nothing else. `step` goes with a state from snapshot to
+snapshot, which is what levels 2 and 3 are about (`watch.py`). For one satellite `measure` goes
 
     segment of this epoch → key validated and *not yet disclosed when the samples were taken* → chips
     → hand-over from E1 → bank of correlators → threshold → detector → range offset
@@ -12,19 +13,22 @@ and stops at the first step that is impossible, with the reason. Nothing here kn
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
+from vestige.acas_processor.alarm import StateChange
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB, assisted_delay_m, hand_over
 from vestige.acas_processor.minimum_defence import Limits
-from vestige.acas_processor.mitigation import LEVELS, decide
+from vestige.acas_processor.mitigation import ALARMS, LEVELS, decide
+from vestige.acas_processor.monitors.vestigial_search import TimeUncertainty
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.acas_processor.watch import Watch, WatchState
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs import CipherMode, decrypt
@@ -44,6 +48,28 @@ from vestige.source import Source
 from vestige.time import GalileoTime
 
 SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What follows from one snapshot.
+
+    Attributes
+    ----------
+    measurement
+        Steps 1 and 2, before any decision.
+    verdicts
+        One for each satellite.
+    changes
+        Satellites of which something else is shown than before.
+    state
+        What the next snapshot needs.
+    """
+
+    measurement: Measurement
+    verdicts: tuple[Verdict, ...]
+    changes: tuple[StateChange, ...]
+    state: WatchState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +94,8 @@ class AcasProcessor:
         Expected C/N0 of E6-C over E1-C, from the signals, the antenna and the front ends.
     cipher_mode, group_delay_convention
         The two points on which the service's interface is not public.
+    watch
+        Settings of the checks that levels 2 and 3 add.
     """
 
     level: int = 1
@@ -81,6 +109,7 @@ class AcasProcessor:
     e6_over_e1_db: float = NOMINAL_E6_OVER_E1_DB
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
+    watch: Watch = field(default_factory=Watch)
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
@@ -95,12 +124,37 @@ class AcasProcessor:
 
     def run(self, source: Source) -> Iterator[Verdict]:
         """Yield the verdicts of every snapshot of a source."""
-        for snapshot in source:
-            yield from self.decide(self.measure(snapshot, source.assistance))
+        for step in self.steps(source, assistance=source.assistance):
+            yield from step.verdicts
+
+    def steps(
+        self, snapshots: Iterable[Snapshot], *, assistance: Assistance, state: WatchState | None = None
+    ) -> Iterator[Step]:
+        """Yield what follows from each snapshot; `state` is that of an earlier run, if there was one."""
+        for snapshot in snapshots:
+            step = self.step(state, snapshot, assistance)
+            state = step.state
+            yield step
+
+    def step(self, state: WatchState | None, snapshot: Snapshot, assistance: Assistance) -> Step:
+        """Return what follows from one snapshot; `state` is that of the snapshot before, None at first."""
+        if state is None:
+            state = WatchState(uncertainty=TimeUncertainty(initial_s=snapshot.time_uncertainty_s))
+        measurement = self.measure(snapshot, assistance)
+        failed = any(verdict.status in ALARMS for verdict in self.decide(measurement))
+        state, further = self.watch.step(self.level, state, snapshot, measurement, assistance, failed=failed)
+        verdicts = decide(measurement, self.level, self.limits, further.checks, further.true_offset_m)
+        state, changes = self.watch.learn(state, snapshot, measurement, verdicts)
+        return Step(measurement=measurement, verdicts=verdicts, changes=changes, state=state)
+
+    @property
+    def limits(self) -> Limits:
+        """Thresholds of steps 1 and 2."""
+        return Limits(budget=self.budget, kappa=self.kappa, min_pd=self.min_pd)
 
     def decide(self, measurement: Measurement) -> tuple[Verdict, ...]:
-        """Return one verdict for each satellite of a measurement."""
-        return decide(measurement, self.level, Limits(budget=self.budget, kappa=self.kappa, min_pd=self.min_pd))
+        """Return one verdict for each satellite of a measurement, from steps 1 and 2 alone."""
+        return decide(measurement, 1, self.limits)
 
     def measure(self, snapshot: Snapshot, assistance: Assistance) -> Measurement:
         """Return what can be measured of every satellite that E1 observes."""

@@ -10,7 +10,8 @@ import click
 from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.acas_processor.processor import AcasProcessor, Step
+    from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
     from vestige.records import Assistance, Measurement
     from vestige.source import Source
@@ -31,7 +32,14 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option(
     "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
 )
-@click.option("--level", type=click.Choice(["1"]), default="1", show_default=True, help="Mitigation level.")
+@click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
+@click.option("--navigation", type=_path, help="RINEX navigation file: levels 2 and 3 check the position fix.")
+@click.option("--second-channel", type=_path, help="Folder with OSNMA keys of another channel, for level 3.")
+@click.option(
+    "--search-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True, help="Level 3."
+)
+@click.option("--search-window", type=FiniteRange(1e-6, 1e5), help="Level 3: search E6 ± so many s, not everywhere.")
+@click.option("--search-every", type=FiniteRange(0, 1e9), default=3600.0, show_default=True, help="Level 3: seconds.")
 @click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
 @click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
 @click.option("--p-fa", type=FiniteRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
@@ -90,11 +98,13 @@ def command(recording_path: Path, **options: Any) -> None:
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
         time_uncertainty_s=options["time_uncertainty"],
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
+        searchable=options["level"] != "1",
     )
     processor = _processor(options)
     with progress() as report:
-        measurements, bias_s = _measure(processor, replace(source, progress=report), calibrate=options["calibrate"])
-    verdicts = [verdict for measurement in measurements for verdict in processor.decide(measurement)]
+        steps, bias_s = _process(processor, replace(source, progress=report), calibrate=options["calibrate"])
+    measurements = [step.measurement for step in steps]
+    verdicts = [verdict for step in steps for verdict in step.verdicts]
     unseen = _unseen(source, measurements)
     if options["write_bias"]:
         write_hardware_bias(options["write_bias"], bias_s)
@@ -172,11 +182,31 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         budget=budget(),
         kappa=options["kappa"],
         min_pd=options["min_pd"],
+        watch=_watch(options),
     )
 
 
-def _measure(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[list[Measurement], float]:
-    """Return the measurements, and the hardware bias that they were made with."""
+def _watch(options: dict[str, Any]) -> Watch:
+    """Return the settings of levels 2 and 3."""
+    from vestige.acas_processor.fix_checks import FixChecks
+    from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch
+    from vestige.acas_processor.watch import Watch
+    from vestige.recording.assistance import read_assistance
+    from vestige.recording.rinex_navigation import read_rinex_navigation
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+
+    navigation, second = options["navigation"], options["second_channel"]
+    how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
+    return Watch(
+        fix=FixChecks(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
+        exhaustive=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
+        exhaustive_period_s=options["search_every"],
+        second_channel=None if second is None else read_assistance(second).assistance.keys,
+    )
+
+
+def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[list[Step], float]:
+    """Return what follows from each snapshot, and the hardware bias that it was found with."""
     from dataclasses import replace
 
     from vestige.acas_processor.calibration import MIN_SATELLITES, hardware_bias_correction_s
@@ -184,7 +214,7 @@ def _measure(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
 
     assistance = source.assistance
     if not calibrate:
-        return [processor.measure(snapshot, assistance) for snapshot in source], assistance.hardware_bias_e1_e6_s
+        return list(processor.steps(source, assistance=assistance)), assistance.hardware_bias_e1_e6_s
     snapshots = list(source)
     for step in _CALIBRATION_STEPS:
         measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
@@ -194,8 +224,7 @@ def _measure(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
                 f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
             )
         assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
-    measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
-    return measurements, assistance.hardware_bias_e1_e6_s
+    return list(processor.steps(snapshots, assistance=assistance)), assistance.hardware_bias_e1_e6_s
 
 
 def _unseen(source: Any, measurements: list[Measurement]) -> list[int]:

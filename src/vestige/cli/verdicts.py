@@ -5,15 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Measurement, SatelliteMeasurement, Verdict
+from vestige.records import Measurement, Outcome, SatelliteMeasurement, Verdict
 
 COLUMNS = (
     "gst_week",
@@ -25,6 +25,7 @@ COLUMNS = (
     "threshold_sigma",
     "range_offset_m",
     "range_limit_m",
+    "true_offset_m",
     "cn0_e1_dbhz",
     "doppler_e6_hz",
     "available_at",
@@ -47,6 +48,7 @@ def _row(verdict: Verdict, measurement: Measurement) -> dict[str, Any]:
         "threshold_sigma": _number(power.threshold),
         "range_offset_m": _number(verdict.range_offset_m),
         "range_limit_m": _number(verdict.checks[1].threshold),
+        "true_offset_m": _number(verdict.true_offset_m),
         "cn0_e1_dbhz": None if observation is None else _number(observation.cn0_dbhz),
         "doppler_e6_hz": None if satellite.handover is None else satellite.handover.doppler_hz,
         "available_at": None if verdict.available_at is None else str(verdict.available_at),
@@ -75,6 +77,8 @@ def print_table(
     last = None
     for verdict, row in zip(verdicts, rows, strict=True):
         if verdict.index != last:
+            if last is not None:
+                _print_not_run(one for one in verdicts if one.index == last)
             known = f", known from {verdict.available_at}" if verdict.available_at else ""
             click.echo(f"\nsnapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
             click.echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
@@ -87,6 +91,9 @@ def print_table(
             f"{'         -    ' if offset is None else f'{offset:+9.1f} m   '}  "
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
+        if row["true_offset_m"] is not None:
+            click.echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+    _print_not_run(one for one in verdicts if one.index == last)
     if not verdicts:
         why = "no satellite of the RECS is seen on E1" if unseen else "no RECS is of this recording's time"
         click.echo(f"no verdict: {why}; vestige inspect says what is there")
@@ -95,6 +102,17 @@ def print_table(
     if unseen:
         click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
     click.echo("result: " + (", ".join(f"{n} {name}" for name, n in counts.items()) or "nothing"))
+
+
+def _print_not_run(verdicts: Iterable[Verdict]) -> None:
+    """Print which checks beyond steps 1 and 2 could not be run for any satellite of a snapshot, one line a reason."""
+    why = defaultdict(list)
+    for name, reason in dict.fromkeys(
+        (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
+    ):
+        why[reason].append(name)
+    for reason, names in why.items():
+        click.echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
 def print_json(

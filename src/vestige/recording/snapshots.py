@@ -8,16 +8,18 @@ a recording may be far larger than memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypedDict
 
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.front_end_power import front_end_status
 from vestige.recording.observations import ObservationTrack
 from vestige.recording.recording import Recording
 from vestige.recording.samples import SampleReader
-from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, SampleBatch, Snapshot
+from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
@@ -25,6 +27,11 @@ from vestige.time import GalileoTime
 E1_WINDOW_S = 0.1  # one period of the secondary code
 MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
+
+
+class _E1AndFrontEnds(TypedDict, total=False):
+    e1: SampleBatch | None
+    front_end: Mapping[Band, FrontEndStatus]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +49,8 @@ class RecordingSource:
     label_error_s
         By how much the time label of the samples is late, as `label_search` found it. It places what E1 samples leave
         open, a multiple of 100 ms; observations of a tracking receiver need no such thing.
+    searchable
+        Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
     """
@@ -50,6 +59,7 @@ class RecordingSource:
     assistance: Assistance
     time_uncertainty_s: float | None = None
     label_error_s: float = 0.0
+    searchable: bool = False
     progress: Callable[[str, int, int], None] | None = None
 
     def __iter__(self) -> Iterator[Snapshot]:
@@ -87,8 +97,23 @@ class RecordingSource:
             received_at=time if batch is None else batch.start + batch.samples.size / batch.sample_rate_hz,
             time_uncertainty_s=uncertainty if self.time_uncertainty_s is None else self.time_uncertainty_s,
             observations=observations,
-            e6=None if batch is None else CorrelatableSamples(batch),
+            e6=None if batch is None else CorrelatableSamples(batch, self.recording.e6 if self.searchable else None),
+            **(self._for_searches(transmit_time, batch) if self.searchable else {}),
         )
+
+    def _for_searches(self, transmit_time: GalileoTime, e6: SampleBatch | None) -> _E1AndFrontEnds:
+        """Return E1 around the RECS, and what the samples say of both front ends."""
+        e1 = None if self.recording.e1 is None else self._e1(self.recording.e1, transmit_time)
+        readers = ((self.recording.e1, e1), (self.recording.e6, e6))
+        status = {
+            reader.band: front_end_status(batch, reader.file.form)
+            for reader, batch in readers
+            if reader is not None and batch is not None and batch.samples.size
+        }
+        return {"e1": e1, "front_end": status}
+
+    def _e1(self, reader: SampleReader, transmit_time: GalileoTime) -> SampleBatch:
+        return e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.label_error_s))
 
     def _observe(
         self, transmit_time: GalileoTime, svids: set[int], track: ObservationTrack | None
@@ -99,7 +124,7 @@ class RecordingSource:
         reader = self.recording.e1
         if reader is None:
             return transmit_time + MEDIAN_TRAVEL_TIME_S, {}
-        window = e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.label_error_s))
+        window = self._e1(reader, transmit_time)
         step = self._step(f"E1 search for the RECS of {transmit_time}")
         return observe(window, sorted(svids), label_error_s=self.label_error_s, progress=step)
 

@@ -29,14 +29,24 @@ from jaxtyping import Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block
+from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6."""
+    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6.
+
+    Attributes
+    ----------
+    batch
+        The samples in which the RECS is expected.
+    surroundings
+        Those in which a search may look for it; None for no others.
+    """
 
     batch: SampleBatch
+    surroundings: SampleSource | None = None
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
         """Return the bank of correlators at `offsets_m`, or None if a tap's segment does not lie in the samples."""

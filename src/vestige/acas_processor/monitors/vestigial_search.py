@@ -14,6 +14,7 @@ only what the oscillator may have drifted since.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.handover import assisted_delay_m
@@ -35,6 +36,8 @@ from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, 
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
 from vestige.time import GalileoTime
+
+_Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
 FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
 
@@ -124,6 +127,9 @@ class E1VestigialSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return what there is of every satellite with a RECS; without E6 or a key E1 alone decides.
 
+        The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
+        then a signal may be the right one at the wrong time.
+
         Parameters
         ----------
         snapshot
@@ -143,7 +149,8 @@ class E1VestigialSearch:
         results = []
         for svid in svids:
             own = tuple(one for one in signals if one.svid == svid)
-            peaks = self._handed_over(svid, own, snapshot.e1, snapshot, assistance, uncertainty)
+            wanted = len(own) > 1 or uncertainty.fixed_at is None
+            peaks = self._handed_over(svid, own, snapshot.e1, snapshot, assistance, uncertainty) if wanted else ()
             count = max(len(own), len(peaks))
             check = _count(self, count, peaks) if own else not_run(self, "no signal of this satellite on E1")
             results.append(SatelliteSearch(svid=svid, signals=own, peaks=peaks, check=check))
@@ -189,10 +196,13 @@ class E6ExhaustiveSearch:
         Of one snapshot.
     how
         Integration time, Doppler span, engine, workers.
+    around_s
+        How far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty.
     """
 
     p_fa: float = 1e-3
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
+    around_s: float | None = None
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
@@ -213,6 +223,8 @@ class E6ExhaustiveSearch:
         assistance: Assistance,
         uncertainty: TimeUncertainty,
         e6: SampleSource | None = None,
+        *,
+        expected: Mapping[int, GalileoTime] | None = None,
     ) -> tuple[SatelliteSearch, ...]:
         """Return what there is of every satellite with a RECS.
 
@@ -220,10 +232,16 @@ class E6ExhaustiveSearch:
         ----------
         e6
             Samples in place of those of the snapshot: a file that is too long for one.
+        expected
+            Where E1 puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
         """
         source = e6 or _samples(snapshot)
         found = {svid: _codes(snapshot, assistance, uncertainty, svid) for svid in _satellites(assistance)}
-        peaks = self._peaks(source, [code for codes, _ in found.values() for code in codes], snapshot.time, uncertainty)
+        codes = [code for codes, _ in found.values() for code in codes]
+        peaks: dict[int, tuple[Peak, ...]] = {}
+        if source is not None:
+            stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
+            peaks = self._peaks(source, stretches)
         return tuple(
             SatelliteSearch(
                 svid=svid,
@@ -234,22 +252,39 @@ class E6ExhaustiveSearch:
             for svid, (_, reason) in found.items()
         )
 
-    def _peaks(
-        self, source: SampleSource | None, codes: list[ChipSequence], time: GalileoTime, uncertainty: TimeUncertainty
-    ) -> dict[int, tuple[Peak, ...]]:
-        """Return the peaks of every satellite that could be searched; RECS of one transmission are searched at once."""
-        peaks: dict[int, tuple[Peak, ...]] = {}
-        times = sorted({code.transmit_time for code in codes})
-        if source is None:
-            return peaks
-        for sent in times:
+    def _stretches(
+        self,
+        source: SampleSource,
+        codes: list[ChipSequence],
+        uncertainty_s: float,
+        expected: Mapping[int, GalileoTime],
+    ) -> list[_Stretch]:
+        """Return which codes to look for where: those of one transmission at once, or each around its own place."""
+        stretches = []
+        for sent in sorted({code.transmit_time for code in codes}):
             group = [code for code in codes if code.transmit_time == sent]
-            window = arrival_window(sent, uncertainty.at(time), source)
-            hypotheses = 0.0 if window is None else self._hypotheses(source, window, len(group))
-            if window is None or hypotheses <= 0:
+            window = arrival_window(sent, uncertainty_s, source)
+            if window is None:
                 continue
-            limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=self.p_fa / len(times)).threshold
-            *_, state = self.how.run(source, group, *window, limit)
+            if self.around_s is None:
+                stretches.append((group, *window))
+                continue
+            for code in group:
+                if code.svid in expected:
+                    first = max(window[0], expected[code.svid] + -self.around_s)
+                    stretches.append(([code], first, min(window[1], expected[code.svid] + self.around_s)))
+        return stretches
+
+    def _peaks(self, source: SampleSource, stretches: list[_Stretch]) -> dict[int, tuple[Peak, ...]]:
+        """Return the peaks of every satellite that could be searched; of several RECS, those of the one with most."""
+        peaks: dict[int, tuple[Peak, ...]] = {}
+        for group, first, last in stretches:
+            hypotheses = self._hypotheses(source, (first, last), len(group))
+            if hypotheses <= 0:
+                continue
+            share = self.p_fa / len(stretches)
+            limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=share).threshold
+            *_, state = self.how.run(source, group, first, last, limit)
             for code in group:
                 own = decide_vestigial(code.svid, state.peaks).peaks
                 peaks[code.svid] = max(peaks.get(code.svid, ()), own, key=len)
@@ -266,8 +301,9 @@ class E6ExhaustiveSearch:
 
 def _count(monitor: Monitor, count: int, peaks: tuple[Peak, ...]) -> CheckResult:
     """Return the check of a number of signals against one."""
-    true = f"; the earliest, at {peaks[0].start_time}, is the true one" if peaks else ""
-    where = f"{len(peaks)} carry the encrypted chips{true}" if peaks else "E6 does not say which is the true one"
+    where = "E6 does not say which is the true one"
+    if len(peaks) > 1:
+        where = f"{len(peaks)} carry the encrypted chips; the earliest, at {peaks[0].start_time}, is the true one"
     return judged(monitor, float(count), 1.0, f"{count} signals of one satellite: {where}")
 
 
@@ -292,7 +328,9 @@ def _codes(
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
     """Return the E6 samples of a snapshot, None if it has none, or a model in place of them."""
-    return BatchSource(snapshot.e6.batch) if isinstance(snapshot.e6, CorrelatableSamples) else None
+    if not isinstance(snapshot.e6, CorrelatableSamples):
+        return None
+    return snapshot.e6.surroundings or BatchSource(snapshot.e6.batch)
 
 
 def _beginning(batch: SampleBatch) -> SampleBatch:

@@ -1,0 +1,85 @@
+"""The position fix of a snapshot and what its checks say: clock drift, RAIM, solution separation [WFO, Sec. IV-B].
+
+The fix takes all E1 pseudoranges of a snapshot and the broadcast orbits. What the receiver believes of a pseudorange
+is one σ for all; the clock's drift comes from the Doppler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor, ClockEpoch
+from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
+from vestige.navigation.position_fix import Fix, position_fix, transmission, velocity_fix
+from vestige.records import CheckResult, E1Observation
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixChecks:
+    """The checks of the fix, and the orbits that it needs.
+
+    Attributes
+    ----------
+    ephemerides
+        Broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be.
+    sigma_m
+        What the receiver believes of a pseudorange, 1σ.
+    clock, raim, separation
+        The checks.
+    """
+
+    ephemerides: tuple[Ephemeris, ...] = ()
+    sigma_m: float = 5.0
+    clock: ClockDriftMonitor = field(default_factory=lambda: ClockDriftMonitor(sigma_bias_m=5.0, sigma_drift_mps=0.1))
+    raim: RaimMonitor = field(default_factory=RaimMonitor)
+    separation: SolutionSeparationMonitor = field(default_factory=SolutionSeparationMonitor)
+
+    def with_budget(self, p_fa: Mapping[str, float]) -> FixChecks:
+        """Return the same with the false-alarm probabilities of a level, by name of the check."""
+        return replace(
+            self,
+            clock=replace(self.clock, p_fa=3 * p_fa["clock innovation"]),
+            raim=replace(self.raim, p_fa=p_fa["RAIM"]),
+            separation=replace(
+                self.separation,
+                p_fa_horizontal=p_fa["solution separation"] / 2,
+                p_fa_vertical=p_fa["solution separation"] / 2,
+            ),
+        )
+
+    def step(
+        self, history: tuple[ClockEpoch, ...], time: GalileoTime, observations: Mapping[int, E1Observation]
+    ) -> tuple[tuple[ClockEpoch, ...], tuple[CheckResult, ...]]:
+        """Return the clock's history with this snapshot, and the five checks.
+
+        Parameters
+        ----------
+        history
+            What this function returned before; `()` at first.
+        time, observations
+            Of the snapshot.
+        """
+        orbits = nearest_ephemerides(self.ephemerides, time)
+        seen = [observations[svid] for svid in sorted(observations) if svid in orbits]
+        svids = [one.svid for one in seen]
+        fix, epoch = (None, None) if not seen else self._fixed(time, seen, [orbits[svid] for svid in svids])
+        history, clock = self.clock.step(history, epoch)
+        return history, (*clock, self.raim.check(fix, svids), self.separation.check(fix, svids))
+
+    def _fixed(
+        self, time: GalileoTime, seen: list[E1Observation], orbits: list[Ephemeris]
+    ) -> tuple[Fix, ClockEpoch | None]:
+        range_m = np.array([[one.pseudorange_m for one in seen]])
+        rate_mps = np.array([[-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * one.doppler_hz for one in seen]])
+        sent = transmission(orbits, time, np.zeros(1), range_m)
+        fix = position_fix(sent, range_m, np.full(range_m.shape, self.sigma_m))
+        if not fix.valid[0]:
+            return fix, None
+        drift_mps = float(velocity_fix(sent, fix, rate_mps)[1][0])
+        return fix, ClockEpoch(time=time, bias_m=float(fix.clock_m[0]), drift_mps=drift_mps)
