@@ -6,6 +6,7 @@ and `Assistance` are the only things that the processor sees; it cannot tell a s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -378,4 +379,4 @@ class Verdict:
     checks: tuple[CheckResult, ...]
     range_offset_m: float
     reason: str
-    true_offset_m: float = float("nan")
+    true_offset_m: float = math.nan

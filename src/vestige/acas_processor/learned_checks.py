@@ -18,6 +18,7 @@ from vestige.acas_processor.monitors.judgement import Monitor, not_run
 from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
 from vestige.records import Band, CheckResult, Measurement, SatelliteMeasurement, Snapshot
+from vestige.signals.definitions import E6C
 
 WINDOW = 20
 LEARNED = 5
@@ -88,7 +89,7 @@ class LearnedReferences:
 
     def _floor(self, snapshot: Snapshot, one: SatelliteMeasurement, p_fa: float) -> CheckResult:
         usual, status = _at(self.floor, one.svid), snapshot.front_end.get(Band.E6)
-        n_chips = 1 if one.handover is None else one.handover.chips.chips.size
+        n_chips = 1 if one.bank is None else round(one.bank.integration_s * E6C.chip_rate_hz)
         monitor = WrongCodeFloorMonitor(nominal_floor_db=usual.value, n_chips=n_chips, p_fa=p_fa)
         if one.bank is None or status is None or usual.known:
             return monitor.check(

@@ -26,6 +26,7 @@ a row. What a receiver shows its user is steadier still: `alarm.py`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -245,9 +246,9 @@ def decide(
                 level=level,
                 status=status,
                 checks=checks,
-                range_offset_m=float("nan") if satellite.detection is None else satellite.detection.range_offset_m,
+                range_offset_m=math.nan if satellite.detection is None else satellite.detection.range_offset_m,
                 reason=reason,
-                true_offset_m=(true_offset_m or {}).get(satellite.svid, float("nan")),
+                true_offset_m=(true_offset_m or {}).get(satellite.svid, math.nan),
             )
         )
     return tuple(verdicts)

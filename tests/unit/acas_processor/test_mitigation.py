@@ -125,6 +125,24 @@ def test_the_gravest_failure_counts(failing: tuple[str, ...], status: Status) ->
     assert combine(2, checks[::-1])[0] is status
 
 
+@pytest.mark.parametrize("name", ["E1 vestigial search", "E6 exhaustive search"])
+@pytest.mark.parametrize("level", [2, 3])
+def test_who_sends_one_satellite_twice_may_send_them_all(name: str, level: int) -> None:
+    of_level = name in {row.name for row in LEVELS[level]}
+    second = CheckResult(name=name, outcome=Outcome.FAIL, reason="2 signals")
+    satellites = (_detected(0.0), replace(_detected(0.0), svid=8), replace(_detected(99.0), svid=9))
+    measurement = Measurement(index=0, time=START, satellites=satellites, observations={}, front_end={})
+    found = decide(measurement, level, LIMITS, {8: (second,)}, {8: -300.0})
+    statuses = [verdict.status for verdict in found]
+    expected = [Status.SUSPECT, Status.SPOOFED] if of_level else [Status.AUTHENTIC, Status.AUTHENTIC]
+    assert statuses == [*expected, Status.SPOOFED]
+    assert found[0].reason == ("E08: more than one signal" if of_level else "all checks passed")
+    assert found[1].true_offset_m == -300.0
+    failed = {name: np.array([[False, True, False]]), "E1-E6 range": np.array([[False, False, True]])}
+    block = combine_block(level, failed, np.ones((1, 3), np.bool_))
+    assert [list(Status)[one] for one in block[0]] == statuses
+
+
 def test_what_was_not_run_is_said() -> None:
     status, reason = combine(2, _checks(2, "ppnnnnnnnnnn"))
     assert status is Status.AUTHENTIC

@@ -1,0 +1,180 @@
+"""What a receiver on watch remembers. The searches themselves: tests/unit/acas_processor/monitors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from builders import START
+from vestige.acas_processor.mitigation import LEVELS
+from vestige.acas_processor.monitors.vestigial_search import SatelliteSearch, TimeUncertainty
+from vestige.acas_processor.watch import (
+    FIXED_S,
+    TRAVEL_TIME_SPREAD_S,
+    Further,
+    Watch,
+    WatchState,
+    _true_offsets,
+)
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import (
+    Assistance,
+    ChipSequence,
+    Handover,
+    Measurement,
+    Outcome,
+    SatelliteMeasurement,
+    Snapshot,
+    Status,
+    ValidatedKey,
+    Verdict,
+)
+from vestige.sample_processor.search.peak import Peak
+
+SVIDS = (3, 5, 8, 13)
+NOTHING = Assistance(segments=())
+
+
+def _snapshot(n: int) -> tuple[Snapshot, Measurement]:
+    time = START + 30.0 * n
+    snapshot = Snapshot(index=n, time=time, received_at=time, time_uncertainty_s=15.0, observations={}, e6=None)
+    satellites = tuple(SatelliteMeasurement(svid=svid) for svid in SVIDS)
+    return snapshot, Measurement(index=n, time=time, satellites=satellites, observations={}, front_end={})
+
+
+def _verdicts(n: int, *statuses: Status) -> tuple[Verdict, ...]:
+    return tuple(
+        Verdict(
+            index=n,
+            time=START + 30.0 * n,
+            available_at=None,
+            svid=svid,
+            level=3,
+            status=status,
+            checks=(),
+            range_offset_m=math.nan,
+            reason="",
+        )
+        for svid, status in zip(SVIDS, statuses, strict=False)
+    )
+
+
+def _step(
+    watch: Watch, state: WatchState, n: int, *, level: int = 3, failed: bool = False
+) -> tuple[WatchState, Further]:
+    snapshot, measurement = _snapshot(n)
+    return watch.step(level, state, snapshot, measurement, NOTHING, failed=failed)
+
+
+@pytest.mark.parametrize("level", sorted(LEVELS))
+def test_every_check_of_a_level_is_there_or_says_why_not(level: int) -> None:
+    _, further = _step(Watch(), WatchState(), 0, level=level)
+    expected = {row.name for row in LEVELS[level]} - {"E6 power", "E1-E6 range"}
+    for svid in SVIDS if level > 1 else ():
+        # the searches answer for the satellites of the RECS, of which there are none here
+        names = {check.name for check in further.checks[svid]}
+        assert names == expected - {"E1 vestigial search"}
+        assert all(check.reason for check in further.checks[svid] if check.outcome is Outcome.NOT_RUN)
+    assert bool(further.checks) == (level > 1)
+
+
+def test_the_exhaustive_search_is_made_at_the_start_on_suspicion_and_now_and_then() -> None:
+    watch, state, searched = Watch(exhaustive_period_s=600.0), WatchState(), []
+    failing = {4, 5, 6, 9}  # the first of each bout of suspicion
+    for n in range(32):
+        before = state.searched_at
+        state, _ = _step(watch, state, n, failed=n in failing)
+        if state.searched_at != before:
+            searched.append(n)
+        snapshot, measurement = _snapshot(n)
+        status = Status.SUSPECT if n in failing else Status.AUTHENTIC
+        state, _ = watch.learn(state, snapshot, measurement, _verdicts(n, *[status] * 4))
+    assert searched == [0, 4, 9, 29]
+
+
+def test_level_2_makes_no_exhaustive_search() -> None:
+    state, _ = _step(Watch(), WatchState(), 0, level=2, failed=True)
+    assert state.searched_at is None
+
+
+@pytest.mark.parametrize(
+    ("statuses", "fixed_s"),
+    [
+        ([Status.AUTHENTIC] * 4, FIXED_S),
+        ([Status.AUTHENTIC] * 3 + [Status.NOT_AVAILABLE], TRAVEL_TIME_SPREAD_S),
+        ([Status.NOT_AVAILABLE] * 4, None),
+        ([Status.AUTHENTIC] * 3 + [Status.SUSPECT], None),
+    ],
+)
+def test_the_time_uncertainty_shrinks_when_all_is_quiet(statuses: list[Status], fixed_s: float | None) -> None:
+    snapshot, measurement = _snapshot(0)
+    start = WatchState(uncertainty=TimeUncertainty(initial_s=15.0))
+    state, _ = Watch().learn(start, snapshot, measurement, _verdicts(0, *statuses))
+    assert state.uncertainty.at(START) == pytest.approx(fixed_s or 15.0)
+    later_s = state.uncertainty.at(START + 1000.0)
+    assert later_s == pytest.approx(15.0 if fixed_s is None else fixed_s + 1000.0 * 2e-6)
+
+
+def test_alarms_come_once() -> None:
+    watch, state, alarms = Watch(), WatchState(), []
+    for n in range(10):
+        snapshot, measurement = _snapshot(n)
+        own = _verdicts(n, Status.SPOOFED if n in (3, 4, 5) else Status.AUTHENTIC, Status.AUTHENTIC)
+        state, changes = watch.learn(state, snapshot, measurement, own)
+        alarms += [(n, change.svid, change.after) for change in changes if change.alarm]
+    assert alarms == [(3, 3, Status.SPOOFED)]
+
+
+def _key(number: int, data: int) -> ValidatedKey:
+    time = START.subframe + 30 * number
+    return ValidatedKey(chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=bytes([data]) * 16)
+
+
+@pytest.mark.parametrize(
+    ("received", "outcomes"),
+    [
+        (lambda n: _key(n, n), ("pass", "pass", "pass")),
+        (lambda n: _key(n, n + 1), ("pass", "pass", "fail")),  # keys of somebody else
+        (lambda n: _key(n, n) if n < 8 else None, ("fail", "fail", "pass")),  # kept away since
+    ],
+)
+def test_keys_are_compared_with_the_second_channel(received: object, outcomes: tuple[str, ...]) -> None:
+    keys = tuple(key for key in (received(n) for n in range(20)) if key is not None)  # type: ignore[operator]
+    watch = Watch(second_channel=tuple(_key(n, n) for n in range(20)))
+    snapshot, measurement = _snapshot(19)
+    _, further = watch.step(3, WatchState(), snapshot, measurement, Assistance(segments=(), keys=keys), failed=False)
+    names = ("OSNMA availability", "OSNMA reception", "OSNMA agreement")
+    found = {check.name: check.outcome.value for check in further.checks[3]}
+    assert tuple(found[name] for name in names) == outcomes
+
+
+def test_the_earliest_of_several_signals_is_the_true_one() -> None:
+    chips = ChipSequence(svid=3, transmit_time=START, chip_rate_hz=5.115e6, chips=np.ones(4, np.int8))
+    expected = START + 0.08
+    handover = Handover(
+        svid=3, chips=chips, start_time=expected, doppler_hz=0.0, doppler_rate_hz_per_s=0.0, expected_cn0_dbhz=40.0
+    )
+    _, measurement = _snapshot(0)
+    measurement = replace(measurement, satellites=(SatelliteMeasurement(svid=3, handover=handover),))
+    check = _step(Watch(), WatchState(), 0)[1].checks[3][0]
+
+    def search(*offsets_s: float) -> SatelliteSearch:
+        peaks = tuple(
+            Peak(
+                svid=3,
+                start_time=expected + offset_s,
+                doppler_hz=0.0,
+                magnitude=9.0,
+                threshold=5.0,
+                cn0_dbhz=40.0,
+            )
+            for offset_s in offsets_s
+        )
+        return SatelliteSearch(svid=3, signals=(), peaks=peaks, check=check)
+
+    assert _true_offsets(measurement, {3: [search(0.0)]}) == {}
+    found = _true_offsets(measurement, {3: [search(-1e-6, 0.0), search(-1e-3, 0.0)]})
+    assert found == {3: pytest.approx(-1e-3 * SPEED_OF_LIGHT_MPS, abs=0.05)}
