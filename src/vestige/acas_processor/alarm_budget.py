@@ -72,7 +72,7 @@ class Share:
 
 
 def false_alarm_budget(
-    level: int, cadence: Cadence, *, alarms_a_day: float = ALARMS_A_DAY, kappa: float = KAPPA, min_pd: float = MIN_PD
+    level: int, cadence: Cadence, *, alarms_a_day: float = ALARMS_A_DAY, kappa: float = KAPPA, pd: float = MIN_PD
 ) -> dict[str, Share]:
     """Return the share of each check of a level, by name.
 
@@ -84,11 +84,13 @@ def false_alarm_budget(
         How often the receiver tests.
     alarms_a_day
         Of all checks together whose probability can be chosen.
-    kappa, min_pd
-        Of the range check and of E6 power.
+    kappa
+        Of the range check.
+    pd
+        Probability that E6 is detected, at the C/N0 in view: below `MIN_PD` a miss is no alarm.
     """
     own = {
-        "E6 power": 1 - min_pd,
+        "E6 power": 1 - pd,
         "E1-E6 range": math.erfc(kappa / math.sqrt(2)),
         "power-distortion": 0.006,  # [WESSON18]
         "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
