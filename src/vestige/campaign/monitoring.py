@@ -12,17 +12,19 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 | E1-E6 range | range offset | κσ of the error budget |
 | clock innovation, consistency, slope | of the fix with all satellites | each a third |
 | RAIM, solution separation | of the fix with all satellites | χ², a bound |
+| OSNMA availability, reception | keys and pages of a subframe that are missing | binomial, bounds |
+| inertial range rate | change between two RECS, against accelerometers | normal; satellites share clock and sensor |
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.special import erfc
 
 from vestige.acas_processor.error_budget import ErrorBudget
@@ -33,62 +35,28 @@ from vestige.acas_processor.monitors.judgement import two_sided_factor
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
 from vestige.acas_processor.monitors.received_power import DB_PER_NEPER, ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
-from vestige.campaign.statistics import Proportion, proportion
+from vestige.campaign.inertial_track import inertial_track
+from vestige.campaign.osnma_tracks import osnma_tracks
+from vestige.campaign.sky_columns import SKY_COLUMNS
+from vestige.campaign.track import Track, oscillator, values
 from vestige.errors import VestigeError
 from vestige.navigation.position_fix import UNKNOWNS
 from vestige.navigation.raim import chi_square_threshold
-from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BOC11
+from vestige.time import GalileoTime
 
 if TYPE_CHECKING:
     import xarray
+
+__all__ = ["P_FA", "Track", "tracks"]
 
 P_FA = 1e-5
 _EARLY, _PROMPT, _LATE = TAP_CHIPS.index(-0.15), TAP_CHIPS.index(0.0), TAP_CHIPS.index(0.15)
 _CALIBRATION = 20  # RECS whose median is the usual floor of a satellite
 _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
-    """One check over a campaign; satellites along a second axis, if it is of satellites.
-
-    Attributes
-    ----------
-    name, unit
-        As in `CheckResult`.
-    p_fa
-        False-alarm probability of one test.
-    statistic, threshold
-        The check fails where |statistic| > threshold; NaN where it was not run.
-    exact
-        Whether p_fa is meant to be met; otherwise it is a bound.
-    """
-
-    name: str
-    unit: str
-    p_fa: float
-    statistic: Float[np.ndarray, "*n"]
-    threshold: Float[np.ndarray, "*n"]
-    exact: bool = True
-
-    @property
-    def run(self) -> Bool[np.ndarray, "*n"]:
-        """Whether the check was run."""
-        return np.isfinite(self.statistic) & np.isfinite(self.threshold)
-
-    @property
-    def failed(self) -> Bool[np.ndarray, "*n"]:
-        """Whether the check was run and failed."""
-        return self.run & (np.abs(self.statistic) > self.threshold)
-
-    @property
-    def alarms(self) -> Proportion:
-        """Failures of all tests that were run."""
-        return proportion(int(np.count_nonzero(self.failed)), int(np.count_nonzero(self.run)))
 
 
 def tracks(
@@ -110,7 +78,7 @@ def tracks(
     VestigeError
         If the results are not those of a sky.
     """
-    missing = {"e1_taps", "e1_power_db", "fix_clock_m", "raim_statistic", "elevation_deg"} - set(results.variables)
+    missing = set(SKY_COLUMNS) - set(results.variables)
     if missing:
         raise VestigeError(f"results of a campaign: found no {min(missing)}, expected those of a [constellation]")
     scenario = json.loads(results.attrs["scenario"])
@@ -121,12 +89,14 @@ def tracks(
         _range(results, scenario),
         *_clock(results, scenario, p_fa),
         *_consistency(results, p_fa),
+        *osnma_tracks(results, GalileoTime.parse(scenario["start"]).second + values(results, "time_s"), p_fa),
+        inertial_track(results, scenario, p_fa),
     )
 
 
 def _received_power(results: xarray.Dataset, p_fa: float) -> Track:
     monitor = ReceivedPowerMonitor(band=Band.E1, sigma_system_db=0.0, p_fa=p_fa)
-    statistic = monitor.statistic(_values(results, "e1_power_db"))
+    statistic = monitor.statistic(values(results, "e1_power_db"))
     return Track(
         name=monitor.name,
         unit=monitor.unit,
@@ -140,7 +110,7 @@ def _of_taps(
     results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float
 ) -> tuple[Track, Track]:
     """Return C/N0 and power–distortion of each satellite."""
-    elevation = np.radians(_values(results, "elevation_deg"))
+    elevation = np.radians(values(results, "elevation_deg"))
     fall_db = scenario["constellation"]["cn0_fall_db"]
     expected_dbhz = scenario["receiver"]["cn0_e1_dbhz"] - fall_db * (1 - np.sin(elevation))
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
@@ -164,7 +134,7 @@ def _of_taps(
             sigma_power_db=_POWER_SIGMA_DB,
         )
     )
-    rise_db = np.broadcast_to(_values(results, "e1_power_db")[:, None], elevation.shape)
+    rise_db = np.broadcast_to(values(results, "e1_power_db")[:, None], elevation.shape)
     distortion = np.abs(taps[..., _EARLY] - taps[..., _LATE])
     found = np.full(elevation.shape, np.nan)
     step = np.round(expected_dbhz / monitor.cn0_step_db) * monitor.cn0_step_db
@@ -183,8 +153,8 @@ def _of_taps(
 
 
 def _floor(results: xarray.Dataset, p_fa: float) -> Track:
-    power = _values(results, "noise_power", "epoch", "satellite")
-    gain_db = np.nan_to_num(_values(results, "e6_agc_gain_db"))[:, None]
+    power = values(results, "noise_power", "epoch", "satellite")
+    gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
     n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
     monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=0.0, p_fa=p_fa)
     floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
@@ -221,14 +191,13 @@ def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
 def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, ...]:
     """Return the three clock checks, with the errors of the fix as they are in each epoch."""
     fix = results.sel(fix="all")
-    bias, drift = _values(fix, "fix_sigma_clock_m") ** 2, _values(fix, "fix_sigma_drift_mps") ** 2
-    table = scenario["receiver"]["clock"] or {"h0_s": 0.0, "h_minus_2_hz": 0.0}
-    oscillator = TwoStateClock(h0_s=table["h0_s"], h_minus_2_hz=table["h_minus_2_hz"])
+    bias, drift = values(fix, "fix_sigma_clock_m") ** 2, values(fix, "fix_sigma_drift_mps") ** 2
+    clock = oscillator(scenario)
     monitor = ClockDriftMonitor(
-        white_s=oscillator.white_s, walk_hz=oscillator.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=p_fa
+        white_s=clock.white_s, walk_hz=clock.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=p_fa
     )
-    time_s = _values(results, "time_s")
-    found = monitor.statistics(time_s, _values(fix, "fix_clock_m"), _values(fix, "fix_drift_mps"))
+    time_s = values(results, "time_s")
+    found = monitor.statistics(time_s, values(fix, "fix_clock_m"), values(fix, "fix_drift_mps"))
     step_s = np.diff(time_s, prepend=np.nan)
     of_two = drift + np.roll(drift, 1)
     parts = (
@@ -270,13 +239,13 @@ def _consistency(results: xarray.Dataset, p_fa: float) -> tuple[Track, Track]:
     fix = results.sel(fix="all")
     raim, separation = RaimMonitor(p_fa=p_fa), SolutionSeparationMonitor()
     freedom = fix["fix_satellites"].values.astype(np.int64) - UNKNOWNS
-    apart = _values(fix, "separation_statistic")
+    apart = values(fix, "separation_statistic")
     return (
         Track(
             name=raim.name,
             unit=raim.unit,
             p_fa=p_fa,
-            statistic=_values(fix, "raim_statistic"),
+            statistic=values(fix, "raim_statistic"),
             threshold=chi_square_threshold(freedom, p_fa),
         ),
         Track(
@@ -288,10 +257,3 @@ def _consistency(results: xarray.Dataset, p_fa: float) -> tuple[Track, Track]:
             exact=False,
         ),
     )
-
-
-def _values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
-    """Return a variable as float64, epochs first."""
-    found = results[name]
-    order = dims or ("epoch", *(str(dim) for dim in found.dims if dim != "epoch"))
-    return found.transpose(*order).values.astype(np.float64)

@@ -16,6 +16,7 @@ from vestige.acas_processor.mitigation import combine_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.origin import PROCESSOR, processor_name
+from vestige.campaign.osnma_columns import keys_received
 from vestige.campaign.plan import Column, Coord
 from vestige.campaign.sky_columns import SKY_COLUMNS, sky_columns, sky_coords
 from vestige.receiver.simulation import NOT_RECEIVED, Banks, Simulation
@@ -133,9 +134,12 @@ class ScenarioPlan:
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on."""
+        truths = inputs["truth"]
+        n = truths[0].time_s.size
+        with_key = keys_received(self.scenario, truths) if self.scenario.constellation else np.ones(n, bool)
         each = [
-            self._satellite(simulation, first, truth)
-            for simulation, truth in zip(self.simulations, inputs["truth"], strict=True)
+            self._satellite(simulation, first, truth, with_key)
+            for simulation, truth in zip(self.simulations, truths, strict=True)
         ]
         own = each[0].keys()
         together = {
@@ -147,12 +151,15 @@ class ScenarioPlan:
         }
         together |= _one_front_end(each)
         if self.scenario.constellation:
-            together |= sky_columns(self.scenario, first, inputs["truth"], together)
+            together |= sky_columns(self.scenario, first, truths, together) | {"osnma_key": with_key}
         return {name: np.ascontiguousarray(together[name], dtype=column.dtype) for name, column in self.columns.items()}
 
-    def _satellite(self, simulation: Simulation, first: int, truth: TruthBlock) -> dict[str, np.ndarray]:
-        """Return the columns of one satellite, without its axis."""
+    def _satellite(
+        self, simulation: Simulation, first: int, truth: TruthBlock, with_key: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Return the columns of one satellite, without its axis; nothing is correlated without the epoch's key."""
         taps, noise_power, front_end = self._banks(simulation, first, truth)
+        taps[~with_key], noise_power[~with_key] = np.nan, np.nan
         spacing = self.scenario.processor.spacing
         found = {
             name: detect_block(

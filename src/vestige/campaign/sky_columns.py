@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.campaign.osnma_columns import osnma_columns
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
@@ -28,6 +29,7 @@ from vestige.navigation.position_fix import (
     dilution,
     local_geometry,
     position_fix,
+    standing_range_rate,
     transmission,
     velocity_fix,
 )
@@ -37,6 +39,7 @@ from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_r
 from vestige.receiver.elevation import obliquity
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.tracking_noise import noise_growth
+from vestige.receiver.trajectory import Trajectory
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
@@ -57,9 +60,15 @@ SKY_COLUMNS = {
         ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange"),
         ("e1_range_rate_mps", _SATELLITE, "float64", "m s-1", "its rate, from the Doppler"),
         ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of it"),
+        ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
+        ("e1_standing_rate_mps", _SATELLITE, "float64", "m s-1", "its rate if receiver and receiver clock stood still"),
         ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 that E1 tracking reports"),
         ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
         ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
+        ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
+        ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
+        ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
+        ("gained_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
         ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
         ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
         ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
@@ -123,9 +132,26 @@ def sky_columns(
     ]
     columns = {name: np.stack([one[name] for one in fixes]) for name in fixes[0]}
     known_s = np.where(columns["fix_satellites"][1] > 0, _key_times(simulations[0], scenario, first, recs), np.nan)
-    e1 = _e1_columns(scenario, first, truth, view)
-    del seen["rate_sigma_mps"]
-    return {"recs": recs, **seen, **e1, **columns, "available_at_s": np.stack([time_s, known_s])}
+    return {
+        "recs": recs,
+        **seen,
+        **_e1_columns(scenario, first, truth, view),
+        **osnma_columns(scenario, truth),
+        **columns,
+        "e1_standing_rate_mps": columns["e1_standing_rate_mps"][0],
+        "gained_mps": _gained_mps(scenario, trajectory, time_s, first),
+        "available_at_s": np.stack([time_s, known_s]),
+    }
+
+
+def _gained_mps(
+    scenario: CampaignScenario, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], first: int
+) -> Float[np.ndarray, "n 3"]:
+    """Return what the accelerometers say; NaN without them."""
+    sensor = scenario.receiver.accelerometers
+    if sensor is None:
+        return np.full((time_s.size, 3), np.nan)
+    return sensor.gained_mps(trajectory, time_s, scenario.interval_s, seed=scenario.seed, first=first)
 
 
 def _observations(
@@ -151,7 +177,7 @@ def _observations(
             "e1_range_rate_mps": one.rate_mps + one.clock_drift_mps + one.e1_rate_noise_mps + one.e1.rate_error_mps,
             "e1_sigma_m": np.sqrt(code_m**2 + ionosphere_m**2 + table.multipath_sigma_m**2 + table.floor_sigma_m**2),
             "e1_cn0_dbhz": nominal_dbhz + gain_db,
-            "rate_sigma_mps": rate_mps,
+            "e1_rate_sigma_mps": rate_mps,
         }
         for name, column in values.items():
             columns.setdefault(name, []).append(column)
@@ -215,6 +241,7 @@ def _fix_columns(
     local = dilution(local_geometry(_placed(fix, place_m)))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     return {
+        "e1_standing_rate_mps": standing_range_rate(sent, fix),
         "fix_satellites": np.where(fix.valid, fix.n_used, 0),
         "fix_position_m": np.where(fix.valid[:, None], fix.position_m, np.nan),
         "fix_error_m": np.einsum("nij,nj->ni", local_axes_at(place_m), error[:, :3]),
@@ -223,7 +250,7 @@ def _fix_columns(
         "fix_drift_mps": np.where(fix.valid, found_drift_mps, np.nan),
         "fix_drift_error_mps": np.where(fix.valid, found_drift_mps - drift_mps, np.nan),
         "fix_sigma_clock_m": np.sqrt(fix.covariance_m2[:, 3, 3]),
-        "fix_sigma_drift_mps": np.sqrt(_drift_variance(fix, seen["rate_sigma_mps"])),
+        "fix_sigma_drift_mps": np.sqrt(_drift_variance(fix, seen["e1_rate_sigma_mps"])),
         "fix_nees": _nees(fix, error),
         "fix_dilution": np.stack([getattr(local, name) for name in _DILUTIONS], axis=-1),
         "raim_statistic": RaimMonitor(p_fa=scenario.position.p_fa).statistic(fix),

@@ -178,19 +178,38 @@ def velocity_fix(
     range_rate_mps
         Rate of the pseudorange, −λ · Doppler; NaN where not measured.
     """
-    flight_s = _flight_s(sent.position_m, fix.position_m)
-    in_space = sent.velocity_mps + np.cross(ROTATION_VECTOR, sent.position_m)
-    s_1 = turned_with_earth(in_space, flight_s)
-    carried = np.cross(ROTATION_VECTOR, fix.position_m)
-    towards = fix.geometry[..., :3]  # u, from satellite to receiver
-    slowed = 1 - np.einsum("nmi,nmi->nm", towards, s_1) / SPEED_OF_LIGHT_MPS
-    known = np.einsum("nmi,nmi->nm", towards, carried[:, None] - s_1) / slowed
+    known, slowed = _standing_rates(sent, fix)
     used = np.isfinite(range_rate_mps) & (fix.weight > 0)
-    residual = np.where(used, range_rate_mps + sent.clock_mps - known, 0.0)
+    residual = np.where(used, range_rate_mps - known, 0.0)
     scale = np.concatenate((np.repeat(1 / slowed[..., None], 3, axis=-1), np.ones((*slowed.shape, 1))), axis=-1)
     geometry = np.where(used[..., None], fix.geometry * scale, 0.0)
     solution = _solve(geometry, np.where(used, fix.weight, 0.0), residual)
     return solution[:, :3], solution[:, 3]
+
+
+def standing_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
+    """Return the rates that the pseudoranges of a receiver have that stands where the fix is, with a clock that holds.
+
+    NaN for satellites that are not used.
+
+    Parameters
+    ----------
+    sent
+        Satellites at transmission.
+    fix
+        Position fix of the same epochs.
+    """
+    return np.where(fix.weight > 0, _standing_rates(sent, fix)[0], np.nan)
+
+
+def _standing_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+    """Return the rates of a standing receiver, and 1 − u·ṡ/c."""
+    in_space = sent.velocity_mps + np.cross(ROTATION_VECTOR, sent.position_m)
+    s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))
+    carried = np.cross(ROTATION_VECTOR, fix.position_m)
+    towards = fix.geometry[..., :3]  # u, from satellite to receiver
+    slowed = 1 - np.einsum("nmi,nmi->nm", towards, s_1) / SPEED_OF_LIGHT_MPS
+    return np.einsum("nmi,nmi->nm", towards, carried[:, None] - s_1) / slowed - sent.clock_mps, slowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -108,9 +108,12 @@ class BetzTrackingNoise:
 
     def carrier_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of the carrier phase in m at C/N0 in dBHz."""
-        c = 10 ** (cn0_dbhz / 10)
-        phase_rad = sqrt(self.pll_bandwidth_hz / c * (1 + 1 / (2 * self.integration_s * c)))
+        phase_rad = sqrt(self.phase_variance_rad2(np.array([10 ** (cn0_dbhz / 10)]))[0])
         return phase_rad / (2 * pi) * SPEED_OF_LIGHT_MPS / self.carrier_hz
+
+    def phase_variance_rad2(self, cn0_hz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the variance of the carrier loop's phase in rad² at C/N0 in Hz."""
+        return self.pll_bandwidth_hz / cn0_hz * (1 + 1 / (2 * self.integration_s * cn0_hz))
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of the Doppler in Hz at C/N0 in dBHz."""

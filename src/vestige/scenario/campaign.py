@@ -19,6 +19,7 @@ from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import LENGTHS
+from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.front_end import FrontEnd
@@ -90,6 +91,8 @@ class ReceiverTable(Section):
         What the receiver believes of its clock.
     e1_multipath
         Whether the rays disturb E1 too.
+    accelerometers
+        Of a receiver under a sky, for the inertial check.
     """
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
@@ -104,6 +107,7 @@ class ReceiverTable(Section):
     e1_tracking: BetzTrackingNoise | None = None
     bias: BiasResiduals | None = None
     e1_multipath: bool = False
+    accelerometers: Accelerometers | None = None
 
     @field_validator("front_end")
     @classmethod
@@ -224,6 +228,8 @@ class CampaignScenario(Section):
                 raise MisfitError("trajectory", "no constellation beside it", "[constellation]")
             if self.position != PositionTable():
                 raise MisfitError("position", "no constellation beside it", "[constellation]")
+            if self.receiver.accelerometers is not None:
+                raise MisfitError("receiver.accelerometers", "no constellation beside it", "[constellation]")
             if self.recs.every != 1:
                 raise MisfitError("recs.every", self.recs.every, "1 on a single line of sight")
             return self

@@ -29,10 +29,10 @@ def tracks_of(folder: Path, *settings: str, p_fa: float = P_FA) -> dict[str, Tra
 
 def test_false_alarms_meet_their_budget_in_a_clean_world(tmp_path: Path) -> None:
     found = tracks_of(tmp_path, "epochs=3600", "recs.every=5")
-    assert len(found) == 10
+    assert len(found) == 13
     for name, track in found.items():
         alarms = track.alarms
-        assert alarms.trials > 3500, name
+        assert alarms.trials > (100 if name.startswith("OSNMA") else 3500), name
         if name == "C/N0":  # the loop's noise and the skew of the logarithm: 1.4 times the budget at most
             assert alarms.value < 1.4 * track.p_fa
         elif name.startswith("clock"):  # neighbouring epochs share a drift: half as many independent trials

@@ -1,0 +1,62 @@
+"""The inertial check over a campaign of a sky: what a range rate did between two RECS against accelerometers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.monitors.inertial import InertialMonitor
+from vestige.acas_processor.monitors.judgement import two_sided_factor
+from vestige.campaign.track import Track, oscillator, values
+from vestige.navigation.earth import local_axes_at
+from vestige.navigation.position_fix import geometry_of_sky
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> Track:
+    """Return the check at every epoch with RECS but the first; NaN elsewhere, and without accelerometers.
+
+    Parameters
+    ----------
+    results, scenario
+        Of a campaign of a sky.
+    p_fa
+        Budget of one satellite between two RECS.
+    """
+    sensor = scenario["receiver"]["accelerometers"]
+    walk_hz = oscillator(scenario).walk_hz
+    monitor = InertialMonitor(sigma_rate_mps=0.0, clock_walk_hz=walk_hz, p_fa=p_fa, **_errors(sensor))
+    rate = values(results, "e1_range_rate_mps", "epoch", "satellite")
+    statistic, threshold = np.full(rate.shape, np.nan), np.full(rate.shape, np.nan)
+    recs = np.flatnonzero(values(results, "recs"))
+    if sensor is not None and recs.size > 1:
+        now, before = recs[1:], recs[:-1]
+        time_s = values(results, "time_s")
+        interval_s = time_s[now] - time_s[before]
+        towards = -geometry_of_sky(*(np.radians(_of_sky(results, name)) for name in ("azimuth", "elevation")))[..., :3]
+        gained = np.cumsum(np.nan_to_num(values(results, "gained_mps", "epoch", "local_axis")), axis=0)
+        gained = gained[now] - gained[before]
+        place = values(results.sel(fix="all"), "fix_position_m", "epoch", "axis")
+        mean = np.einsum("nij,nj->ni", local_axes_at(place[now]), place[now] - place[before]) / interval_s[:, None]
+        # −Δ(e·v) = −(ē·Δv + Δe·v̄): a receiver that moves sees the line of sight turn
+        own = np.einsum("nmi,ni->nm", (towards[now] + towards[before]) / 2, gained)
+        own += np.einsum("nmi,ni->nm", towards[now] - towards[before], mean)
+        standing = values(results, "e1_standing_rate_mps", "epoch", "satellite")
+        statistic[now] = monitor.statistic(rate[now] - rate[before], standing[now] - standing[before], own)
+        measured = values(results, "e1_rate_sigma_mps", "epoch", "satellite") ** 2
+        of_rates = two_sided_factor(p_fa) * np.sqrt(measured[now] + measured[before])
+        threshold[now] = np.hypot(monitor.threshold_mps(interval_s)[:, None], of_rates)
+    return Track(name=monitor.name, unit=monitor.unit, p_fa=p_fa, statistic=statistic, threshold=threshold, exact=False)
+
+
+def _of_sky(results: xarray.Dataset, name: str) -> Float[np.ndarray, "n m"]:
+    return values(results, f"{name}_deg", "epoch", "satellite")
+
+
+def _errors(sensor: Mapping[str, Any] | None) -> dict[str, float]:
+    return {name: value for name, value in (sensor or {}).items() if name != "kind"}

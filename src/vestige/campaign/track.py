@@ -1,0 +1,68 @@
+"""One check over a campaign: what it looked at, what it allowed, how often it failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.campaign.statistics import Proportion, proportion
+from vestige.receiver.clock import TwoStateClock
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """One check over a campaign; satellites along a second axis, if it is of satellites.
+
+    Attributes
+    ----------
+    name, unit
+        As in `CheckResult`.
+    p_fa
+        False-alarm probability of one test.
+    statistic, threshold
+        The check fails where |statistic| > threshold; NaN where it was not run.
+    exact
+        Whether p_fa is meant to be met; otherwise it is a bound.
+    """
+
+    name: str
+    unit: str
+    p_fa: float
+    statistic: Float[np.ndarray, "*n"]
+    threshold: Float[np.ndarray, "*n"]
+    exact: bool = True
+
+    @property
+    def run(self) -> Bool[np.ndarray, "*n"]:
+        """Whether the check was run."""
+        return np.isfinite(self.statistic) & np.isfinite(self.threshold)
+
+    @property
+    def failed(self) -> Bool[np.ndarray, "*n"]:
+        """Whether the check was run and failed."""
+        return self.run & (np.abs(self.statistic) > self.threshold)
+
+    @property
+    def alarms(self) -> Proportion:
+        """Failures of all tests that were run."""
+        return proportion(int(np.count_nonzero(self.failed)), int(np.count_nonzero(self.run)))
+
+
+def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
+    """Return a variable as float64, epochs first, or along the axes named."""
+    found = results[name]
+    order = dims or ("epoch", *(str(dim) for dim in found.dims if dim != "epoch"))
+    return found.transpose(*order).values.astype(np.float64)
+
+
+def oscillator(scenario: Mapping[str, Any]) -> TwoStateClock:
+    """Return the receiver's oscillator of a scenario; one without noise if there is no clock."""
+    table = scenario["receiver"]["clock"] or {"h0_s": 0.0, "h_minus_2_hz": 0.0}
+    return TwoStateClock(h0_s=table["h0_s"], h_minus_2_hz=table["h_minus_2_hz"])

@@ -1,0 +1,130 @@
+"""Which I/NAV pages a receiver demodulates from E1-B, and with them OSNMA and its keys.
+
+Theory of operation
+-------------------
+Half a page, 114 bits and 6 zero bits of tail, is 240 symbols in a second behind a convolutional code of rate 1/2 and
+constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B has the power of E1-C, so with the C/N0 of one of them
+
+    Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))
+
+where σφ is the phase error of the carrier loop, which moves over many symbols of a page while the interleaver spreads
+them. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`: the table is a simulation of
+the code that `tests/unit/receiver/test_osnma_reception.py` repeats. Above the table a first error event of the free
+distance 10 decides, and its logarithm goes on as it did. A page lacks a good checksum if one of its halves does:
+
+    C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
+    lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
+
+So an ideal receiver loses OSNMA within 3 dB. Fading, an old decoder or few bits cost more.
+
+A key is on air in pages 10 to 14 of every satellite's subframe, the same key [OSNMA-ICD]: one satellite is enough.
+
+Pages are numbered from the start of the week; page j, j mod 15 of its subframe, has ended 3 + 2j s after it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int16, Int64
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.inav import FIRST_PAGE_OFFSET_S, PAGE_S
+from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.streams import stream
+
+PAGES = SUBFRAME_S // PAGE_S  # of a subframe
+KEY_PAGES = range(10, 15)  # with the bits of a key of 128 bits [OSNMA-ICD]
+
+_SYMBOLS_PER_S = 250.0  # [OS-ICD, 4.1.4]
+_ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
+_HALF_LOST = np.array([0.956, 0.861, 0.716, 0.516, 0.313, 0.156, 0.0663, 0.0235, 0.00712, 0.00174, 3.9e-4, 9.0e-5])
+_LOG_LOST = np.log(-np.log1p(-_HALF_LOST))
+_DRAW_BLOCK = 500  # pages that share a stream of draws
+_DECI = 10  # times are counted in tenths of a second, which are exact
+
+
+def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: BetzTrackingNoise | None = None) -> Float[np.ndarray, "*n"]:
+    """Return the probability that a page is lost.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of E1-B, which is that of E1-C; NaN or −∞ loses every page.
+    tracking
+        Whose carrier loop gives the phase; None for a perfect phase.
+    """
+    cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
+    phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
+    es_n0_db = 10 * np.log10(cn0 / _SYMBOLS_PER_S) - 10 / np.log(10) * phase_loss
+    slope = (_LOG_LOST[-1] - _LOG_LOST[-2]) / (_ES_N0_DB[-1] - _ES_N0_DB[-2])
+    beyond_db = np.maximum(es_n0_db - _ES_N0_DB[-1], 0.0)
+    half = np.exp(np.interp(es_n0_db, _ES_N0_DB, _LOG_LOST) + slope * beyond_db)
+    lost = -np.expm1(-2 * half)
+    return np.where(np.isfinite(cn0_dbhz) & (es_n0_db >= _ES_N0_DB[0]), lost, 1.0)
+
+
+def page_end_s(page: Int64[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return when pages have ended, in s after the start of the week in which they are numbered."""
+    return (FIRST_PAGE_OFFSET_S + PAGE_S * (page + 1)).astype(np.float64)
+
+
+def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.ndarray, "n 15"]:
+    """Return which page each of 15 places of a subframe has had since the epoch before, −1 for none.
+
+    When epochs are 30 s apart or more, those of the last subframe that has ended.
+
+    Parameters
+    ----------
+    week_s
+        Epochs in s after the start of the week, whole tenths.
+    interval_s
+        Between them.
+    """
+    now = np.round(_DECI * week_s).astype(np.int64)[:, None]
+    place = np.arange(PAGES)
+    first_end, page_length = _DECI * (FIRST_PAGE_OFFSET_S + PAGE_S), _DECI * PAGE_S
+    if interval_s >= SUBFRAME_S:
+        ended = (now - _DECI * FIRST_PAGE_OFFSET_S) // (_DECI * SUBFRAME_S) - 1
+        return ended * PAGES + place
+    last = (now - first_end) // page_length
+    page = last - (last - place) % PAGES
+    return np.where(first_end + page_length * page > now - round(_DECI * interval_s), page, -1)
+
+
+def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 5"]:
+    """Return the pages that hold the key of a RECS that is sent at each epoch; parameters as elsewhere."""
+    subframe = np.round(_DECI * week_s).astype(np.int64) // (_DECI * SUBFRAME_S) + key_delay
+    return subframe[:, None] * PAGES + np.array(KEY_PAGES)
+
+
+def demodulated(
+    page: Int64[np.ndarray, "n k"], loss: Float[np.ndarray, "n k"], *, seed: int, svid: int
+) -> Bool[np.ndarray, "n k"]:
+    """Return which pages of a satellite are received; the same page has the same draw, whoever asks.
+
+    Parameters
+    ----------
+    page
+        Numbers; a negative one is no page, and not received.
+    loss
+        Probability that each is lost.
+    seed, svid
+        Whose random numbers.
+    """
+    found = np.zeros(page.shape, bool)
+    block = page // _DRAW_BLOCK
+    for one in np.unique(block[page >= 0]).tolist():
+        here = block == one
+        drawn = stream(seed, "I/NAV pages", one, svid).random(_DRAW_BLOCK)
+        found[here] = drawn[page[here] % _DRAW_BLOCK] >= loss[here]
+    return found & (page >= 0)
+
+
+def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
+    """Return the places of a subframe as bits, the first page as bit 0."""
+    return (places @ (1 << np.arange(PAGES))).astype(np.int16)
+
+
+def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
+    """Return the places of a subframe from their bits."""
+    return (mask[..., None].astype(np.int64) >> np.arange(PAGES) & 1).astype(bool)

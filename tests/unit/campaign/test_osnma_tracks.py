@@ -1,0 +1,109 @@
+"""OSNMA and inertial checks over a sky: silent without an attack, and each sees what it is for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from tests.sky_builder import CLEAN, columns_of, sky_scenario
+
+from vestige.campaign.monitoring import Track, tracks
+from vestige.campaign.run import run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import binomial_test
+from vestige.receiver.osnma_reception import of_mask
+from vestige.records import Status
+
+AVAILABILITY, RECEPTION, INERTIAL = "OSNMA availability", "OSNMA reception", "inertial range rate"
+CIRCLE = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=800, speed_mps=30}'
+
+
+def jamming(j_over_n_db: float, start_s: float = 100.0) -> str:
+    return f'attack=[{{kind="jamming", bands=["E1"], start_s={start_s}, j_over_n_db={j_over_n_db}}}]'
+
+
+def tracks_of(folder: Path, *settings: str) -> tuple[xarray.Dataset, dict[str, Track]]:
+    results = run(ScenarioPlan(scenario=sky_scenario(*CLEAN, *settings)), folder / "sky")
+    return results, {one.name: one for one in tracks(results)}
+
+
+def test_a_calm_sky_has_all_pages_and_keys(tmp_path: Path) -> None:
+    results, found = tracks_of(tmp_path, "epochs=301")
+    assert results["osnma_key"].values.all()
+    due, pages = results["osnma_due"].values, results["osnma_pages"].values
+    assert np.array_equal(pages, np.broadcast_to(due[:, None], pages.shape))
+    assert np.count_nonzero(of_mask(due)) == 150
+    made = np.flatnonzero(found[RECEPTION].run)
+    assert made.tolist() == [31 + 30 * k for k in range(9)]  # 16:00:00 begins a subframe
+    assert np.flatnonzero(found[AVAILABILITY].run).tolist() == made[2:].tolist()  # two alone would prove nothing
+    for name in (AVAILABILITY, RECEPTION, INERTIAL):
+        assert not found[name].failed.any(), name
+
+
+def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:
+    """From 45 dBHz at the zenith 18 dB take the satellites to 19 to 26 dBHz: the high ones still bring the keys."""
+    results, found = tracks_of(tmp_path, "epochs=700", jamming(18.0))
+    assert results["osnma_key"].values.all()
+    assert not found[AVAILABILITY].failed.any()
+    after = found[RECEPTION].run & (np.arange(700) > 140)
+    assert found[RECEPTION].failed[after].all()
+    assert not found[RECEPTION].failed[:100].any()
+
+
+def test_denial_takes_the_keys_and_so_the_authentication(tmp_path: Path) -> None:
+    denial = 'attack=[{kind="osnma-denial", start_s=300, j_over_n_db=10.0}]'
+    results, found = tracks_of(tmp_path, "epochs=700", denial)
+    recs = results["recs"].values
+    late = np.arange(700) >= 300
+    assert not results["osnma_key"].values[late].any()
+    assert np.all(results["status"].values[recs & late] == list(Status).index(Status.NOT_AVAILABLE))
+    assert found[RECEPTION].failed[331]
+    assert found[AVAILABILITY].failed[300:].any()
+    assert found[AVAILABILITY].statistic[691] == 10.0
+
+
+@pytest.mark.parametrize("interval_s", [0.5, 7.0, 30.0, 90.0])
+def test_pages_of_any_interval_make_subframes(interval_s: float, tmp_path: Path) -> None:
+    _, found = tracks_of(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
+    assert found[RECEPTION].run.any()
+    assert np.nanmax(found[RECEPTION].statistic) == 0.0
+
+
+def test_keys_are_lost_with_the_probability_of_their_pages() -> None:
+    """One satellite of 23 dBHz: five pages of its key, each with the loss of that C/N0."""
+    from vestige.receiver.osnma_reception import page_loss
+    from vestige.receiver.tracking_noise import BetzTrackingNoise
+
+    settings = ("constellation.svids=[7]", "constellation.cn0_fall_db=0.0", "receiver.cn0_e1_dbhz=23.0")
+    found = columns_of(sky_scenario(*CLEAN, *settings, "epochs=1500", "interval_s=30.0", "recs.every=1"))
+    keys = found["osnma_key"][np.isfinite(found["elevation_deg"][:, 0])]
+    whole = (1 - float(page_loss(np.array([23.0]), BetzTrackingNoise())[0])) ** 5
+    assert keys.size > 300
+    assert binomial_test(int(keys.sum()), keys.size, whole) > 1e-4
+
+
+def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: Path) -> None:
+    moving = ("epochs=1201", "recs.every=10", CIRCLE)
+    results, found = tracks_of(tmp_path, *moving)
+    track = found[INERTIAL]
+    assert track.run.any(axis=1).sum() == 120
+    assert not track.failed.any()
+    scatter = track.statistic[track.run] / track.threshold[track.run] * 4.417  # K of 1e-5
+    assert 0.5 < np.std(scatter) < 1.5
+    rate = results["e1_range_rate_mps"].values[::10]
+    assert np.max(np.abs(np.diff(rate, axis=0))) > 10.0  # which without them would be alarms
+
+
+def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors(tmp_path: Path) -> None:
+    pull = (
+        'attack=[{kind="position-push", svids=[7], start_s=100, power_db=6, '
+        'delay_m={kind="ramp", first=0, last=900, start_s=205, stop_s=295}}]'
+    )
+    _, found = tracks_of(tmp_path / "with", "epochs=301", "recs.every=10", pull)
+    failed = found[INERTIAL].failed
+    assert failed[[210], 1].all()
+    assert not np.delete(failed, 1, axis=1).any()
+    _, blind = tracks_of(tmp_path / "without", "epochs=301", "recs.every=10", pull, "receiver.accelerometers=none")
+    assert not blind[INERTIAL].run.any()
