@@ -35,6 +35,7 @@ from vestige.navigation.position_fix import (
 )
 from vestige.navigation.raim import redundancy
 from vestige.receiver.e1_loop import LOCK_DBHZ
+from vestige.receiver.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
 from vestige.receiver.elevation import obliquity
 from vestige.receiver.simulation import Simulation
@@ -195,9 +196,16 @@ def _e1_columns(
             for simulation, one in zip(simulations, truth, strict=True)
         ]
     )
-    rise_db = power_rise_db(truth, np.where(view, cn0_dbhz, np.nan))
+    seen_dbhz = np.where(view, cn0_dbhz, np.nan)
+    sampled = scenario.fidelity == "samples"
+    if sampled:
+        svids = tuple(simulation.svid for simulation in simulations)
+        rise_db = read_db = sampled_power_rise_db(truth, seen_dbhz, svids, seed=scenario.seed, first=first)
+    else:
+        rise_db = power_rise_db(truth, seen_dbhz)
+        read_db = rise_db + power_noise_db(scenario.seed, first, rise_db.size)
     taps = [
-        e1_taps(
+        (sampled_e1_taps if sampled else e1_taps)(
             one,
             cn0_dbhz[:, column],
             simulation.e1_multipath_m(one),
@@ -211,7 +219,7 @@ def _e1_columns(
     gained = _stacked(taps) * 10 ** (-rise_db / 20)[:, None, None]
     return {
         "e1_taps": np.where(view[..., None], gained, np.nan),
-        "e1_power_db": rise_db + power_noise_db(scenario.seed, first, rise_db.size),
+        "e1_power_db": read_db,
     }
 
 

@@ -12,16 +12,20 @@ relative to what the carrier loop follows, T the integration time and s = √(2 
 so without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator, and
 g the gain control, which holds the power of the band W,
 
-    g^{−2} = (1 + Σ r_i (1 + Σ η) + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
+    g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
+    η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-The power is read with the scatter of noise, 4.343 dB/√(W T_P). The front end itself does not drift here.
+so a counterfeit beats with the true signal while they overlap. The power is read over T_P with the scatter of noise,
+4.343 dB/√(W T_P). The front end itself does not drift here.
 
-The limit of continuous time without a front end, at both fidelities: E1 is not simulated as samples.
+This is the limit of continuous time without a front end. At the fidelity `samples` correlators and power come out of
+samples (`e1_samples`), with the same distribution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex128, Float
@@ -36,11 +40,33 @@ from vestige.streams import stream
 TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # of power–distortion, of the loop, prompt
 INTEGRATION_S = 0.1
 POWER_BANDWIDTH_HZ = 2e6  # W
-_POWER_AVERAGING_S = 0.01
+POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 _RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # rays have their Doppler on E6
 _DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
+
+
+class Arriving(NamedTuple):
+    """All signals of one satellite: relative to the line of sight, and where its loops have settled."""
+
+    amplitude: Complex128[np.ndarray, "n k"]
+    delay_m: Float[np.ndarray, "n k"]
+    doppler_hz: Float[np.ndarray, "n k"]
+    settled_m: Float[np.ndarray, " n"]
+    followed_hz: Float[np.ndarray, " n"]
+
+
+def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
+    """Return line of sight, rays and counterfeits; parameters are those of `e1_taps`."""
+    one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
+    return Arriving(
+        amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
+        delay_m=np.concatenate([0 * one, rays.delay_m, attack.delay_m], axis=1),
+        doppler_hz=np.concatenate([0 * one, rays.doppler_hz * _RAY_DOPPLER, attack.doppler_hz], axis=1),
+        settled_m=truth.e1_noise_m + multipath_m + truth.e1.error_m,
+        followed_hz=-truth.e1.rate_error_mps * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS,
+    )
 
 
 def e1_taps(
@@ -66,19 +92,14 @@ def e1_taps(
     seed, svid, first
         Whose random numbers, and the number of the first epoch.
     """
-    n, one = truth.time_s.size, np.ones((truth.time_s.size, 1))
-    settled_m = truth.e1_noise_m + multipath_m + truth.e1.error_m
-    followed_hz = -truth.e1.rate_error_mps * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-    attack, rays = truth.e1_attack, truth.rays
-    amplitude = np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1)
-    delay_m = np.concatenate([0 * one, rays.delay_m, attack.delay_m], axis=1)
-    doppler_hz = np.concatenate([0 * one, rays.doppler_hz * _RAY_DOPPLER, attack.doppler_hz], axis=1)
-    turns = (doppler_hz - followed_hz[:, None]) * INTEGRATION_S
-    strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
-    chips = (settled_m[:, None, None] - delay_m[..., None]) * _CHIPS_A_METRE + np.array(TAP_CHIPS)
+    n, arrived = truth.time_s.size, arriving(truth, multipath_m, with_rays=with_rays)
+    turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
+    strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
+    apart_m = arrived.settled_m[:, None, None] - arrived.delay_m[..., None]
+    chips = apart_m * _CHIPS_A_METRE + np.array(TAP_CHIPS)
     shape = autocorrelation(BOC11, chips.ravel()).reshape(chips.shape)
     signals = np.einsum("nr,nrt->nt", strength, shape)
-    noise = _noise(seed, svid, first, n) * np.sqrt(1 + attack.rise(Band.E1))[:, None]
+    noise = _noise(seed, svid, first, n) * np.sqrt(1 + truth.e1_attack.rise(Band.E1))[:, None]
     return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals + noise
 
 
@@ -93,17 +114,31 @@ def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"
         C/N0 of the true signals; NaN out of view.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
-    eta = np.stack([np.sum(10 ** (one.e1_attack.power_db / 10), axis=1) for one in truth], axis=1)
+    heard = np.stack([_power(one) for one in truth], axis=1)
     added = truth[0].e1_attack.white.copy()
     for jamming in truth[0].e1_attack.jammers:
         added += jamming.j_over_n * jamming.noise_bandwidth_hz / POWER_BANDWIDTH_HZ
-    quiet = 1 + share.sum(axis=1)
-    return 10 * np.log10((quiet + np.sum(share * eta, axis=1) + added) / quiet)
+    return 10 * np.log10((1 + np.sum(share * heard, axis=1) + added) / (1 + share.sum(axis=1)))
+
+
+def _power(truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return the power of true signal and counterfeits over that of the true one, beating while they overlap."""
+    one, attack = np.ones((truth.time_s.size, 1)), truth.e1_attack
+    amplitude = np.concatenate([one + 0j, attack.amplitude], axis=1)
+    delay_m = np.concatenate([0 * one, attack.delay_m], axis=1)
+    doppler_hz = np.concatenate([0 * one, attack.doppler_hz], axis=1)
+    apart_chips, turns = (
+        (values[:, :, None] - values[:, None, :]) * unit
+        for values, unit in ((delay_m, _CHIPS_A_METRE), (doppler_hz, POWER_AVERAGING_S))
+    )
+    overlap = autocorrelation(BOC11, apart_chips.ravel()).reshape(apart_chips.shape)
+    beat = overlap * np.exp(1j * np.pi * turns) * np.sinc(turns)
+    return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 
 def power_noise_db(seed: int, first: int, n: int) -> Float[np.ndarray, " n"]:
     """Return the scatter of the power reading of n epochs in dB."""
-    sigma_db = _DB_PER_NEPER / np.sqrt(POWER_BANDWIDTH_HZ * _POWER_AVERAGING_S)
+    sigma_db = _DB_PER_NEPER / np.sqrt(POWER_BANDWIDTH_HZ * POWER_AVERAGING_S)
     blocks, mine = _blocks(first, n)
     drawn = [stream(seed, "E1 power", block).standard_normal(_DRAW_BLOCK) for block in blocks]
     return sigma_db * np.concatenate(drawn)[mine]

@@ -41,7 +41,7 @@ def test_a_counterfeit_is_there_and_the_gain_holds_the_power() -> None:
     attack = 'attack=[{kind="time-push", delay_m=0, power_db=10, phase={kind="locked"}, bands=["E1"]}]'
     found = columns_of(sky_scenario(*CLEAN, "receiver.e1_tracking=none", "epochs=200", attack))
     signals = np.sum(10 ** ((45 - 9 * (1 - np.sin(np.radians(found["elevation_deg"])))) / 10), axis=1) / 2e6
-    rise_db = 10 * np.log10((1 + 11 * signals) / (1 + signals))
+    rise_db = 10 * np.log10((1 + (1 + 10**0.5) ** 2 * signals) / (1 + signals))  # in phase: amplitudes add
     assert found["e1_power_db"] == pytest.approx(rise_db, abs=0.2)  # 5.6 sigma of the reading
     true_dbhz = 45 - 9 * (1 - np.sin(np.radians(found["elevation_deg"].astype(np.float64))))
     prompt = _means(found["e1_taps"] * 10 ** (rise_db / 20)[:, None, None], true_dbhz)[:, PROMPT]
