@@ -6,7 +6,7 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 | track | statistic | budget |
 |---|---|---|
 | E1 received power | ΔP of the band | two-sided normal |
-| C/N0 | of the prompt correlator, against that of the elevation | two-sided normal |
+| C/N0 | of the prompt correlator, against that of the elevation | two-sided non-central χ² |
 | power-distortion | class in the decision map | a bound, 0.6 % |
 | wrong-code floor | against the median of a satellite's first RECS | two-sided normal |
 | E1-E6 range | range offset | κσ of the error budget |
@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import erfc
+from scipy.special import chndtrix, erfc
 
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
@@ -33,12 +33,13 @@ from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
 from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
 from vestige.acas_processor.monitors.judgement import two_sided_factor
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
-from vestige.acas_processor.monitors.received_power import DB_PER_NEPER, ReceivedPowerMonitor
+from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.sky_columns import SKY_COLUMNS
 from vestige.campaign.track import Track, oscillator, values
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.position_fix import UNKNOWNS
 from vestige.navigation.raim import chi_square_threshold
@@ -56,6 +57,7 @@ __all__ = ["P_FA", "Track", "tracks"]
 P_FA = 1e-5
 _EARLY, _PROMPT, _LATE = TAP_CHIPS.index(-0.15), TAP_CHIPS.index(0.0), TAP_CHIPS.index(0.15)
 _CALIBRATION = 20  # RECS whose median is the usual floor of a satellite
+_LEAST, _GRID_DB = 1e-3, 0.1
 _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
 
 
@@ -85,10 +87,10 @@ def tracks(
     return (
         _received_power(results, p_fa),
         *_of_taps(results, scenario, p_fa, cn0_model_sigma_db),
-        _floor(results, p_fa),
+        _floor(results, scenario, p_fa),
         _range(results, scenario),
         *_clock(results, scenario, p_fa),
-        *_consistency(results, p_fa),
+        *_consistency(results, scenario, p_fa),
         *osnma_tracks(results, GalileoTime.parse(scenario["start"]).second + values(results, "time_s"), p_fa),
         inertial_track(results, scenario, p_fa),
     )
@@ -111,17 +113,16 @@ def _of_taps(
 ) -> tuple[Track, Track]:
     """Return C/N0 and power–distortion of each satellite."""
     elevation = np.radians(values(results, "elevation_deg"))
-    fall_db = scenario["constellation"]["cn0_fall_db"]
-    expected_dbhz = scenario["receiver"]["cn0_e1_dbhz"] - fall_db * (1 - np.sin(elevation))
+    expected_dbhz = scenario["receiver"]["cn0_e1_dbhz"] - _fall_db(results, scenario)
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
-    squared = 2 * 10 ** (expected_dbhz / 10) * INTEGRATION_S  # s²; |ξ|² has mean s² + 2 and variance 4 s² + 4
-    measured = np.maximum(np.abs(taps[..., _PROMPT]) ** 2 - 2, 1e-3)
+    change_db, limit_db = _cn0(np.abs(taps[..., _PROMPT]), expected_dbhz, p_fa)
     cn0 = Track(
         name="C/N0",
         unit="dB",
         p_fa=p_fa,
-        statistic=10 * np.log10(measured / squared),
-        threshold=two_sided_factor(p_fa) * np.hypot(DB_PER_NEPER * np.sqrt(4 * squared + 4) / squared, model_sigma_db),
+        statistic=change_db,
+        threshold=np.hypot(limit_db, two_sided_factor(p_fa) * model_sigma_db),
+        exact=model_sigma_db == 0,
     )
     monitor = PowerDistortionMonitor(
         hypotheses=replace(
@@ -152,19 +153,40 @@ def _of_taps(
     return cn0, classes
 
 
-def _floor(results: xarray.Dataset, p_fa: float) -> Track:
+def _cn0(
+    magnitude: Float[np.ndarray, "n m"], expected_dbhz: Float[np.ndarray, "n m"], p_fa: float
+) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+    """Return the C/N0 of prompt correlators over the expected one in dB, and how far it may be on its side.
+
+    |ξ|² is non-central χ² with two degrees of freedom and λ = s² = 2 C/N0 T, so its logarithm is skewed.
+    """
+    squared = 2 * 10 ** (expected_dbhz / 10) * INTEGRATION_S
+    measured = np.maximum(magnitude**2 - 2, _LEAST)  # |ξ|² has mean s² + 2
+    change_db = 10 * np.log10(measured / squared)
+    low, high = np.nanmin(expected_dbhz), np.nanmax(expected_dbhz)
+    grid_dbhz = np.linspace(low, high, max(2, round((high - low) / _GRID_DB)))
+    lam = 2 * 10 ** (grid_dbhz / 10) * INTEGRATION_S
+    ends = [10 * np.log10(np.maximum(chndtrix(p, 2, lam) - 2, _LEAST) / lam) for p in (p_fa / 2, 1 - p_fa / 2)]
+    below, above = (np.interp(expected_dbhz, grid_dbhz, end) for end in ends)
+    return change_db, np.where(change_db < 0, -below, above)
+
+
+def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> Track:
+    """Return the floor against its median in a satellite's first RECS, less what the signal has in it by itself."""
     power = values(results, "noise_power", "epoch", "satellite")
     gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
     n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
     monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=0.0, p_fa=p_fa)
     floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
+    floor_db = floor_db - 10 * np.log10(1 + _own_share(results, scenario))
     usual_db = [_usual(column) for column in floor_db.T]
+    growth = np.sqrt(1 + np.pi / 2 / _CALIBRATION)  # a median of n has π/2n of the variance of one
     return Track(
         name=monitor.name,
         unit=monitor.unit,
         p_fa=p_fa,
         statistic=floor_db - np.array(usual_db),
-        threshold=np.full(floor_db.shape, monitor.threshold_db * np.sqrt(1 + np.pi / 2 / _CALIBRATION)),
+        threshold=np.full(floor_db.shape, monitor.threshold_db * growth),
     )
 
 
@@ -172,6 +194,21 @@ def _usual(floor_db: Float[np.ndarray, " n"]) -> float:
     """Return the median of the first RECS of a satellite; NaN without any."""
     known = floor_db[np.isfinite(floor_db)][:_CALIBRATION]
     return float(np.median(known)) if known.size else float("nan")
+
+
+def _own_share(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:
+    """Return what the signal itself adds to the floor of wrong codes, Ec/N0 where it meets two chips of the replica."""
+    zenith_dbhz = scenario["receiver"]["cn0_dbhz"] if scenario["receiver"]["signal"] else -np.inf
+    expected_dbhz = zenith_dbhz - _fall_db(results, scenario)
+    offset_m = values(results.sel(detector=scenario["processor"]["detector"]), "range_offset_m", "epoch", "satellite")
+    between = np.nan_to_num(offset_m) * E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS % 1.0
+    return 10 ** (expected_dbhz / 10) / E6C.chip_rate_hz * ((1 - between) ** 2 + between**2)
+
+
+def _fall_db(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:
+    """Return by how much the C/N0 is below that at the zenith, which the receiver knows of its antenna."""
+    elevation = np.radians(values(results, "elevation_deg", "epoch", "satellite"))
+    return scenario["constellation"]["cn0_fall_db"] * (1 - np.sin(elevation))
 
 
 def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
@@ -218,6 +255,7 @@ def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) ->
             p_fa=p_fa / 3,
             statistic=statistic,
             threshold=np.hypot(of_oscillator, monitor.factor * np.sqrt(of_fix)),
+            exact=_normal_errors(scenario),
         )
         for name, unit, statistic, of_oscillator, of_fix in parts
     )
@@ -235,7 +273,12 @@ def _slope_variance(
     return found
 
 
-def _consistency(results: xarray.Dataset, p_fa: float) -> tuple[Track, Track]:
+def _normal_errors(scenario: Mapping[str, Any]) -> bool:
+    """Return whether pseudoranges have the errors that are believed; otherwise the belief is a bound of their tails."""
+    return scenario["receiver"]["ionosphere"] is None and scenario["receiver"]["multipath"] is None
+
+
+def _consistency(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, Track]:
     fix = results.sel(fix="all")
     raim, separation = RaimMonitor(p_fa=p_fa), SolutionSeparationMonitor()
     freedom = fix["fix_satellites"].values.astype(np.int64) - UNKNOWNS
@@ -247,6 +290,7 @@ def _consistency(results: xarray.Dataset, p_fa: float) -> tuple[Track, Track]:
             p_fa=p_fa,
             statistic=values(fix, "raim_statistic"),
             threshold=chi_square_threshold(freedom, p_fa),
+            exact=_normal_errors(scenario),
         ),
         Track(
             name=separation.name,

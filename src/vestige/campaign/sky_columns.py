@@ -5,8 +5,9 @@ satellites whose E6 was authentic. The second is known when the OSNMA key is: `a
 orbits for right. E1 holds, beside noise and multipath, the ionosphere's residual e/(γ − 1) that belongs to the e of
 E6 − E1; it is common to both bands and no part of the range check.
 
-The receiver believes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² + σ_floor² of each pseudorange. The NEES,
-xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a consistent fix it is χ² with 4 degrees of freedom.
+The receiver believes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
+M and A of `receiver.elevation`. The NEES, xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a
+consistent fix it is χ² with 4 degrees of freedom.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from vestige.navigation.raim import redundancy
 from vestige.receiver.e1_loop import LOCK_DBHZ
 from vestige.receiver.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
-from vestige.receiver.elevation import obliquity
+from vestige.receiver.elevation import obliquity, ray_amplitude
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.tracking_noise import noise_growth
 from vestige.receiver.trajectory import Trajectory
@@ -171,12 +172,13 @@ def _observations(
             code_m = model.code_sigma_m(nominal_dbhz) * code
             rate_mps = model.doppler_sigma_hz(nominal_dbhz) * doppler * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
         ionosphere_m = table.ionosphere_sigma_m * obliquity(one.view.elevation_rad)
+        multipath_m = table.multipath_sigma_m * ray_amplitude(one.view.elevation_rad)
         values = {
             "azimuth_deg": np.degrees(one.view.azimuth_rad),
             "elevation_deg": np.degrees(one.view.elevation_rad),
             "e1_pseudorange_m": one.range_m + one.clock_m + _E1_OF_DIFFERENCE * one.iono_diff_m + error_m,
             "e1_range_rate_mps": one.rate_mps + one.clock_drift_mps + one.e1_rate_noise_mps + one.e1.rate_error_mps,
-            "e1_sigma_m": np.sqrt(code_m**2 + ionosphere_m**2 + table.multipath_sigma_m**2 + table.floor_sigma_m**2),
+            "e1_sigma_m": np.sqrt(code_m**2 + ionosphere_m**2 + multipath_m**2 + table.floor_sigma_m**2),
             "e1_cn0_dbhz": nominal_dbhz + gain_db,
             "e1_rate_sigma_mps": rate_mps,
         }

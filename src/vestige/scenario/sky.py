@@ -183,8 +183,10 @@ class PositionTable(Section):
     ----------
     ionosphere_sigma_m
         Residual of the ionosphere on E1 at 17.5° elevation.
-    multipath_sigma_m, floor_sigma_m
-        Of multipath, and of all else.
+    multipath_sigma_m
+        Of multipath at 16° elevation; elsewhere as strong as the rays.
+    floor_sigma_m
+        Of all else.
     p_fa
         False-alarm probability of RAIM in one epoch.
     """
