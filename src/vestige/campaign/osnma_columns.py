@@ -3,6 +3,9 @@
 A page is lost with the probability that belongs to the C/N0 that E1 tracking reports at the epoch, changed by what the
 noise of an attack is at the page's time: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
 breaks every page that is on air with it.
+
+Data count as authenticated by the key that opens the RECS. That a receiver may still have those of half an hour ago is
+left out: a satellite whose pages are lost is left out of the authenticated fix.
 """
 
 from __future__ import annotations
@@ -14,7 +17,15 @@ from jaxtyping import Bool, Float, Int64
 
 from vestige.campaign.attack_columns import e1_cn0_dbhz
 from vestige.crypto.inav import PAGE_S
-from vestige.receiver.osnma_reception import as_mask, demodulated, key_pages, page_end_s, page_loss, pages_due
+from vestige.receiver.osnma_reception import (
+    as_mask,
+    data_pages,
+    demodulated,
+    key_pages,
+    page_end_s,
+    page_loss,
+    pages_due,
+)
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -22,11 +33,17 @@ from vestige.scenario.campaign import CampaignScenario
 
 
 def osnma_columns(scenario: CampaignScenario, truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
-    """Return which pages were due since the epoch before, and which of them were received of each satellite."""
-    pages = pages_due(_week_s(scenario, truth[0].time_s), scenario.interval_s)
+    """Return which pages were due since the epoch before, which of them each satellite brought, and whose data count.
+
+    `osnma_data` says whether data and tag were received that the key of a RECS of the epoch authenticates.
+    """
+    week_s = _week_s(scenario, truth[0].time_s)
+    pages = pages_due(week_s, scenario.interval_s)
+    data = _received(scenario, truth, data_pages(week_s, scenario.recs.key_delay))
     return {
         "osnma_due": as_mask(pages >= 0),
         "osnma_pages": np.stack([as_mask(one) for one in _received(scenario, truth, pages)], axis=1),
+        "osnma_data": np.stack([one.all(axis=1) for one in data], axis=1),
     }
 
 

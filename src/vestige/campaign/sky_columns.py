@@ -1,9 +1,9 @@
 """What the results hold beside the ordinary columns under a sky: E1 observations of all satellites, position fixes.
 
 The receiver fixes its position at every epoch from all E1 pseudoranges, and at every epoch with RECS from those of the
-satellites whose E6 was authentic. The second is known when the OSNMA key is: `available_at_s`. Both take the broadcast
-orbits for right. E1 holds, beside noise and multipath, the ionosphere's residual e/(γ − 1) that belongs to the e of
-E6 − E1; it is common to both bands and no part of the range check.
+satellites whose E6 was authentic and whose navigation data OSNMA authenticates. The second is known when the OSNMA key
+is: `available_at_s`. Both take the broadcast orbits for right. E1 holds, beside noise and multipath, the ionosphere's
+residual e/(γ − 1) that belongs to the e of E6 − E1; it is common to both bands and no part of the range check.
 
 The receiver believes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
 M and A of `receiver.elevation`. The NEES, xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a
@@ -69,6 +69,7 @@ SKY_COLUMNS = {
         ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
         ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
         ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
+        ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
         ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
         ("gained_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
         ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
@@ -128,9 +129,10 @@ def sky_columns(
     sent = _transmission(scenario, ephemerides, time_s, seen["e1_pseudorange_m"])
     place_m = trajectory.motion(time_s - ahead_s).position_m
     drift_mps = truth[0].clock_drift_mps
+    osnma = osnma_columns(scenario, truth)
     fixes = [
         _fix_columns(scenario, sent, seen, used, place_m=place_m, clock_m=clock_m, drift_mps=drift_mps)
-        for used in (tracked, tracked & authentic & recs[:, None])
+        for used in (tracked, tracked & authentic & osnma["osnma_data"] & recs[:, None])
     ]
     columns = {name: np.stack([one[name] for one in fixes]) for name in fixes[0]}
     known_s = np.where(columns["fix_satellites"][1] > 0, _key_times(simulations[0], scenario, first, recs), np.nan)
@@ -138,7 +140,7 @@ def sky_columns(
         "recs": recs,
         **seen,
         **_e1_columns(scenario, first, truth, view),
-        **osnma_columns(scenario, truth),
+        **osnma,
         **columns,
         "e1_standing_rate_mps": columns["e1_standing_rate_mps"][0],
         "gained_mps": _gained_mps(scenario, trajectory, time_s, first),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from vestige.plots.animation import write_animation
 from vestige.plots.attack_comparison import attack_comparison
+from vestige.plots.check_curves import check_curves
 from vestige.plots.detecting_correlator import detecting_correlator
 from vestige.plots.detection_curve import detection_curve
 from vestige.plots.epochs import between, is_attacked
@@ -23,6 +24,7 @@ __all__ = [
     "SearchTrace",
     "attack_comparison",
     "between",
+    "check_curves",
     "code_phases",
     "detecting_correlator",
     "detection_curve",

@@ -51,6 +51,13 @@ def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projec
     return figure.add_subplot(projection=projection)
 
 
+def new_panels(n: int, *, width_cm: float = WIDTH_CM, height_cm: float = 3.0) -> list[Axes]:
+    """Return the axes of n panels above each other with one abscissa, each `height_cm` high."""
+    figure = Figure(figsize=(width_cm / CM_PER_INCH, n * height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
+    panels: list[Axes] = list(figure.subplots(n, sharex=True))
+    return panels
+
+
 def figure_of(ax: Axes) -> Figure:
     """Return the figure that the axes are part of, however deep."""
     figure: Figure | SubFigure | None = ax.figure

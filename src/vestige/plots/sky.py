@@ -14,19 +14,19 @@ from vestige.errors import VestigeError
 from vestige.plots.figure import (
     BLACK,
     BLUE,
-    GREEN,
     GREY,
     LETTERS_PT,
-    ORANGE,
     RED,
     SMALL_LETTERS_PT,
+    dot_size_pt,
     dress,
     legend,
     new_axes,
+    new_panels,
     time_label,
 )
 
-_AXES = (("east", BLUE), ("north", ORANGE), ("up", GREEN))
+_AXES, _DOTS = ("east", "north", "up"), "authenticated"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,26 +76,30 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def position_error(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
-    """Return the axes of the position's error against time: lines of all satellites, dots of the authenticated fix.
+def position_error(results: xarray.Dataset) -> Axes:
+    """Return the lowest axes of the fix's error against time: east, north, up and clock, each with a panel.
+
+    Lines are the fixes of all satellites, dots the authenticated ones.
 
     Raises
     ------
     VestigeError
         If the results are not those of a sky.
     """
-    _check(results, "fix_error_m", "time_s")
-    ax = new_axes() if ax is None else ax
+    _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
+    panels = new_panels(len(_AXES) + 1)
     time_s = results["time_s"].values
-    for name, colour in _AXES:
-        along = results["fix_error_m"].sel(local_axis=name)
-        ax.plot(time_s, along.sel(fix="all").values, color=colour, linewidth=0.6, label=name)
-        ax.plot(time_s, along.sel(fix="authenticated").values, ".", color=colour, markersize=3, markeredgewidth=0)
-    ax.plot([], [], ".", color=GREY, markersize=3, label="authenticated")
-    ax.axhline(0, color=BLACK, linewidth=0.4)
-    dress(ax, title="position error", x=time_label(ax.xaxis, time_s), y="error (m)")
-    legend(ax, columns=4)
-    return ax
+    errors = {name: results["fix_error_m"].sel(local_axis=name) for name in _AXES}
+    for ax, (name, error) in zip(panels, (errors | {"clock": results["fix_clock_error_m"]}).items(), strict=True):
+        ax.plot(time_s, error.sel(fix="all").values, color=GREY, linewidth=0.5, label="all satellites")
+        known = error.sel(fix="authenticated").values
+        ax.plot(time_s, known, "o", color=BLUE, markersize=dot_size_pt(time_s.size), markeredgewidth=0, label=_DOTS)
+        ax.axhline(0, color=BLACK, linewidth=0.4)
+        dress(ax, title="", x="", y=f"{name} (m)")
+    dress(panels[0], title="error of the position fix", x="", y=f"{_AXES[0]} (m)")
+    legend(panels[0], columns=2)
+    panels[-1].set_xlabel(time_label(panels[-1].xaxis, time_s), fontsize=LETTERS_PT, labelpad=2)
+    return panels[-1]
 
 
 def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLine], ax: Axes | None = None) -> Axes:

@@ -34,6 +34,7 @@ from vestige.streams import stream
 
 PAGES = SUBFRAME_S // PAGE_S  # of a subframe
 KEY_PAGES = range(10, 15)  # with the bits of a key of 128 bits [OSNMA-ICD]
+TAG_PAGES = range(2)  # with the tag of a satellite's own data, 40 bits at the start of MACK [OSNMA-ICD]
 
 _SYMBOLS_PER_S = 250.0  # [OS-ICD, 4.1.4]
 _ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
@@ -95,6 +96,15 @@ def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarr
     """Return the pages that hold the key of a RECS that is sent at each epoch; parameters as elsewhere."""
     subframe = np.round(_DECI * week_s).astype(np.int64) // (_DECI * SUBFRAME_S) + key_delay
     return subframe[:, None] * PAGES + np.array(KEY_PAGES)
+
+
+def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
+    """Return the pages with what the key of a RECS authenticates: words, and the tag over them a subframe later.
+
+    The key of subframe k belongs to the tags of subframe k − 1, which are over the data of k − 2 [OSNMA-ICD].
+    """
+    of_key = key_pages(week_s, key_delay)[:, :1] // PAGES
+    return np.concatenate([(of_key - 2) * PAGES + np.arange(PAGES), (of_key - 1) * PAGES + np.array(TAG_PAGES)], axis=1)
 
 
 def demodulated(

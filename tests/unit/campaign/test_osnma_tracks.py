@@ -64,6 +64,31 @@ def test_denial_takes_the_keys_and_so_the_authentication(tmp_path: Path) -> None
     assert found[AVAILABILITY].statistic[691] == 10.0
 
 
+def test_a_fix_whose_data_are_not_authenticated_is_not_called_so(tmp_path: Path) -> None:
+    """The jammer takes pages of low satellites, whose ranges are still authentic on E6."""
+    results, _ = tracks_of(tmp_path, "epochs=700", jamming(17.0))
+    rows = results["recs"].values & (np.arange(700) >= 180)
+    authentic = results["status"].values == list(Status).index(Status.AUTHENTIC)
+    used = results["fix_satellites"].sel(fix="authenticated").values
+    with_data = authentic & results["osnma_data"].values
+    assert np.array_equal(used[rows], with_data[rows].sum(axis=1) * (with_data[rows].sum(axis=1) >= 4))
+    assert np.all(authentic[rows].sum(axis=1) == 8)
+    assert np.all(used[rows] < 8)
+    before = results["recs"].values & (np.arange(700) < 30)
+    assert np.all(used[before] == 8)
+
+
+@pytest.mark.parametrize("key_delay", [0, 1])
+def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int, tmp_path: Path) -> None:
+    """Keys end 31 s after the start of their subframe; a RECS of KDI 0 must come before its key goes on air at 22 s."""
+    results, _ = tracks_of(tmp_path, "epochs=130", "recs.every=7", f"recs.key_delay={key_delay}")
+    time_s = results["time_s"].values
+    known_s = results["available_at_s"].sel(fix="authenticated").values
+    due = results["recs"].values & ((time_s % 30 < 20) | (key_delay == 1))
+    assert np.array_equal(np.isfinite(known_s), due)
+    assert known_s[due] == pytest.approx(30 * (time_s[due] // 30 + key_delay) + 31)
+
+
 @pytest.mark.parametrize("interval_s", [0.5, 7.0, 30.0, 90.0])
 def test_pages_of_any_interval_make_subframes(interval_s: float, tmp_path: Path) -> None:
     _, found = tracks_of(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")

@@ -11,6 +11,7 @@ from tests.sky_builder import sky_scenario
 from vestige import plots
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import proportion
 from vestige.cli.plot import command
 from vestige.errors import VestigeError
 
@@ -42,6 +43,34 @@ def test_satellites_stand_where_they_are() -> None:
     assert path.get_xydata() == pytest.approx(np.array([[np.pi / 2, 60.0], [np.pi, 30.0]]))
     assert dot.get_xydata() == pytest.approx(np.array([[np.pi, 30.0]]))
     assert [text.get_text() for text in ax.texts] == ["E07"]
+
+
+def test_each_axis_of_the_error_has_a_panel() -> None:
+    error = np.arange(12.0).reshape(2, 2, 3)
+    results = xarray.Dataset(
+        {
+            "time_s": ("epoch", np.array([0.0, 30.0])),
+            "fix_error_m": (("fix", "epoch", "local_axis"), error),
+            "fix_clock_error_m": (("fix", "epoch"), np.array([[20.0, 21.0], [22.0, 23.0]])),
+        },
+        coords={"fix": ["all", "authenticated"], "local_axis": ["east", "north", "up"]},
+    )
+    panels = plots.position_error(results).figure.axes
+    assert [ax.get_ylabel() for ax in panels] == ["east (m)", "north (m)", "up (m)", "clock (m)"]
+    for number, ax in enumerate(panels[:3]):
+        every, authenticated = ax.lines[:2]
+        assert every.get_ydata() == pytest.approx(error[0, :, number])
+        assert authenticated.get_ydata() == pytest.approx(error[1, :, number])
+    assert panels[3].lines[1].get_ydata() == pytest.approx([22.0, 23.0])
+
+
+def test_curves_of_checks_stand_at_their_strengths() -> None:
+    seen = {"RAIM": [proportion(0, 10), proportion(10, 10)], "range": [proportion(5, 10), proportion(9, 10)]}
+    ax = plots.check_curves((1.0, 100.0), seen, title="pull", label="m", log=True)
+    assert [line.get_label() for line in ax.lines] == ["RAIM", "range"]
+    assert ax.lines[1].get_ydata() == pytest.approx([0.5, 0.9])
+    assert ax.lines[0].get_xdata() == pytest.approx([1.0, 100.0], rel=0.05)
+    assert len(ax.collections) == 2
 
 
 def test_failures_are_marked_where_they_are() -> None:

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.campaign.statistics import binomial_test
-from vestige.receiver.osnma_reception import as_mask, demodulated, key_pages, of_mask, page_end_s, page_loss, pages_due
+from vestige.receiver.osnma_reception import (
+    as_mask,
+    data_pages,
+    demodulated,
+    key_pages,
+    of_mask,
+    page_end_s,
+    page_loss,
+    pages_due,
+)
 from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.streams import stream
 
@@ -94,6 +103,12 @@ def test_the_key_is_on_air_from_the_21st_to_the_31st_second() -> None:
     for delay in (0, 1):
         pages = key_pages(np.array([36.0]), delay)
         assert page_end_s(pages).tolist() == [[30.0 * (1 + delay) + 23 + 2 * k for k in range(5)]]
+
+
+def test_a_key_authenticates_the_data_of_two_subframes_before() -> None:
+    pages = data_pages(np.array([96.0]), 1)  # RECS in the subframe of 90 s, key in that of 120 s
+    assert pages[0, :15].tolist() == list(range(30, 45))  # data from 60 s on
+    assert page_end_s(pages[0, 15:]).tolist() == [93.0, 95.0]  # tag from 90 s on
 
 
 def test_draws_belong_to_pages() -> None:
