@@ -106,6 +106,15 @@ def outcomes(
     return xarray.DataArray(values, dims=offset.dims, coords=offset.coords, name="outcome", attrs=flags)
 
 
+def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
+    """Return when a satellite is under attack: a counterfeit, or added noise, on either band."""
+    if "truth_spoofed" not in results:
+        return np.zeros((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
+    truth = results.transpose("epoch", "satellite", ...)
+    noisy = np.maximum(truth["truth_noise_rise_db"].values, truth["truth_e1_noise_rise_db"].values) > 0
+    return truth["truth_spoofed"].values | noisy
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
     """What came of an attack on one satellite.
@@ -140,8 +149,6 @@ def report(
 ) -> AttackReport | None:
     """Return what came of the attack on a satellite; None if no epoch has an attack.
 
-    The attack's epochs are those with a counterfeit or added noise on either band.
-
     Parameters
     ----------
     results
@@ -156,8 +163,7 @@ def report(
     if "truth_spoofed" not in results:
         return None
     one = results.isel(satellite=satellite)
-    noisy = np.maximum(one["truth_noise_rise_db"].values, one["truth_e1_noise_rise_db"].values) > 0
-    attacked = one["truth_spoofed"].values | noisy
+    attacked = attacked_epochs(results)[:, satellite]
     if not attacked.any():
         return None
     time_s = one["time_s"].values[attacked]
