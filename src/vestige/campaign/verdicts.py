@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray
-from jaxtyping import Bool
 
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.campaign.outcomes import ALARMS, attacked_epochs, position
+from vestige.campaign.outcomes import ALARMS, attacked_epochs, due_verdicts, position
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.threat_outcome import DAY_S
 from vestige.records import Status
@@ -74,16 +73,6 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
         false_alarms=proportion(int(np.count_nonzero(quiet & alarm)), int(np.count_nonzero(quiet))),
         recs_a_day=DAY_S / (scenario["interval_s"] * scenario["recs"]["every"]),
     )
-
-
-def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
-    """Return where a verdict is due: a RECS was sent, and by a satellite in view."""
-    due = np.ones((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
-    if "recs" in results:
-        due &= results["recs"].values[:, None]
-    if "elevation_deg" in results:
-        due &= np.isfinite(results["elevation_deg"].transpose("epoch", "satellite").values)
-    return due
 
 
 def range_limit_m(results: xarray.Dataset) -> float:

@@ -10,8 +10,8 @@ import xarray
 from jaxtyping import Bool, Float
 
 from vestige.campaign.monitoring import Track
-from vestige.campaign.outcomes import ALARMS, position
-from vestige.campaign.verdicts import due_verdicts, range_limit_m
+from vestige.campaign.outcomes import ALARMS, due_verdicts, position
+from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attack_comparison import counterfeits
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
 from vestige.records import Status

@@ -10,9 +10,9 @@ from typing import Any
 import xarray
 
 from vestige.campaign.monitoring import tracks
-from vestige.campaign.outcomes import AttackReport
+from vestige.campaign.outcomes import AttackReport, due_verdicts
 from vestige.campaign.statistics import Summary, summarise
-from vestige.campaign.verdicts import VerdictCounts, due_verdicts, range_limit_m, verdict_counts
+from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
 from vestige.errors import VestigeError
 from vestige.plots.epochs import attribute, select
 from vestige.records import Status

@@ -83,17 +83,21 @@ def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) ->
         if every["epochs"] == 1:
             text = "every epoch with a verdict"
         else:
-            first, *rest = (_every(kind, k) for kind, k in every.items())
+            first, *rest = (every_kth(kind, k) for kind, k in every.items())
             text = f"{first}; besides, {', '.join(rest)}"
         lines.setdefault(text, []).append(satellite)
     drawn = [f"{', '.join(satellites)}: {text}." for text, satellites in lines.items()]
     for fix, one in data.get("position", {}).get("fixes", {}).items():
-        drawn.append(f"position fixes, {fix}: {_every('fixes', one['every'])}.")
+        drawn.append(f"position fixes, {fix}: {every_kth('fixes', one['every'])}.")
     return drawn
 
 
-def _every(kind: str, k: int) -> str:
-    return f"all {kind}" if k == 1 else f"every {k}th of the {kind}"
+def every_kth(kind: str, k: int) -> str:
+    """Return in words that every k-th of a kind is there."""
+    if k == 1:
+        return f"all {kind}"
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(k % 10 if k % 100 not in (11, 12, 13) else 0, "th")
+    return f"every {k}{ending} of the {kind}"
 
 
 def _code(text: str, label: str) -> Html:

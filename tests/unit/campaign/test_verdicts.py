@@ -8,8 +8,9 @@ import pytest
 import xarray
 
 from report_builder import LIFT_OFF, SKY, made
+from vestige.campaign.outcomes import Outcome, due_verdicts, report
 from vestige.campaign.store import open_results
-from vestige.campaign.verdicts import due_verdicts, range_limit_m, results_digest, verdict_counts
+from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
 
 
@@ -57,6 +58,19 @@ def test_a_verdict_is_due_where_a_recs_was_sent_by_a_satellite_in_view(sky: xarr
     assert set(np.flatnonzero(due[:, 0])) == set(range(0, 240, 10))
     assert verdict_counts(sky).due == 24 * 5
     assert verdict_counts(sky).recs_a_day == 8640
+
+
+def test_epochs_without_recs_are_no_part_of_an_attack(tmp_path: Path) -> None:
+    """One epoch in ten has RECS, and in each of them something is found."""
+    attack = 'attack=[{kind="lift-off", start_s=60, svids=[6], delay_m=90.0, power_db=6.0, bands=["E6"]}]'
+    results = open_results(made(tmp_path / "a", "sky", *SKY, attack)).load()
+    found = report(results, satellite=0)
+    assert found is not None
+    assert found.shares[Outcome.NONE] == 0
+    assert sum(found.shares.values()) == pytest.approx(1)
+    down = results.copy(deep=True)
+    down["elevation_deg"].values[60:, 0] = np.nan
+    assert report(down, satellite=0) is None
 
 
 def test_the_limit_of_the_range_check(lift_off: xarray.Dataset) -> None:
