@@ -15,7 +15,8 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.campaign.outcomes import ALARMS, attacked_epochs, due_verdicts, position
+from vestige.acas_processor.mitigation import ALARMS
+from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.threat_outcome import DAY_S
 from vestige.records import Status

@@ -9,8 +9,9 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float
 
+from vestige.acas_processor.mitigation import ALARMS, GRAVITY
 from vestige.campaign.monitoring import Track
-from vestige.campaign.outcomes import ALARMS, due_verdicts, position
+from vestige.campaign.outcomes import due_verdicts, position
 from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attack_comparison import counterfeits
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
@@ -53,6 +54,7 @@ def run_drawings(
         "span_s": [float(time_s[0]), float(time_s[-1]) + tables["interval_s"]],
         "statuses": [status.value for status in Status],
         "alarms": [position(status) for status in ALARMS],
+        "gravity": [position(status) for status in GRAVITY],
         "detectors": detectors,
         "offsets_m": results["tap_offset_m"].values.tolist(),
         "threshold_sigma": results.attrs["threshold_sigma"],

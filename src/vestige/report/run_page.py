@@ -194,9 +194,9 @@ def _status_key(counts: VerdictCounts) -> Html:
 
 
 _MEANINGS = {
-    Status.AUTHENTIC: "every check of the level passed",
-    Status.SUSPECT: "a check that is no proof failed",
-    Status.SPOOFED: "E6 is not where E1 says",
+    Status.AUTHENTIC: "no check of the level failed, and E6 is where E1 says",
+    Status.SUSPECT: "another check of the level failed",
+    Status.SPOOFED: "E6 is not where E1 says, or a satellite was found twice",
     Status.NOT_DETECTED: "no encrypted signal where E1 predicts it: an alarm",
     Status.NOT_AVAILABLE: "nothing can be said: no RECS or key, or too weak a signal",
 }

@@ -1,8 +1,5 @@
 // Lanes against time: verdicts, and how near each check came to its threshold.
 
-// The statuses from the gravest on, by their place.
-const GRAVITY = ['spoofed', 'suspect', 'not detected', 'authentic', 'not available'].map((name) => DATA.statuses?.indexOf(name));
-
 function laneFrame(context, width, height, lanes, tall) {
   const x = timeAxis();
   const toX = (value) => ((value - x.low) / (x.high - x.low || 1)) * (width - 2) + 1;
@@ -39,7 +36,7 @@ function drawTimeline(canvas) {
     lanes.forEach((lane, row) => {
       const base = (row + 1) * tall - 3;
       for (let i = 0; i < lane.of.bits.length; i += 1) {
-        const places = single ? [lane.place] : GRAVITY.slice().reverse();
+        const places = single ? [lane.place] : DATA.gravity;
         for (const place of places) {
           if (!(lane.of.bits[i] & (1 << place))) continue;
           const alarm = DATA.alarms.includes(place);

@@ -80,6 +80,9 @@ def test_thresholds_and_misses(results: dict[str, xarray.Dataset], pages: dict[s
     assert rows["E6 power"][0] == "5.678 σ"  # sqrt(-2 ln 1e-7)
     assert rows["E6 power"][2] == f"{misses} without a detection"
     assert rows["E1–E6 range"][0] == "±26.55 m"  # 3 times 8.85 m of the uncorrected budget
+    beyond = np.count_nonzero(np.abs(results["liftoff"]["range_offset_m"].sel(detector="early").values) > 26.55)
+    assert beyond > 0
+    assert rows_of(pages["liftoff"], "Checks of the verdict")["E1–E6 range"][2] == f"{beyond} beyond it"
 
 
 def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> None:
