@@ -106,6 +106,25 @@ def outcomes(
     return xarray.DataArray(values, dims=offset.dims, coords=offset.coords, name="outcome", attrs=flags)
 
 
+def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
+    """Return when a satellite is under attack: a counterfeit, or added noise, on either band."""
+    if "truth_spoofed" not in results:
+        return np.zeros((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
+    truth = results.transpose("epoch", "satellite", ...)
+    noisy = np.maximum(truth["truth_noise_rise_db"].values, truth["truth_e1_noise_rise_db"].values) > 0
+    return truth["truth_spoofed"].values | noisy
+
+
+def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
+    """Return where a verdict is due: a RECS was sent, and by a satellite in view."""
+    due = np.ones((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
+    if "recs" in results:
+        due &= results["recs"].values[:, None]
+    if "elevation_deg" in results:
+        due &= np.isfinite(results["elevation_deg"].transpose("epoch", "satellite").values)
+    return due
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
     """What came of an attack on one satellite.
@@ -115,7 +134,7 @@ class AttackReport:
     detector
         Whose outcomes these are; the status is that of the detector which the scenario chose.
     shares
-        Share of each outcome in the epochs of the attack.
+        Share of each outcome in the epochs of the attack in which a verdict was due.
     time_to_detect_s
         From the attack's first epoch to the first alarm in it; NaN if there is none.
     time_to_mitigate_s
@@ -138,9 +157,7 @@ class AttackReport:
 def report(
     results: xarray.Dataset, detector: str = "early", *, satellite: int = 0, share: float = SHARE
 ) -> AttackReport | None:
-    """Return what came of the attack on a satellite; None if no epoch has an attack.
-
-    The attack's epochs are those with a counterfeit or added noise on either band.
+    """Return what came of the attack on a satellite; None if no verdict was due under attack.
 
     Parameters
     ----------
@@ -156,9 +173,9 @@ def report(
     if "truth_spoofed" not in results:
         return None
     one = results.isel(satellite=satellite)
-    noisy = np.maximum(one["truth_noise_rise_db"].values, one["truth_e1_noise_rise_db"].values) > 0
-    attacked = one["truth_spoofed"].values | noisy
-    if not attacked.any():
+    attacked = attacked_epochs(results)[:, satellite]
+    due = due_verdicts(results)[attacked, satellite]
+    if not due.any():
         return None
     time_s = one["time_s"].values[attacked]
     outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
@@ -167,7 +184,7 @@ def report(
     accepted = status == position(Status.AUTHENTIC)
     return AttackReport(
         detector=detector,
-        shares={kind: float(np.mean(outcome == kind)) for kind in Outcome},
+        shares={kind: float(np.mean(outcome[due] == kind)) for kind in Outcome},
         time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
         time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome, share),
         worst_accepted_m=_worst(one["truth_e1_worst_error_m"].values[attacked][accepted]),

@@ -1,0 +1,142 @@
+"""How many epochs become a drawing of some kilobytes, and what is left out of it.
+
+Two ways, and the page says which it went. *Stretches* are runs of epochs with one value each: every epoch is in it (a
+mean, a largest value, or which statuses occurred), but not by itself. *Chosen rows* are single epochs: every k-th, and
+those of interest besides, each kind thinned only if it has more than its share. Counts and statistics are never of
+these: they come from all epochs.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped, UInt8
+
+_NOTHING_16 = 0xFFFF
+_NOTHING_8 = 0xFF
+
+
+def packed(values: Shaped[np.ndarray, "*n"]) -> dict[str, str]:
+    """Return an array as the script reads it: type, and values in base64, the lowest byte first."""
+    little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    return {"type": values.dtype.name, "base64": base64.b64encode(little.tobytes()).decode()}
+
+
+def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[str, str]:
+    """Return values between 0 and `top` as whole numbers of 8 or 16 bits; the largest number is NaN."""
+    nothing, kind = (_NOTHING_8, np.uint8) if bits == 8 else (_NOTHING_16, np.uint16)
+    steps = np.round(np.nan_to_num(values) / top * (nothing - 1))
+    return packed(np.where(np.isnan(values), nothing, steps).astype(kind))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretches:
+    """Epochs cut into runs of `length`, the last one perhaps shorter.
+
+    Attributes
+    ----------
+    starts
+        First epoch of each.
+    begin_s, end_s
+        When each begins, and when it ends: one interval after its last epoch.
+    length
+        Epochs in one.
+    """
+
+    starts: Int[np.ndarray, " n_stretches"]
+    begin_s: Float[np.ndarray, " n_stretches"]
+    end_s: Float[np.ndarray, " n_stretches"]
+    length: int
+
+    def mean(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
+        """Return the mean of what is known in each stretch, NaN without any."""
+        known = np.isfinite(values)
+        total = np.add.reduceat(np.where(known, values, 0.0), self.starts, axis=0)
+        count = np.add.reduceat(known.astype(np.int64), self.starts, axis=0)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    def largest(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
+        """Return the largest of what is known in each stretch, NaN without any."""
+        return np.fmax.reduceat(values, self.starts, axis=0)
+
+    def occurring(self, places: Int[np.ndarray, " n_epochs"], where: Bool[np.ndarray, " n_epochs"]) -> UInt8Array:
+        """Return which of the numbers 0 to 7 occur in each stretch, as bits."""
+        bits = np.where(where, 1 << places.astype(np.int64), 0).astype(np.uint8)
+        return np.bitwise_or.reduceat(bits, self.starts)
+
+    def drawn(self) -> dict[str, Any]:
+        """Return what the script must know of the stretches."""
+        return {"begin": packed(self.begin_s), "end": packed(self.end_s)}
+
+
+UInt8Array = UInt8[np.ndarray, " n_stretches"]
+
+
+def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
+    """Return at most `limit` stretches of epochs at these times; each has the same number of them.
+
+    Raises
+    ------
+    ValueError
+        If there is no epoch.
+    """
+    if not time_s.size:
+        raise ValueError("no epoch to draw")
+    length = -(-time_s.size // limit)
+    starts = np.arange(0, time_s.size, length)
+    last = np.minimum(starts + length, time_s.size) - 1
+    return Stretches(starts=starts, begin_s=time_s[starts], end_s=time_s[last] + interval_s, length=length)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Single epochs chosen for a drawing.
+
+    Attributes
+    ----------
+    places
+        The epochs, ascending.
+    every
+        Kind of epoch to k, where every k-th of them is there: 1 is all.
+    """
+
+    places: Int[np.ndarray, " n_rows"]
+    every: dict[str, int]
+
+
+def chosen_rows(
+    of_interest: Mapping[str, Bool[np.ndarray, " n_epochs"]], everything: Bool[np.ndarray, " n_epochs"], limit: int
+) -> Rows:
+    """Return at most `limit` epochs: all, if they are so few; else every k-th, and those of interest.
+
+    Parameters
+    ----------
+    of_interest
+        Kinds of epochs that are to be seen. They share half the limit; every k-th epoch has the other half.
+    everything
+        The epochs that there are to draw.
+    """
+    if np.count_nonzero(everything) <= limit:
+        return Rows(places=np.flatnonzero(everything), every={"epochs": 1})
+    share = limit // 2
+    places, every = [], {}
+    for kind, mask in ({"epochs": everything} | dict(of_interest)).items():
+        found = np.flatnonzero(mask & everything)
+        every[kind] = max(1, -(-found.size // share))
+        share = limit // 2 // len(of_interest)
+        places.append(found[:: every[kind]])
+    return Rows(places=np.unique(np.concatenate(places)), every=every)
+
+
+def outermost(values: Float[np.ndarray, " n"], count: int) -> Bool[np.ndarray, " n"]:
+    """Return where the smallest and the largest value of each of `count` equal parts is."""
+    found = np.zeros(values.size, dtype=bool)
+    for part in np.array_split(np.arange(values.size), min(count, max(1, values.size))):
+        known = part[np.isfinite(values[part])]
+        if known.size:
+            found[known[np.argmin(values[known])]] = found[known[np.argmax(values[known])]] = True
+    return found

@@ -1,0 +1,117 @@
+"""HTML out of text that may hold anything: what is no `Html` is escaped.
+
+Scenarios, stores and tables are files from outside. Their text becomes markup only here, and only escaped.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterable, Sequence
+
+
+class Html(str):
+    """Text that is markup already; only this module and the templates make it."""
+
+    __slots__ = ()
+
+
+def markup(content: object) -> Html:
+    """Return content as markup: as it is if it is `Html`, else escaped."""
+    return content if isinstance(content, Html) else Html(html.escape(str(content), quote=True))
+
+
+def element(tag: str, *content: object, **attributes: object) -> Html:
+    """Return an element; attribute `class_` is `class`, an underscore is a hyphen, and None leaves one out."""
+    names = {name: name.rstrip("_").replace("_", "-") for name in attributes}
+    text = "".join(f' {names[name]}="{markup(value)}"' for name, value in attributes.items() if value is not None)
+    return Html(f"<{tag}{text}>{''.join(map(markup, content))}</{tag}>")
+
+
+def joined(parts: Iterable[object]) -> Html:
+    """Return several contents, one behind the other."""
+    return Html("\n".join(map(markup, parts)))
+
+
+def section(name: str, title: str, *content: object) -> Html:
+    """Return a section of the page with a heading that a link can name."""
+    heading = element("h2", title, id=f"{name}-title")
+    return element("section", heading, *content, id=name, aria_labelledby=f"{name}-title")
+
+
+def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Html:
+    """Return a table that scrolls by itself where the screen is narrow.
+
+    Parameters
+    ----------
+    rows
+        The first cell of a row is its heading; a row of one cell is the heading of those below it.
+    numbers_from
+        First column that is set to the right, as numbers are.
+    """
+
+    def kind(place: int) -> str | None:
+        return "number" if place >= numbers_from else None
+
+    def line(row: Sequence[object]) -> Html:
+        if len(row) == 1:
+            return element(
+                "tr", element("th", element("span", row[0]), scope="rowgroup", colspan=len(head)), class_="group"
+            )
+        cells = [element("td", cell, class_=kind(place)) for place, cell in enumerate(row[1:], start=1)]
+        return element("tr", element("th", row[0], scope="row"), *cells)
+
+    top = [element("th", cell, scope="col", class_=kind(place)) for place, cell in enumerate(head)]
+    whole = element("table", element("thead", element("tr", *top)), element("tbody", *map(line, rows)))
+    region = element("div", whole, class_="scroll", tabindex=0, role="region", aria_label=caption)
+    return joined([element("p", caption, class_="caption"), region])
+
+
+def card(name: str, value: object, small: object) -> Html:
+    """Return a number with its name above and a word on it below; several of them stand in a `dl` of class `cards`."""
+    return element("div", element("dt", name), element("dd", value, element("small", small)), class_="card")
+
+
+def figure(kind: str, title: str, alt: str, note: object = "", *, more: object = "") -> Html:
+    """Return a figure that the script of the page draws.
+
+    Parameters
+    ----------
+    kind
+        Name of the script's drawing.
+    title
+        Stands above it.
+    alt
+        What it shows, for who does not see it.
+    note
+        Stands below it.
+    more
+        Controls between title and drawing.
+    """
+    canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
+    caption = element("figcaption", note) if note else ""
+    return element("figure", element("h3", title), more, canvas, caption, class_=f"figure {kind}")
+
+
+def number(value: float, digits: int = 3, unit: str = "") -> str:
+    """Return a number for people: some significant digits, all of them before the point, a dash for what is none."""
+    if not math.isfinite(value):
+        return "–"
+    size = abs(value)
+    if size == 0 or 1e-4 <= size < _LONG:
+        decimals = 0 if size == 0 or isinstance(value, int) else max(0, digits - 1 - math.floor(math.log10(size)))
+        text = _short(f"{value:,.{decimals}f}").replace(",", "\N{NARROW NO-BREAK SPACE}")
+    else:
+        mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+        text = f"{_short(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPT)}"
+    text = text.replace("-", "−")
+    return f"{text}\N{NO-BREAK SPACE}{unit}" if unit else text
+
+
+def _short(text: str) -> str:
+    """Return a number without zeros behind the point that say nothing."""
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+_LONG = 1e7
+_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

@@ -1,0 +1,107 @@
+"""A page as one file: template, style, script and data in it, and nothing that a browser would have to fetch.
+
+The page says so itself: its content security policy allows its own script, by the hash of it, and no address at all.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from vestige.errors import InputFileError
+from vestige.report.markup import Html, joined, markup
+
+MARK = '<meta name="generator" content="vestige report'
+SCRIPTS = ("chart.js", "timeline.js", "waterfall.js", "offsets.js", "main.js")  # in the order of their use
+_HEAD_BYTES = 1000  # in which the mark stands
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What a page says.
+
+    Attributes
+    ----------
+    title, question
+        What it is about, and what it answers.
+    body
+        Its sections.
+    data
+        What its script draws: numbers, text, and arrays by `drawing.packed`.
+    version
+        Of vestige.
+    """
+
+    title: str
+    question: str
+    body: tuple[Html, ...]
+    version: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+    def html(self) -> str:
+        """Return the whole file."""
+        script = _script()
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        return Template(_part("page.html")).substitute(
+            mark=MARK,
+            version=markup(self.version),
+            script_hash=digest,
+            title=markup(self.title),
+            question=markup(self.question),
+            style=_part("page.css"),
+            body=joined(self.body),
+            data=_json(self.data),
+            script=script,
+        )
+
+
+def write_page(page: Page, path: Path) -> None:
+    """Write a page; the file is there as a whole or not at all.
+
+    Raises
+    ------
+    InputFileError
+        If something else than a report has that name.
+    """
+    if path.exists() and not is_report(path):
+        raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(page.html(), encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        part.unlink(missing_ok=True)
+        raise
+
+
+def is_report(path: Path) -> bool:
+    """Return whether a file is a page that vestige wrote."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return MARK.encode() in file.read(_HEAD_BYTES)
+
+
+@cache
+def _part(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def _script() -> str:
+    return "\n".join(["'use strict';", *map(_part, SCRIPTS)])
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    """Return data as JSON in which nothing can end the element that it stands in."""
+    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,0 +1,91 @@
+"""What came of the attack on each satellite, as a section of the page of a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import xarray
+
+from vestige.campaign.outcomes import AttackReport, Outcome, report
+from vestige.report.markup import Html, card, element, number, table
+
+
+def attack_reports(results: xarray.Dataset, scenario: Mapping[str, Any]) -> dict[str, dict[str, AttackReport]]:
+    """Return satellite to detector to what came of the attack on it."""
+    if not scenario["attack"]:
+        return {}
+    reports: dict[str, dict[str, AttackReport]] = {}
+    for place, svid in enumerate(results["svid"].values.tolist()):
+        for detector in map(str, results["detector"].values):
+            if (one := report(results, detector, satellite=place)) is not None:
+                reports.setdefault(f"E{svid:02d}", {})[detector] = one
+    return reports
+
+
+def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
+    """Return when the first alarm was, and the worst error that was accepted, of all satellites.
+
+    Parameters
+    ----------
+    chosen
+        The detector that gives the verdicts.
+    """
+    one = [reports[chosen] for reports in attacks.values()]
+    alarms_s = [report.time_to_detect_s for report in one if math.isfinite(report.time_to_detect_s)]
+    errors_m = [report.worst_accepted_m for report in one if math.isfinite(report.worst_accepted_m)]
+    caught = f"on {len(alarms_s)} of {len(one)} attacked satellites" if len(one) > 1 else "after the attack began"
+    return [
+        card(
+            "first alarm under attack", number(min(alarms_s, default=math.nan), 4, "s") if alarms_s else "none", caught
+        ),
+        card(
+            "worst E1 error accepted",
+            number(max(errors_m, key=abs, default=math.nan), 4, "m"),
+            "as authentic, by the attack",
+        ),
+    ]
+
+
+def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Html]:
+    """Return which signal each detector had, when it was alarmed and when it had the true signal again."""
+    words = {
+        Outcome.TRUE: "the true signal",
+        Outcome.SPOOFER: "the counterfeit",
+        Outcome.MIXED: "both in one",
+        Outcome.NONE: "nothing",
+    }
+    head = (
+        "satellite, detector",
+        *(f"found {word}" for word in words.values()),
+        "first alarm",
+        "true signal again",
+        "worst E1 error accepted",
+        "E1 captured",
+    )
+    rows = [
+        (
+            f"{satellite}, {name}",
+            *(f"{100 * one.shares[kind]:.1f} %" for kind in words),
+            _after(one.time_to_detect_s),
+            _after(one.time_to_mitigate_s),
+            number(one.worst_accepted_m, 4, "m"),
+            f"{100 * one.e1_captured:.0f} %",
+        )
+        for satellite, reports in attacks.items()
+        for name, one in reports.items()
+    ]
+    return [
+        element(
+            "p",
+            "Of the truth, which the receiver does not know: which signal each detector had, in the epochs of the "
+            "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the attack's begin; "
+            "alarms and accepted errors are those of the verdicts.",
+        ),
+        table("What came of the attack", head, rows),
+    ]
+
+
+def _after(time_s: float) -> str:
+    return "never" if math.isnan(time_s) else f"after {number(time_s, 5, 's')}"

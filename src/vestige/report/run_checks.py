@@ -1,0 +1,133 @@
+"""Checks and thresholds of a run, and its false alarms, as sections of its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray
+
+from vestige.campaign.monitoring import Track
+from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
+from vestige.campaign.verdicts import VerdictCounts, range_limit_m
+from vestige.report.markup import Html, element, figure, number, section, table
+
+_SURE = 0.05  # of the two-sided test against a budget: that of the 95 % intervals
+
+
+def checks_section(
+    results: xarray.Dataset, scenario: Mapping[str, Any], found: Mapping[str, Summary], checks: Sequence[Track]
+) -> Html:
+    """Return the checks behind the verdicts, and those that a receiver with a sky can run besides."""
+    processor = scenario["processor"]
+    offset_m = results["range_offset_m"].sel(detector=processor["detector"]).values
+    beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
+    parts = [
+        element(
+            "p", f"Mitigation level {processor['level']}; the {processor['detector']} detector gives the verdicts."
+        ),
+        table(
+            "Checks of the verdict",
+            ("check", "threshold", "what it is", "failed"),
+            [
+                (
+                    "E6 power",
+                    number(results.attrs["threshold_sigma"], 4, "σ"),
+                    f"of a single correlator at P_fa = {number(results.attrs['p_fa'], 2)}",
+                    f"{number(found[processor['detector']].misses)} without a detection",
+                ),
+                (
+                    "E1–E6 range",
+                    f"±{number(range_limit_m(results), 4, 'm')}",
+                    f"κσ of the error budget, κ = {number(processor['kappa'], 3)}",
+                    f"{number(beyond)} beyond it",
+                ),
+            ],
+            numbers_from=99,
+        ),
+    ]
+    if checks:
+        parts += [
+            figure(
+                "checks",
+                "Monitors",
+                "For each check, how near its statistic came to its threshold, against time; the "
+                "table below has the numbers.",
+                "Height: |statistic| over threshold, the largest of all satellites in each stretch. The dashed line is "
+                "the threshold; what is above it is marked.",
+            ),
+            table(
+                "Monitors: what they compare with",
+                ("check", "budget of a test", "threshold", "unit"),
+                [(one.name, _budget(one), _span(one.threshold), one.unit) for one in checks],
+            ),
+        ]
+    return section("checks", "Checks and thresholds", *parts)
+
+
+def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[Track]) -> Html:
+    """Return the false alarms: of the verdicts, of single correlators on noise, and of each check of a sky."""
+    taps = false_alarms(results)
+    rows = [
+        ("verdicts without an attack", "", *_counted(counts.false_alarms)),
+        ("single correlators on noise", number(results.attrs["p_fa"], 2), *_counted(taps)),
+    ]
+    parts = [
+        table(
+            "Counted in this run, exact 95 % intervals", ("", "budget", "alarms", "of", "rate", "95 % interval"), rows
+        )
+    ]
+    if counts.attacked:
+        parts.insert(
+            0, element("p", "Epochs under attack are left out of the first line: an alarm there is no false one.")
+        )
+    if counts.false_alarms.trials:
+        a_day, low, high = (number(value, 3) for value in counts.false_alarms_a_day)
+        parts.append(
+            element(
+                "p",
+                f"A satellite that sends a RECS as often as this one, {number(counts.recs_a_day, 5)} a day, "
+                f"has {a_day} false alarms a day ({low} to {high}).",
+            )
+        )
+    if checks:
+        attacked = "The run has an attack: alarms of these checks may be true ones. " if counts.attacked else ""
+        note = f"{attacked}▲ and ▼: the rate is not the budget (exact two-sided test at 5 %), or exceeds a bound."
+        head = ("check", "budget", "alarms", "of", "rate", "95 % interval", "")
+        parts += [
+            table("Monitors", head, [(one.name, _budget(one), *_counted(one.alarms), _judged(one)) for one in checks]),
+            element("p", note),
+        ]
+    return section("false-alarms", "False alarms", *parts)
+
+
+def _counted(found: Proportion) -> tuple[str, str, str, str]:
+    interval = f"{number(found.low, 2)} to {number(found.high, 2)}" if found.trials else "–"
+    return number(found.successes), number(found.trials), number(found.value, 3), interval
+
+
+def _budget(track: Track) -> str:
+    return f"{'' if track.exact else '≤ '}{number(track.p_fa, 2)}"
+
+
+def _judged(track: Track) -> Html:
+    """Return whether the rate of alarms is what the budget says."""
+    found = track.alarms
+    if not found.trials:
+        return element("span", "not run", class_="mark unmeasured", data_sign="○")
+    exceeds = found.low > track.p_fa
+    differs = binomial_test(found.successes, found.trials, track.p_fa) < _SURE if track.exact else exceeds
+    if not differs:
+        return element("span", "within", class_="mark agrees", data_sign="✓")
+    return element("span", "more" if exceeds else "fewer", class_="mark differs", data_sign="▲" if exceeds else "▼")
+
+
+def _span(threshold: np.ndarray) -> str:
+    """Return the threshold, or the least and the greatest."""
+    known = threshold[np.isfinite(threshold)]
+    if not known.size:
+        return "–"
+    low, high = float(known.min()), float(known.max())
+    return number(low) if math.isclose(low, high, rel_tol=1e-3) else f"{number(low)} to {number(high)}"

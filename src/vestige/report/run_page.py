@@ -1,0 +1,327 @@
+"""The page of a run: what was asked, what came of it, how it looked, and how to get it again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import xarray
+
+from vestige.campaign.monitoring import tracks
+from vestige.campaign.outcomes import AttackReport, due_verdicts
+from vestige.campaign.statistics import Summary, summarise
+from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
+from vestige.errors import VestigeError
+from vestige.plots.epochs import attribute, select
+from vestige.records import Status
+from vestige.report.markup import Html, card, element, figure, joined, number, section, table
+from vestige.report.page import Page
+from vestige.report.run_attack import attack_cards, attack_content, attack_reports
+from vestige.report.run_checks import checks_section, false_alarms_section
+from vestige.report.run_drawings import run_drawings
+from vestige.report.run_scenario import reproduce_section, scenario_section
+
+_NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
+_NUMBERS = ("seed", "threshold_sigma", "p_fa", "integration_s")  # attributes
+_KEYS = {  # of the scenario, and of the tables in it
+    "": ("epochs", "interval_s", "recs", "receiver", "processor", "attack"),
+    "recs": ("every",),
+    "receiver": ("signal",),
+    "processor": ("level", "detector", "budget", "kappa"),
+}
+
+
+def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
+    """Return the page of a run.
+
+    Parameters
+    ----------
+    results
+        As `open_results` returns them; a run that has not ended is told by its coordinate `epoch`.
+    name
+        Of the run, for the title and the commands.
+    question
+        What the page answers; without it, what such a run is usually made for.
+
+    Raises
+    ------
+    VestigeError
+        If the results are not those of `vestige run`.
+    """
+    scenario = _scenario(results)
+    sky = scenario.get("constellation") is not None
+    checks = tracks(results) if sky else ()
+    counts = verdict_counts(results)
+    found = {str(name): summarise(results, str(name)) for name in results["detector"].values}
+    attacks = attack_reports(results, scenario)
+    data, thinned = run_drawings(results, checks)
+    body = (
+        _contents(),
+        _answer(results, scenario, counts, found, attacks),
+        section("verdicts", "Verdicts over time", _status_key(counts), *_timeline(data)),
+        section("correlators", "What the correlators saw", *_waterfall(data)),
+        section("offsets", "Range offset of both detectors", *_offsets(found, data, range_limit_m(results))),
+        *([section("attack", "Under attack", *attack_content(attacks))] if attacks else ()),
+        checks_section(results, scenario, found, checks),
+        *([section("position", "Position", *_position())] if sky else ()),
+        false_alarms_section(results, counts, checks),
+        scenario_section(results.attrs["scenario"]),
+        reproduce_section(results, name, thinned, data),
+    )
+    return Page(
+        title=f"{name}: {_subject(scenario, results.sizes['satellite'])}",
+        question=question or _question(scenario),
+        body=body,
+        version=str(results.attrs["vestige_version"]),
+        data=data,
+    )
+
+
+def _scenario(results: xarray.Dataset) -> dict[str, Any]:
+    """Return the scenario of the results, if they are what `vestige run` writes."""
+    for name in _NEEDED:
+        if name not in results.variables:
+            raise VestigeError(f"results of a campaign: found no {name}, expected those of `vestige run`")
+    for name in _NUMBERS:
+        if attribute(results, name) is None:
+            raise VestigeError(f"results of a campaign: found no number {name}, expected those of `vestige run`")
+    text = results.attrs.get("scenario")
+    if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
+        raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
+    scenario: dict[str, Any] = json.loads(text)
+    for place, keys in _KEYS.items():
+        for key in keys:
+            if key not in (scenario[place] if place else scenario):
+                missing = f"{place}.{key}".lstrip(".")
+                raise VestigeError(f"results of a campaign: scenario: found no {missing}, expected a value for it")
+    if not results.sizes["epoch"] or not due_verdicts(results).any():
+        raise VestigeError("results of a campaign: found no epoch with a verdict, expected one at least")
+    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are not those of results
+    return scenario
+
+
+def _subject(scenario: Mapping[str, Any], n_satellites: int) -> str:
+    place = "one satellite" if n_satellites == 1 else f"{n_satellites} satellites"
+    kinds = ", ".join(dict.fromkeys(str(attack["kind"]) for attack in scenario["attack"]))
+    if kinds:
+        return f"{place} under attack ({kinds})"
+    return place if scenario["receiver"]["signal"] else "noise alone"
+
+
+def _question(scenario: Mapping[str, Any]) -> str:
+    if scenario["attack"]:
+        return "What does the receiver say while it is under attack, and which signal does it follow?"
+    if not scenario["receiver"]["signal"]:
+        return "How often does noise alone pass for the signal?"
+    if scenario.get("constellation"):
+        return "Without an attack: which satellites are authenticated, where is the receiver, which checks fail?"
+    return "Without an attack: how often is the true signal found, and how far from where it was predicted?"
+
+
+def _contents() -> Html:
+    names = {
+        "verdicts": "Verdicts",
+        "correlators": "Correlators",
+        "offsets": "Range offsets",
+        "checks": "Checks",
+        "false-alarms": "False alarms",
+        "scenario": "Scenario",
+        "reproduce": "Get it again",
+    }
+    links = [element("li", element("a", text, href=f"#{name}")) for name, text in names.items()]
+    return element("nav", element("ul", *links), aria_label="Sections")
+
+
+def _answer(
+    results: xarray.Dataset,
+    scenario: Mapping[str, Any],
+    counts: VerdictCounts,
+    found: Mapping[str, Summary],
+    attacks: Mapping[str, Mapping[str, AttackReport]],
+) -> Html:
+    """Return the numbers that answer the question."""
+    chosen = scenario["processor"]["detector"]
+    summary = found[chosen]
+    undecided = counts.of[Status.NOT_AVAILABLE]
+    cards = [
+        card(
+            "authentic, of the verdicts due",
+            _share(counts.of[Status.AUTHENTIC], counts.due),
+            f"{number(counts.of[Status.AUTHENTIC])} of {number(counts.due)}"
+            + (f"; {number(undecided)} not available" if undecided else ""),
+        ),
+    ]
+    for detector, one in found.items():
+        rate = one.detections
+        word = "missed" if scenario["receiver"]["signal"] else "detected in noise"
+        count = one.misses if scenario["receiver"]["signal"] else rate.successes
+        low, high = (1 - rate.high, 1 - rate.low) if scenario["receiver"]["signal"] else (rate.low, rate.high)
+        small = f"of {number(rate.trials)}; {number(low, 2)} to {number(high, 2)} (95 %)"
+        cards.append(card(f"{word} by the {detector} detector", number(count), small))
+    if scenario["attack"] and attacks:
+        cards += attack_cards(attacks, chosen)
+    elif scenario["receiver"]["signal"]:
+        spread = f"mean {number(summary.range_offset_mean_m, 2, 'm')}, {chosen} detector"
+        cards.append(card("range offset, 1σ", number(summary.range_offset_std_m, 3, "m"), spread))
+    alarms = counts.false_alarms
+    if alarms.trials:
+        a_day, low, high = counts.false_alarms_a_day
+        small = (
+            f"{number(low, 2)} to {number(high, 2)} (95 %); {number(alarms.successes)} in {number(alarms.trials)} RECS"
+        )
+        cards.append(card("false alarms a day and satellite", number(a_day, 2), small))
+    return joined([_unfinished(results, scenario), element("dl", *cards, class_="cards")])
+
+
+def _unfinished(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Html:
+    if "epoch" not in results.coords:
+        return Html("")
+    text = f"This run has not ended: {results.sizes['epoch']} of {scenario['epochs']} epochs are here."
+    return element("p", text, class_="notice")
+
+
+def _status_key(counts: VerdictCounts) -> Html:
+    """Return what each status means, how often it was, and its colour."""
+    rows = []
+    for status in Status:
+        swatch = element("span", "", class_="swatch", style=f"--swatch: var(--{status.value.replace(' ', '-')})")
+        name = joined([swatch, status.value, element("span", _MEANINGS[status], class_="detail")])
+        rows.append((name, number(counts.of[status]), _share(counts.of[status], counts.due)))
+    caption = f"{number(counts.due)} verdicts were due, {number(counts.attacked)} of them under attack"
+    return table(caption, ("verdict", "epochs", "share"), rows)
+
+
+_MEANINGS = {
+    Status.AUTHENTIC: "no check of the level failed, and E6 is where E1 says",
+    Status.SUSPECT: "another check of the level failed",
+    Status.SPOOFED: "E6 is not where E1 says, or a satellite was found twice",
+    Status.NOT_DETECTED: "no encrypted signal where E1 predicts it: an alarm",
+    Status.NOT_AVAILABLE: "nothing can be said: no RECS or key, or too weak a signal",
+}
+
+
+def _share(count: int, of: int) -> str:
+    return f"{100 * count / of:.4g}\N{NO-BREAK SPACE}%" if of else "–"
+
+
+def _timeline(data: Mapping[str, Any]) -> list[Html]:
+    several = len(data["satellites"]) > 1
+    lanes = (
+        "One line for each satellite; the height of a mark tells the alarms from the rest."
+        if several
+        else ("One line for each verdict, with a mark where it occurred.")
+    )
+    longest = max(one["stretches"]["length"] for one in data["satellites"])
+    each = "each mark is one epoch" if longest == 1 else f"each mark stands for up to {longest} epochs"
+    return [
+        figure(
+            "timeline",
+            "Time-line",
+            "Verdicts against time; the table above has their numbers.",
+            f"{lanes} Every epoch is in it: {each}.",
+        )
+    ]
+
+
+def _waterfall(data: Mapping[str, Any]) -> list[Html]:
+    options = [element("option", one["name"], value=place) for place, one in enumerate(data["satellites"])]
+    choice = element("label", "Satellite ", element("select", *options, id="satellite")) if len(options) > 1 else ""
+    steps = [
+        element("button", "‹ alarm", type="button", id="alarm-before", aria_label="Alarm before this epoch"),
+        element("button", "alarm ›", type="button", id="alarm-after", aria_label="Alarm after this epoch"),
+    ]
+    slider = element("input", type="range", id="epoch", min=0, max=0, value=0, step=1, aria_label="Epoch")
+    controls = element("div", choice, slider, *steps, class_="controls")
+    readout = element("output", "", id="readout", for_="epoch", aria_live="polite")
+    return [
+        element(
+            "p",
+            "Drag over the map, or move the slider (arrow keys step epoch by epoch), to see the correlators of one "
+            "epoch below it. Every correlator is one possible delay of the encrypted signal on E6 against the "
+            "prediction from E1.",
+        ),
+        figure(
+            "waterfall",
+            "All epochs",
+            "Map of the correlators' magnitude: time from left to right, tap offset upwards. "
+            "The slider below chooses an epoch.",
+            "Brighter is stronger (mean of each stretch). Marks above the map: alarms.",
+        ),
+        controls,
+        readout,
+        figure(
+            "epoch",
+            "The chosen epoch",
+            "Magnitude of each correlator in the chosen epoch, the threshold, and what both "
+            "detectors found; the line above says it in words.",
+            "Dashed: the threshold. Triangles: the correlation that each detector found. "
+            + (
+                "Upright lines: where the true signal and the counterfeit are, which the receiver does not know."
+                if "true_m" in data["satellites"][0]
+                else ""
+            ),
+        ),
+    ]
+
+
+def _offsets(found: Mapping[str, Summary], data: Mapping[str, Any], limit_m: float) -> list[Html]:
+    boxes = [
+        element(
+            "label",
+            element("input", type="checkbox", checked="", data_detector=name),
+            " ",
+            element("span", "", class_="swatch", style=f"--swatch: var(--{name})"),
+            f" {name} detector",
+        )
+        for name in found
+    ]
+    points = sorted({p for one in found.values() for p in one.percentiles_m})
+    rows = [
+        (
+            f"{name} detector",
+            number(one.misses),
+            number(one.range_offset_mean_m, 3, "m"),
+            number(one.range_offset_std_m, 3, "m"),
+            *(number(one.percentiles_m[p], 3, "m") for p in points),
+        )
+        for name, one in found.items()
+    ]
+    head = ("", "missed", "mean", "1σ", *(f"{p:g} %" for p in points))
+    truth = " Lines: where each counterfeit was." if "true_m" in data["satellites"][0] else ""
+    parts = [
+        element(
+            "p",
+            "How much later (positive) than E1 predicts each detector found E6. The range check passes what lies "
+            f"within ±{number(limit_m, 3, 'm')}.",
+        ),
+        element("div", *boxes, class_="controls"),
+        figure(
+            "offsets",
+            "Against time",
+            "Range offsets against time, of both detectors; the table below has their numbers.",
+            f"Dots: single epochs. Dashed: limits of the range check. Ticks below: nothing detected.{truth}",
+        ),
+    ]
+    if data["histogram"]:
+        parts.append(
+            figure(
+                "histogram",
+                "How often",
+                "Histogram of the range offsets of all epochs, in log scale.",
+                "All epochs of all satellites.",
+            )
+        )
+    return [*parts, table("Range offset, percentiles of the detections", head, rows)]
+
+
+def _position() -> list[Html]:
+    return [
+        figure(
+            "position",
+            "Error of the fix",
+            "Error of the position fixes along east, north and up against time.",
+            "Grey: fix of all satellites, at every epoch. Blue: fix of the authenticated satellites alone.",
+        )
+    ]

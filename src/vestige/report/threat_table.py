@@ -1,0 +1,149 @@
+"""The table that `vestige threats -o` writes, read back by the names of its columns.
+
+What a column means follows from its name, so further levels and columns are simply there: `expected_level_2` and
+`level_2` are expectation and agreement of level 2, `detected_level_2` a count of it. A table with a column `level` has
+a row for each level; then names without a level are of that one, as they are of the only level that is measured.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.errors import InputFileError
+
+KEYS = ("threat", "scene")
+EXPECTED = "a table of threats, as `vestige threats -o` writes it"
+_LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One attack at one level.
+
+    Attributes
+    ----------
+    values
+        The row of the table.
+    level
+        Mitigation level.
+    only
+        Whether names without a level are of this one.
+    """
+
+    values: Mapping[str, str]
+    level: int
+    only: bool
+
+    def text(self, name: str) -> str:
+        """Return what a column says of this level; empty if there is none."""
+        names = (f"{name}_level_{self.level}", f"level_{self.level}_{name}", name if self.only else "")
+        return next((self.values[one] for one in names if one in self.values), "")
+
+    def value(self, name: str) -> float:
+        """Return the number in a column; NaN if there is none."""
+        return float(self.text(name) or "nan")
+
+    @property
+    def expected(self) -> tuple[str, str]:
+        """The expected outcome and its reason; both may be empty."""
+        word, _, reason = (self.values.get(f"expected_level_{self.level}") or self.text("expected")).partition(": ")
+        return word, reason
+
+    @property
+    def agreement(self) -> str:
+        """How the measurement compares with it; empty if this level is not measured."""
+        return self.values.get(f"level_{self.level}") or self.text("agreement")
+
+    @property
+    def measured(self) -> bool:
+        """Whether there are runs of it."""
+        return self.value("detected_of") > 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreatTable:
+    """The table.
+
+    Attributes
+    ----------
+    columns
+        Names, in order.
+    rows
+        The text of every cell under the name of its column.
+    levels
+        Those of which anything is said.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[Mapping[str, str], ...]
+    levels: tuple[int, ...]
+
+    def scenes(self) -> list[tuple[Mapping[str, str], list[Cell]]]:
+        """Return each scene's first row, and its cells at all levels."""
+        scenes: dict[tuple[str, str], list[Mapping[str, str]]] = {}
+        for row in self.rows:
+            scenes.setdefault((row["threat"], row["scene"]), []).append(row)
+        return [(rows[0], [self._cell(rows, level) for level in self.levels]) for rows in scenes.values()]
+
+    def _cell(self, rows: list[Mapping[str, str]], level: int) -> Cell:
+        if "level" in self.columns:
+            own = [row for row in rows if row["level"] == str(level)]
+            return Cell(values=own[0] if own else rows[0], level=level, only=bool(own))
+        measured = [name for name in self.columns if re.fullmatch(r"level_\d+", name)]
+        return Cell(values=rows[0], level=level, only=measured == [f"level_{level}"])
+
+
+def read_threat_table(path: Path) -> ThreatTable:
+    """Return the table in a file.
+
+    Raises
+    ------
+    InputFileError
+        If it is no such table.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            lines = list(csv.reader(file, strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, "file", error, EXPECTED) from error
+    columns = tuple(lines[0]) if lines else ()
+    for key in KEYS:
+        if key not in columns:
+            raise InputFileError(path, "line 1", f"no column {key}", EXPECTED)
+    rows = []
+    for number, cells in enumerate(lines[1:], start=2):
+        if len(cells) != len(columns):
+            raise InputFileError(path, f"row {number}", f"{len(cells)} cells", f"{len(columns)}, as in line 1")
+        row = dict(zip(columns, cells, strict=True))
+        _check_numbers(path, number, row)
+        rows.append(row)
+    if not rows:
+        raise InputFileError(path, "rows", "none", EXPECTED)
+    of_names = {int(match[1]) for name in columns if (match := _LEVEL.fullmatch(name))}
+    of_rows = {int(row["level"]) for row in rows if "level" in columns}
+    return ThreatTable(columns=columns, rows=tuple(rows), levels=tuple(sorted(of_names | of_rows)))
+
+
+_NUMBERS = re.compile(
+    r"(?:level_\d+_)?(?:detected|mitigated|missed|denied|by_chance|alarms|alarms_a_day|time_to_detect|worst_accepted)"
+    r"(?:_of|_low|_high|_s|_m)?(?:_level_\d+)?"
+)
+
+
+def _check_numbers(path: Path, number: int, row: Mapping[str, str]) -> None:
+    """Raise if a cell that must hold a number holds something else."""
+    for name, text in row.items():
+        if name == "level" and not re.fullmatch(r"[1-9]\d?", text):
+            raise InputFileError(path, f"row {number}, {name}", text, "a mitigation level")
+        if text and _NUMBERS.fullmatch(name):
+            try:
+                value = float(text)
+            except ValueError as error:
+                raise InputFileError(path, f"row {number}, {name}", text, "a number") from error
+            if math.isinf(value):
+                raise InputFileError(path, f"row {number}, {name}", text, "a finite number")

@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from vestige.scenario.campaign_toml import campaign_toml
+from vestige.scenario.load import load_scenario
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+CASES = {
+    "harsh": ("harsh", ()),
+    "vestigial": ("vestigial", ()),
+    "no power": ("liftoff", ("attack.0.power_db=-inf",)),
+    "satellites": ("liftoff", ("attack.0.svids=[11]",)),
+    "quantised": ("quick", ("receiver.front_end.bits=2", "receiver.front_end.bandwidth_hz=10.23e6")),
+    "sky": ("sky", ()),
+    "circle": (
+        "sky",
+        ('trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=100.0, speed_mps=10.0}',),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_reading_it_gives_the_same_scenario(case: str, tmp_path: Path) -> None:
+    name, settings = CASES[case]
+    text = load_scenario(SCENARIOS / f"{name}.toml", settings).model_dump_json()
+    (tmp_path / "again.toml").write_text(campaign_toml(text), encoding="utf-8")
+    again = load_scenario(tmp_path / "again.toml")
+    assert again == load_scenario(SCENARIOS / f"{name}.toml", settings)
+    assert again.model_dump_json() == text
