@@ -93,6 +93,23 @@ def test_what_is_found_does_not_depend_on_the_workers_and_stops_where_one_stops(
     states.close()
 
 
+def test_blocks_go_in_order_of_time_and_a_search_goes_on_where_it_stopped() -> None:
+    """16 ms have three passes; a signal early and one late, at both ends of the band."""
+    signals = [arrival(CHIPS, 0.003, 46.0, 4800.0), arrival(CHIPS, 0.085, 46.0, -4800.0)]
+    source = e6_source(signals, 0.11, 4)
+    search = ExhaustiveSearch(integration_s=16e-3)
+    states = list(search.run(source, [CHIPS], START, START + 1, 7.5))
+    starts = [state.block_start - START for state in states]
+    assert len(search.passes_hz) == 3
+    assert starts == sorted(starts)
+    assert starts[0] == starts[2] < starts[3]
+    assert [state.blocks for state in states] == list(range(1, len(states) + 1))
+    assert len(states[-1].peaks) == 2
+    for stopped in (states[0], states[3], states[-1]):
+        again = list(search.run(source, [CHIPS], START, START + 1, 7.5, after=stopped))
+        assert again == states[states.index(stopped) :]
+
+
 def test_the_time_uncertainty_is_what_is_searched() -> None:
     source = e6_source([arrival(CHIPS, 0.004, 50.0, 10.0)], 0.02, 6)
     search = ExhaustiveSearch(integration_s=4e-3)
