@@ -14,6 +14,7 @@ position the clock is known: a narrower time uncertainty makes both searches as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -32,6 +33,7 @@ E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary c
 REMEASURE_S = 2.0  # between measurements of E1
 TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
+_NEVER = GalileoTime(1, 0)  # of 1999: no RECS was sent before
 MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not known
 
 
@@ -76,8 +78,10 @@ def secret_until(assistance: Assistance, chips: ChipSequence, uncertainty_s: flo
     chips
         The decrypted RECS.
     uncertainty_s
-        Bound on the error of the clock that the start is measured with.
+        Bound on the error of the clock that the start is measured with, infinite if there is none.
     """
+    if math.isinf(uncertainty_s):
+        return _NEVER
     times = {
         one.key_time
         for one in assistance.segments
