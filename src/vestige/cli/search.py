@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from vestige.recording.samples import SampleReader
     from vestige.recording.search_log import SearchLog
     from vestige.records import Assistance, ChipSequence
+    from vestige.sample_processor.search.e1_jump import Jump
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
     from vestige.time import GalileoTime
 
@@ -83,6 +84,7 @@ def e1(
             doppler_span_hz=doppler_span_hz,
             periods=periods,
             progress=lambda done, total: report("E1 search", done, total),
+            jumped=_say_jump,
         )
     if plot is not None:
         from vestige.cli.search_figure import draw_e1
@@ -139,7 +141,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids), around_s)
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
-    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes))
+    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
     figure = SearchFigure(options["plot"], codes, "E6, handed over from E1")
     answers = []
     for code in codes:
@@ -257,6 +259,14 @@ def _log(
         "budget": "correlated neighbours" if options["correlated_neighbours"] else "independent hypotheses",
     }
     return SearchLog.open(options["output"], of)
+
+
+def _say_jump(jump: Jump) -> None:
+    click.echo(
+        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
+        "sample: samples are missing there, or one signal takes the place of another",
+        err=True,
+    )
 
 
 def _open(path: Path, start: GalileoTime | None) -> Recording:
