@@ -49,6 +49,13 @@ def test_one_strong_signal_is_one() -> None:
     assert one.statistic > 100 * one.threshold
 
 
+def test_one_strong_signal_at_the_edge_of_the_band_is_one() -> None:
+    """Over 100 ms the code moves by 0.3 chip; a bin at the other edge of the band follows it as much the other way."""
+    batch = received_batch(Band.E1, [_copy(0.0, -940.0, 55.0)], rate_hz=4.5e6, duration_s=0.1)
+    (one,) = search_e1(batch, [11])
+    assert one.doppler_hz == pytest.approx(4940, abs=126)
+
+
 def test_both_components_find_what_the_pilot_alone_does_not() -> None:
     """31.5 dBHz in eight periods: near the middle of the pilot's detection curve."""
     found = {1: 0, 2: 0}

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from builders import START, random_chips
+from builders import START, handover_at, random_chips
 from search_builder import arrival, e6_source
+from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
@@ -64,6 +66,23 @@ def test_several_satellites_share_a_search_and_blocks_join_without_a_seam() -> N
         first, second = _all(search, source, [CHIPS, OTHER], 7.0)
         assert (first.svid, second.svid) == (11, 25)
         assert second.start_time - first.start_time == pytest.approx(2 * CHIP_S, abs=0.2 * CHIP_S)
+
+
+@pytest.mark.parametrize("engine", ["segment", "fft"])
+@pytest.mark.parametrize("half_chips", [17_390, 17_391])
+def test_the_threshold_is_on_the_correlator_at_the_grid_point(
+    engine: Literal["segment", "fft"], half_chips: int
+) -> None:
+    """A signal on a point of either grid, at 0 Hz: found under its magnitude there, and not over it."""
+    start_s = half_chips / 2 * CHIP_S
+    source = e6_source([arrival(CHIPS, start_s, 52.0)], 0.008, 3)
+    bank = correlate(source.batch, handover_at(replace(CHIPS, chips=CHIPS.chips[:20_460]), start_s), np.zeros(1))
+    assert bank is not None
+    magnitude = float(np.abs(bank.taps[0]) / np.sqrt(bank.noise_power / 2))
+    search = ExhaustiveSearch(integration_s=4e-3, doppler_span_hz=1000.0, engine=engine)
+    (peak,) = _all(search, source, [CHIPS], 0.995 * magnitude)
+    assert peak.start_time - START == pytest.approx(start_s, abs=0.1 * CHIP_S)
+    assert _all(search, source, [CHIPS], 1.005 * magnitude) == ()
 
 
 def test_the_doppler_of_a_pass_is_taken_off_carrier_and_code() -> None:
