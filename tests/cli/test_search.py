@@ -83,7 +83,7 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
         svid=8, start_time=GalileoTime(1420, 7, 0.25), doppler_hz=1.0, magnitude=9.0, threshold=7.0, cn0_dbhz=42.0
     )
 
-    def run(*_arguments: object) -> object:
+    def run(*_arguments: object, **_options: object) -> object:
         yield SearchState(done=1.0, total=4.0, peaks=(peak,), block_start=peak.start_time)
         raise KeyboardInterrupt
 
@@ -94,8 +94,58 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
     assert "E08" in result.stdout
     assert "INTERRUPTED" in result.stdout
     assert "25.0%" in result.stderr
+    assert "found: E08" in result.stderr
     result = CliRunner().invoke(search, ["exhaustive", str(night), "--svids", "8", "--json"])
     assert json.loads(result.stdout)["complete"] is False
+
+
+def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed behind its second block: what was kept is what an uninterrupted search comes through, to the last bit."""
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+
+    command = ("exhaustive", night, "--svids", "8", "--uncertainty-s", "0.01", "--doppler-span-hz", "1500")
+    whole, cut = tmp_path / "whole.json", tmp_path / "cut.json"
+    expected = _json(*command, "-o", whole)
+    run = ExhaustiveSearch.run
+
+    def killed(*arguments: object, **options: object) -> object:
+        states = run(*arguments, **options)  # type: ignore[arg-type]
+        yield next(states)
+        yield next(states)
+        raise SystemError("power cut")
+
+    monkeypatch.setattr(ExhaustiveSearch, "run", killed)
+    monkeypatch.setattr("vestige.cli.search_report.REPORT_EVERY_S", -1.0)
+    assert isinstance(invoke(search, *command, "-o", cut).exception, SystemError)
+    ((name, kept),) = json.loads(cut.read_bytes())["states"].items()
+    assert name == "2026-11-21T12:00:16.000 GST"
+    assert kept["blocks"] == 2
+    monkeypatch.setattr(ExhaustiveSearch, "run", run)
+    result = invoke(search, *command, "-o", cut, "--json")
+    assert json.loads(result.stdout) == expected
+    assert "goes on after" in result.stderr
+    assert cut.read_bytes() == whole.read_bytes()
+    other = invoke(search, *command, "-o", cut, "--p-fa-overall", "0.01").exception
+    assert isinstance(other, VestigeError)
+    assert "search of another P_FA" in str(other)
+
+
+def test_what_came_when_the_key_may_have_been_known_proves_nothing(night: Path) -> None:
+    """The clock is good to 100 s only, and the key was on air a minute later."""
+    text = invoke(search, "handover", night, "--svids", "8", "--uncertainty-s", "100").stdout
+    assert "proves nothing" in text
+    (result,) = _json("handover", night, "--svids", "8", "--uncertainty-s", "100")["satellites"]
+    assert (result["true_start_time"], result["spoofed"]) == (None, False)
+    assert [one["before_disclosure"] for one in result["peaks"]] == [False]
+    (near,) = _json("handover", night, "--svids", "8", "--uncertainty-s", "0.1")["satellites"]
+    assert near["true_start_time"] == near["peaks"][0]["start_time"]
+
+
+def test_a_label_that_is_wrong_within_the_uncertainty_keeps_its_recs(night: Path) -> None:
+    command = ("handover", night, "--svids", "8", "--start", "2026-11-21T12:00:20 GST", "--json")
+    assert isinstance(invoke(search, *command, "--uncertainty-s", "0.1").exception, VestigeError)
+    (result,) = _json(*command[:-1], "--uncertainty-s", "6")["satellites"]
+    assert len(result["peaks"]) == 1
 
 
 def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
@@ -109,6 +159,7 @@ def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
     with pytest.raises(VestigeError, match="no E6 samples"):
         raise invoke(search, "exhaustive", tmp_path).exception  # type: ignore[misc]
     assert _json("e1", tmp_path, "--svids", "3", "--periods", "1") == {"signals": []}
+    assert invoke(search, "e1", tmp_path, "--svids", "3", "--periods", "1").stdout == "no signal found\n"
 
 
 def test_a_search_is_drawn(night: Path, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Vestigial signal search on the real recording, as it is and with a delayed copy of itself mixed in.
 
-In the last 12 ms of the recording all satellites arrive 80 µs earlier at once: some 965 samples are missing there. So
-the searches stay in front of that.
+In the last 12 ms of the recording all satellites arrive 80 µs earlier at once: some 965 samples are missing there. In
+all of it every satellite is one signal that jumps; most tests stay in front of that.
 
 Open E6-C takes the place of a RECS. It repeats its primary code every millisecond, which encrypted chips do not: so the
 hand-over uses the phase of the secondary code, and the exhaustive search stays within half a millisecond.
@@ -25,6 +25,7 @@ from vestige.acas_processor.vestigial import (
 from vestige.records import Band, ChipSequence, SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.search.e1_jump import Jump
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource
@@ -97,6 +98,19 @@ def test_one_signal_for_each_satellite_in_the_sky_and_none_for_the_others(e1: Sa
     for one in found:
         decision = decide(e1, e6, [one], sixteen_milliseconds(e1, one))
         assert (len(decision.peaks), decision.spoofed) == (1, False)
+
+
+def test_all_of_the_recording_has_one_signal_for_each_satellite_and_a_gap(recording_data: Path) -> None:
+    """Four satellites are strong enough to be seen in the last 12 ms, too."""
+    samples = np.fromfile(recording_data / "L1_20211125_004000_12MHz_I.bin", np.int8)
+    jumps: list[Jump] = []
+    whole = batch_of(samples, RATE_HZ, Band.E1, center_frequency_hz=E1_CENTER_HZ)
+    found = search_e1(whole, IN_THE_SKY, jumped=jumps.append)
+    assert tuple(one.svid for one in found) == IN_THE_SKY
+    assert [jump.svid for jump in jumps] == [3, 8, 13, 15]
+    for jump in jumps:
+        assert jump.by_s * RATE_HZ == pytest.approx(-965, abs=4)
+        assert jump.at_s == pytest.approx(0.087, abs=0.003)
 
 
 def test_with_a_delayed_copy_exactly_two(twice: tuple[Acquisition, ...]) -> None:

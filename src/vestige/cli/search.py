@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
-import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +16,13 @@ from vestige.cli.options import FiniteRange, parse_svids, time_option
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from vestige.acas_processor.search_budget import SearchBudget
-    from vestige.acas_processor.vestigial import VestigialDecision
-    from vestige.cli.search_figure import SearchFigure
+    from vestige.cli.search_report import Answer
     from vestige.recording.recording import Recording
     from vestige.recording.samples import SampleReader
+    from vestige.recording.search_log import SearchLog
     from vestige.records import Assistance, ChipSequence
-    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
-    from vestige.sample_processor.search.peak import Peak
+    from vestige.sample_processor.search.e1_jump import Jump
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
     from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
@@ -40,7 +40,6 @@ _uncertainty = click.option(
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 _plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
-REPORT_EVERY_S = 5.0  # a line of progress
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
 
@@ -85,6 +84,7 @@ def e1(
             doppler_span_hz=doppler_span_hz,
             periods=periods,
             progress=lambda done, total: report("E1 search", done, total),
+            jumped=_say_jump,
         )
     if plot is not None:
         from vestige.cli.search_figure import draw_e1
@@ -97,6 +97,8 @@ def e1(
         fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
         click.echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
         return
+    if not found:
+        click.echo("no signal found")
     for one in found:
         rank = "" if sum(other.svid == one.svid for other in found) == 1 else "  one of several: spoofing"
         click.echo(
@@ -121,21 +123,29 @@ def e1(
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
     from vestige.acas_processor.handover import assisted_delay_m
-    from vestige.acas_processor.vestigial import E1_WINDOW_S, decide_vestigial, handover_peaks, line_stretches
+    from vestige.acas_processor.vestigial import (
+        E1_WINDOW_S,
+        decide_vestigial,
+        handover_peaks,
+        line_stretches,
+        secret_until,
+    )
     from vestige.cli.search_figure import SearchFigure
+    from vestige.cli.search_report import Answer, print_answers
     from vestige.records import Band
     from vestige.sample_processor.search.e1_search import search_e1
 
     recording = _open(recording_path, start)
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
-    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids))
+    around_s = _around_s(recording, options["uncertainty_s"])
+    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids), around_s)
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
-    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes))
+    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
     figure = SearchFigure(options["plot"], codes, "E6, handed over from E1")
-    decisions = []
+    answers = []
     for code in codes:
-        first, last = _window(recording, e6, code, options["uncertainty_s"])
+        first, last = _window(e6, code, around_s)
         stretches = [
             stretch
             for signal in signals
@@ -148,9 +158,11 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         peaks, budget = handover_peaks(
             e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]), trace=figure.add
         )
-        decisions.append((decide_vestigial(code.svid, peaks), budget))
-    figure.write(decisions)
-    _print_decisions(decisions, as_json, complete=True)
+        until = secret_until(assistance, code, around_s)
+        decision = decide_vestigial(code.svid, peaks, until)
+        answers.append(Answer(decision=decision, budget=budget, secret_until=until))
+    figure.write([(one.decision, one.budget) for one in answers])
+    print_answers(answers, as_json=as_json)
 
 
 @command.command("exhaustive")
@@ -165,22 +177,26 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
 @click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
 @click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
+@click.option("-o", "--output", type=_path, help="Keep in a file what was done and found; go on if it is there.")
 @_plot
 @_json
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
 
-    What the search costs is printed before it starts. Ctrl-C ends it; what was found until then is printed.
+    What the search costs is printed before it starts, and what it finds at once. Ctrl-C ends it; what was found until
+    then is printed.
     """
     from vestige.acas_processor.search_budget import search_budget
-    from vestige.acas_processor.vestigial import decide_vestigial
+    from vestige.acas_processor.vestigial import decide_vestigial, secret_until
     from vestige.cli.search_figure import SearchFigure
+    from vestige.cli.search_report import Answer, follow, print_answers, print_budget
     from vestige.records import Band
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 
     recording = _open(recording_path, start)
     e6 = _reader(recording, Band.E6)
-    codes, _ = _codes(recording, recording_path, options["assistance"], parse_svids(svids))
+    around_s = _around_s(recording, options["uncertainty_s"])
+    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids), around_s)
     search = ExhaustiveSearch(
         integration_s=float(options["integration_ms"]) * 1e-3,
         doppler_span_hz=options["doppler_span_hz"],
@@ -188,9 +204,11 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
         workers=options["workers"],
     )
     figure = SearchFigure(options["plot"], codes, "E6, exhaustive")
-    decisions, complete = [], True
+    log = _log(e6, codes, search, {**options, "uncertainty_s": around_s})
+    answers: list[Answer] = []
+    unsearched: GalileoTime | None = None
     for group in _together(codes):
-        first, last = _window(recording, e6, group[0], options["uncertainty_s"])
+        first, last = _window(e6, group[0], around_s)
         hypotheses = search.hypotheses(searchable(e6, search.integration_s, first, last)[1], len(group))
         budget = search_budget(
             hypotheses,
@@ -198,15 +216,57 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
             overall_pfa=options["p_fa_overall"],
             correlated_neighbours=options["correlated_neighbours"],
         )
-        _print_budget(budget, search)
-        peaks, complete = _follow(search.run(e6, group, first, last, budget.threshold), figure)
-        decisions += [(decide_vestigial(code.svid, peaks), budget) for code in group]
-        if not complete:
+        print_budget(budget, search)
+        name = str(group[0].transmit_time)
+        before = None if log is None else log.states.get(name)
+        peaks, unsearched = follow(
+            search.run(e6, group, first, last, budget.threshold, after=before),
+            before=before,
+            each=figure.add,
+            keep=(lambda _: None) if log is None else partial(log.keep, name),
+        )
+        for code in group:
+            until = secret_until(assistance, code, around_s)
+            decision = decide_vestigial(code.svid, peaks, until)
+            answers.append(Answer(decision=decision, budget=budget, secret_until=until))
+        if unsearched is not None:
             break
-    figure.write(decisions)
-    _print_decisions(decisions, as_json, complete=complete)
-    if not complete:
+    figure.write([(one.decision, one.budget) for one in answers])
+    print_answers(answers, as_json=as_json, unsearched=unsearched)
+    if unsearched is not None:
         sys.exit(INTERRUPTED)
+
+
+def _log(
+    e6: SampleReader, codes: list[ChipSequence], search: ExhaustiveSearch, options: dict[str, Any]
+) -> SearchLog | None:
+    """Return the log that `-o` names: of these samples, codes and settings."""
+    from hashlib import sha256
+
+    from vestige.recording.search_log import SearchLog
+
+    if options["output"] is None:
+        return None
+    secret = sha256(b"".join(code.chips.tobytes() for code in codes)).hexdigest()
+    of = {
+        "recording": f"{e6.n_samples} samples from {e6.start} at {e6.file.sample_rate_hz} Hz",
+        "RECS": " ".join(f"E{code.svid:02d} {code.transmit_time}" for code in codes) + " " + secret[:16],
+        "integration time": search.integration_s,
+        "Doppler span": search.doppler_span_hz,
+        "engine": search.engine,
+        "time uncertainty": options["uncertainty_s"],
+        "P_FA": options["p_fa_overall"],
+        "budget": "correlated neighbours" if options["correlated_neighbours"] else "independent hypotheses",
+    }
+    return SearchLog.open(options["output"], of)
+
+
+def _say_jump(jump: Jump) -> None:
+    click.echo(
+        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
+        "sample: samples are missing there, or one signal takes the place of another",
+        err=True,
+    )
 
 
 def _open(path: Path, start: GalileoTime | None) -> Recording:
@@ -228,7 +288,7 @@ def _reader(recording: Recording, band: Any) -> SampleReader:
 
 
 def _codes(
-    recording: Recording, path: Path, folder: Path | None, svids: tuple[int, ...]
+    recording: Recording, path: Path, folder: Path | None, svids: tuple[int, ...], around_s: float
 ) -> tuple[list[ChipSequence], Assistance]:
     """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
     from vestige.crypto.recs import decrypt
@@ -237,7 +297,9 @@ def _codes(
     from vestige.recording.snapshots import time_span
 
     folder = folder or (path if path.is_dir() else path.parent) / "assistance"
-    found = read_assistance(folder, window=time_span(recording), strict=False)
+    found = read_assistance(
+        folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
+    )
     for line in (*found.problems, *found.missing, *found.cautions):
         click.echo(f"warning: {line}", err=True)
     keys = {key.time: key for key in found.assistance.keys}
@@ -247,13 +309,22 @@ def _codes(
     return [decrypt(one, keys[one.key_time]) for one in segments], found.assistance
 
 
-def _window(
-    recording: Recording, e6: SampleReader, code: ChipSequence, uncertainty_s: float | None
-) -> tuple[GalileoTime, GalileoTime]:
+def _around_s(recording: Recording, uncertainty_s: float | None) -> float:
+    """Return the bound on the clock's error; says what follows if there is none."""
+    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
+    if math.isinf(around_s):
+        click.echo(
+            "warning: no bound on the time label's error (--uncertainty-s): "
+            "nothing that is found is provably from before the disclosure of its key",
+            err=True,
+        )
+    return around_s
+
+
+def _window(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
     """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
     from vestige.acas_processor.vestigial import arrival_window
 
-    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
 
 
@@ -263,80 +334,3 @@ def _together(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
     for code in codes:
         groups.setdefault(code.transmit_time, []).append(code)
     return list(groups.values())
-
-
-def _print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
-    from vestige.sample_processor.search.speed import expected_seconds
-
-    seconds = expected_seconds(search, budget.hypotheses)
-    lines = (
-        ("hypotheses", f"{budget.hypotheses:.4g}"),
-        ("P_FA of all, P_fa of one", f"{budget.pfa_overall:g}, {budget.pfa:.3e}"),
-        ("threshold", f"{budget.threshold:.3f} σ"),
-        (
-            "C/N0 for P_d 0.9",
-            f"{budget.required_cn0_dbhz:.2f} dBHz on the grid, {budget.grid_loss_db:.2f} dB more between",
-        ),
-        ("expected run time", f"{seconds:.0f} s"),
-    )
-    for name, value in lines:
-        click.echo(f"{name:26}{value}", err=True)
-
-
-def _follow(states: Iterable[SearchState], figure: SearchFigure) -> tuple[tuple[Peak, ...], bool]:
-    """Return the peaks of a search and whether it came to its end; says how fast it is and how long it takes."""
-    peaks: tuple[Peak, ...] = ()
-    begin = reported = time.monotonic()
-    try:
-        for state in states:
-            now = time.monotonic()
-            if len(state.peaks) != len(peaks) or now - reported > REPORT_EVERY_S:
-                rate = state.done / max(now - begin, 1e-9)
-                click.echo(
-                    f"{state.done / max(state.total, 1):6.1%}  {rate / 1e6:.0f} million hypotheses/s  "
-                    f"{(state.total - state.done) / max(rate, 1e-9):.0f} s left  {len(state.peaks)} peaks",
-                    err=True,
-                )
-                reported = now
-            peaks = state.peaks
-            figure.add(state.block_start, state.block_magnitude)
-    except KeyboardInterrupt:
-        return peaks, False
-    return peaks, True
-
-
-def _print_decisions(decisions: list[tuple[VestigialDecision, SearchBudget]], as_json: bool, *, complete: bool) -> None:
-    if as_json:
-        results = [
-            {
-                "svid": decision.svid,
-                "spoofed": decision.spoofed,
-                "hypotheses": budget.hypotheses,
-                "peaks": [_as_dict(peak) for peak in decision.peaks],
-            }
-            for decision, budget in decisions
-        ]
-        click.echo(json.dumps({"complete": complete, "satellites": results}))
-        return
-    for decision, _ in decisions:
-        if decision.true is None:
-            click.echo(f"E{decision.svid:02d}  not found")
-        for peak in decision.peaks:
-            what = "true: the earliest" if peak is decision.true else "later: SPOOFING"
-            click.echo(
-                f"E{peak.svid:02d}  {peak.start_time}  Doppler {peak.doppler_hz:8.1f} Hz  "
-                f"{peak.magnitude:6.2f} σ (threshold {peak.threshold:.2f})  C/N0 {peak.cn0_dbhz:4.1f} dBHz  {what}"
-            )
-    if not complete:
-        click.echo("INTERRUPTED: the rest of the time uncertainty was not searched, an earlier signal may be there")
-
-
-def _as_dict(peak: Peak) -> dict[str, Any]:
-    return {
-        "start_time": str(peak.start_time),
-        "start_fraction_s": peak.start_time.fraction,
-        "doppler_hz": peak.doppler_hz,
-        "magnitude_sigma": peak.magnitude,
-        "threshold_sigma": peak.threshold,
-        "cn0_dbhz": peak.cn0_dbhz,
-    }

@@ -74,13 +74,13 @@ def measure_e1(batch: SampleBatch, acquisition: Acquisition) -> E1Snapshot | Non
     """
     start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
     for _ in range(_CODE_STEPS):
-        pilot, noise = _period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
+        pilot, noise = period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
         if pilot.shape[0] < MIN_PERIODS:
             return None
         phase, residual_hz, margin_db = _secondary_phase(pilot[:, _TAPS_CHIPS.size // 2])
         doppler_hz += residual_hz
-        data, _ = _period_taps(batch, E1B, acquisition.svid, start_s, doppler_hz)
-        pilot, noise = _period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
+        data, _ = period_taps(batch, E1B, acquisition.svid, start_s, doppler_hz)
+        pilot, noise = period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
         pilot *= secondary_code(E1C, acquisition.svid)[(phase + np.arange(pilot.shape[0])) % 25][:, None]
         rate_hz, turn = _phase_line(pilot[:, _TAPS_CHIPS.size // 2])
         doppler_hz += rate_hz
@@ -99,7 +99,7 @@ def measure_e1(batch: SampleBatch, acquisition: Acquisition) -> E1Snapshot | Non
     )
 
 
-def _period_taps(
+def period_taps(
     batch: SampleBatch, signal: SignalDefinition, svid: int, start_s: float, doppler_hz: float
 ) -> tuple[Complex128[np.ndarray, "periods taps"], float]:
     """Return the taps of every full period in the batch, their phases referred to one carrier, and the noise power."""

@@ -14,7 +14,7 @@ only what the oscillator may have drifted since.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.handover import assisted_delay_m
@@ -22,10 +22,12 @@ from vestige.acas_processor.monitors.judgement import Monitor, check_budget, jud
 from vestige.acas_processor.search_budget import search_budget
 from vestige.acas_processor.vestigial import (
     E1_WINDOW_S,
+    VestigialDecision,
     arrival_window,
     decide_vestigial,
     handover_peaks,
     line_stretches,
+    secret_until,
 )
 from vestige.crypto.recs import decrypt
 from vestige.records import Assistance, CheckResult, ChipSequence, SampleBatch, Snapshot
@@ -81,7 +83,8 @@ class SatelliteSearch:
     signals
         On E1, the strongest first; none from the exhaustive search.
     peaks
-        In E6, in order of time: the first is the true signal.
+        In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
+        of its key; then E6 says nothing of it, but `check` counts what was found all the same.
     """
 
     svid: int
@@ -150,10 +153,11 @@ class E1VestigialSearch:
         for svid in svids:
             own = tuple(one for one in signals if one.svid == svid)
             wanted = len(own) > 1 or uncertainty.fixed_at is None
-            peaks = self._handed_over(svid, own, snapshot.e1, snapshot, assistance, uncertainty) if wanted else ()
-            count = max(len(own), len(peaks))
-            check = _count(self, count, peaks) if own else not_run(self, "no signal of this satellite on E1")
-            results.append(SatelliteSearch(svid=svid, signals=own, peaks=peaks, check=check))
+            looked_for = own if wanted else ()
+            decision = self._handed_over(svid, looked_for, snapshot.e1, snapshot, assistance, uncertainty)
+            count = max(len(own), len(decision.peaks))
+            check = _count(self, count, decision) if own else not_run(self, "no signal of this satellite on E1")
+            results.append(SatelliteSearch(svid=svid, signals=own, peaks=_proven(decision), check=check))
         return tuple(results)
 
     def _handed_over(
@@ -164,13 +168,13 @@ class E1VestigialSearch:
         snapshot: Snapshot,
         assistance: Assistance,
         uncertainty: TimeUncertainty,
-    ) -> tuple[Peak, ...]:
-        """Return the peaks in E6 at the places of all signals on E1; of several RECS, those of the one with most."""
-        peaks: tuple[Peak, ...] = ()
+    ) -> VestigialDecision:
+        """Return the decision on E6 at the places of all signals on E1; of several RECS, that on most peaks."""
+        decision = decide_vestigial(svid, ())
         e6 = _samples(snapshot)
+        if e6 is None or not signals:
+            return decision
         codes, _ = _codes(snapshot, assistance, uncertainty, svid)
-        if e6 is None:
-            return ()
         for code in codes:
             window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
             if window is None:
@@ -182,8 +186,9 @@ class E1VestigialSearch:
                 for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
             ]
             found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
-            peaks = max(peaks, found, key=len)
-        return peaks
+            own = decide_vestigial(svid, found, _secret_until(code, snapshot, assistance, uncertainty))
+            decision = max(decision, own, key=_n_peaks)
+        return decision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,16 +243,18 @@ class E6ExhaustiveSearch:
         source = e6 or _samples(snapshot)
         found = {svid: _codes(snapshot, assistance, uncertainty, svid) for svid in _satellites(assistance)}
         codes = [code for codes, _ in found.values() for code in codes]
-        peaks: dict[int, tuple[Peak, ...]] = {}
+        decisions: dict[int, VestigialDecision] = {}
         if source is not None:
             stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
-            peaks = self._peaks(source, stretches)
+            for code, peaks in self._peaks(source, stretches):
+                own = decide_vestigial(code.svid, peaks, _secret_until(code, snapshot, assistance, uncertainty))
+                decisions[code.svid] = max(decisions.get(code.svid, own), own, key=_n_peaks)
         return tuple(
             SatelliteSearch(
                 svid=svid,
                 signals=(),
-                peaks=peaks.get(svid, ()),
-                check=self._judged(peaks.get(svid), "no E6 samples" if source is None else reason),
+                peaks=_proven(decisions[svid]) if svid in decisions else (),
+                check=self._judged(decisions.get(svid), "no E6 samples" if source is None else reason),
             )
             for svid, (_, reason) in found.items()
         )
@@ -275,9 +282,10 @@ class E6ExhaustiveSearch:
                     stretches.append(([code], first, min(window[1], expected[code.svid] + self.around_s)))
         return stretches
 
-    def _peaks(self, source: SampleSource, stretches: list[_Stretch]) -> dict[int, tuple[Peak, ...]]:
-        """Return the peaks of every satellite that could be searched; of several RECS, those of the one with most."""
-        peaks: dict[int, tuple[Peak, ...]] = {}
+    def _peaks(
+        self, source: SampleSource, stretches: list[_Stretch]
+    ) -> Iterator[tuple[ChipSequence, tuple[Peak, ...]]]:
+        """Yield the codes that could be looked for, each with the peaks of its search."""
         for group, first, last in stretches:
             hypotheses = self._hypotheses(source, (first, last), len(group))
             if hypotheses <= 0:
@@ -285,32 +293,63 @@ class E6ExhaustiveSearch:
             share = self.p_fa / len(stretches)
             limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=share).threshold
             *_, state = self.how.run(source, group, first, last, limit)
-            for code in group:
-                own = decide_vestigial(code.svid, state.peaks).peaks
-                peaks[code.svid] = max(peaks.get(code.svid, ()), own, key=len)
-        return peaks
+            yield from ((code, state.peaks) for code in group)
 
     def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
         return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
 
-    def _judged(self, peaks: tuple[Peak, ...] | None, reason: str) -> CheckResult:
-        if peaks is None:
+    def _judged(self, decision: VestigialDecision | None, reason: str) -> CheckResult:
+        if decision is None:
             return not_run(self, reason or "the E6 samples do not hold the RECS anywhere in the time uncertainty")
-        return _count(self, len(peaks), peaks) if peaks else not_run(self, "the RECS was not found in E6")
+        if not decision.peaks:
+            return not_run(self, "the RECS was not found in E6")
+        if decision.true is None and not decision.spoofed:
+            where = f"the RECS was found at {decision.peaks[0].start_time}, when its key may have been known"
+            return not_run(self, where)
+        return _count(self, len(decision.peaks), decision)
 
 
-def _count(monitor: Monitor, count: int, peaks: tuple[Peak, ...]) -> CheckResult:
+def _count(monitor: Monitor, count: int, decision: VestigialDecision) -> CheckResult:
     """Return the check of a number of signals against one."""
     where = "E6 does not say which is the true one"
-    if len(peaks) > 1:
-        where = f"{len(peaks)} carry the encrypted chips; the earliest, at {peaks[0].start_time}, is the true one"
+    if decision.spoofed:
+        where = f"{len(decision.peaks)} carry the encrypted chips; " + (
+            f"the earliest, at {decision.true.start_time}, is the true one"
+            if decision.true is not None
+            else "all of them when their key may have been known"
+        )
     return judged(monitor, float(count), 1.0, f"{count} signals of one satellite: {where}")
+
+
+def _n_peaks(decision: VestigialDecision) -> int:
+    return len(decision.peaks)
+
+
+def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
+    """Return the peaks if the first is the true signal."""
+    return () if decision.true is None else decision.peaks
+
+
+def _secret_until(
+    code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
+) -> GalileoTime:
+    """Return until when, on the clock of the samples' labels, a RECS may begin and is provably from before disclosure.
+
+    The labels follow E1, and with it a spoofer. What the receiver knows is when it had the last sample of the snapshot.
+    """
+    e6 = snapshot.e6
+    until = secret_until(assistance, code, uncertainty.at(snapshot.received_at))
+    if not isinstance(e6, CorrelatableSamples):
+        return until
+    end = e6.batch.start + e6.batch.samples.size / e6.batch.sample_rate_hz
+    return until + (end - snapshot.received_at)
 
 
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int
 ) -> tuple[tuple[ChipSequence, ...], str]:
-    """Return the decrypted RECS of a satellite that may be in a snapshot, and why there is none."""
+    """Return the decrypted RECS of a satellite that may prove something in a snapshot, and why there is none."""
+    begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
     keys = {key.time: key for key in assistance.keys}
     codes, reason = [], "no RECS of this satellite"
     for segment in assistance.segments:
@@ -319,10 +358,12 @@ def _codes(
         key = keys.get(segment.key_time)
         if key is None:
             reason = f"no validated OSNMA key of {segment.key_time}"
-        elif not key.disclosed_at - snapshot.received_at > uncertainty.at(snapshot.received_at):
-            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
+            continue
+        code = decrypt(segment, key)
+        if begin < _secret_until(code, snapshot, assistance, uncertainty):
+            codes.append(code)
         else:
-            codes.append(decrypt(segment, key))
+            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
     return tuple(codes), "" if codes else reason
 
 

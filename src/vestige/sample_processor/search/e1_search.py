@@ -12,6 +12,8 @@ What belongs to a signal that has been taken is not a second one:
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
   with a symbol that turns. So nothing counts that is `CROSS_CORRELATION_DB` below it.
 
+A peak that is only there while a stronger one is not is that signal after a jump: samples are missing (`e1_jump`).
+
 What is given up: a second signal within 2 chips (586 m) in code phase modulo 4 ms, where the correlator bank and the
 range checks watch, and one 16 dB below the strongest.
 """
@@ -30,6 +32,7 @@ from vestige.sample_processor.acquisition import (
     CellPowers,
     search_cells,
 )
+from vestige.sample_processor.search.e1_jump import Jump, find_jump
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
 BLIND_CHIPS = 2.0  # see above
@@ -44,6 +47,7 @@ def search_e1(
     periods: int = MAX_STRETCHES,
     signals: tuple[SignalDefinition, ...] = (E1C, E1B),
     progress: Callable[[int, int], None] | None = None,
+    jumped: Callable[[Jump], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return every signal of `svids` on E1 in `batch`, in the order of `svids`, the strongest of a satellite first.
 
@@ -61,8 +65,10 @@ def search_e1(
         Components whose powers are added.
     progress
         Called with the number of satellites that are done, and of all, as the search goes on.
+    jumped
+        Called with every jump of a signal whose second peak was left out.
     """
-    return search_cells(
+    found = search_cells(
         batch,
         tuple(svids),
         separate,
@@ -72,6 +78,15 @@ def search_e1(
         doppler_span_hz=doppler_span_hz,
         progress=progress,
     )
+    kept: list[Acquisition] = []
+    for one in found:
+        stronger = (other for other in kept if other.svid == one.svid)
+        jump = next(filter(None, (find_jump(batch, other, one, signals, periods) for other in stronger)), None)
+        if jump is None:
+            kept.append(one)
+        elif jumped is not None:
+            jumped(jump)
+    return tuple(kept)
 
 
 def separate(powers: CellPowers) -> tuple[Acquisition, ...]:

@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`), scaled to int8 and handed to an
 engine in blocks of code offsets, which returns the largest power over the Doppler bins for every offset. So a file is
-read piece by piece, once for each pass, and a block's chips serve all codes.
+read piece by piece, and a block's chips serve all codes. Blocks go in order of time: of what an interrupted search has
+found, too, the earliest is the true signal, and it can go on from there.
 
 **Code Doppler.** A replica without it slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and loses up to
 0.72 dB. Where that is more than 0.3 dB the span is cut into passes, and each removes the Doppler of its own middle from
@@ -62,6 +63,8 @@ class SearchState:
         Time of the first code offset of the block that was done last.
     block_magnitude
         Of the strongest cell in that block, as the engine has it, in standard deviations of the noise per dimension.
+    blocks
+        How many have been done, from the first on.
     """
 
     done: float
@@ -69,6 +72,7 @@ class SearchState:
     peaks: tuple[Peak, ...]
     block_start: GalileoTime
     block_magnitude: float = 0.0
+    blocks: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,6 +132,8 @@ class ExhaustiveSearch:
         first_start: GalileoTime,
         last_start: GalileoTime,
         threshold: float,
+        *,
+        after: SearchState | None = None,
     ) -> Iterator[SearchState]:
         """Yield the state of the search, block after block; whoever stops in between keeps what was found.
 
@@ -143,6 +149,8 @@ class ExhaustiveSearch:
             Time uncertainty: when the first chip may arrive at the earliest and at the latest.
         threshold
             On the magnitude, in standard deviations of the noise per dimension.
+        after
+            State of the same search from which to go on: with the same samples and arguments, `workers` apart.
 
         Raises
         ------
@@ -161,17 +169,18 @@ class ExhaustiveSearch:
         n = int(uncertainty_s * CHIP_RATE_HZ) + 1
         blocks = [
             _Block(search=self, middle_hz=middle_hz, begin=begin, first=first, count=min(engine.block, n - first))
-            for middle_hz in self.passes_hz
             for first in range(0, n, engine.block)
+            for middle_hz in self.passes_hz
         ]
-        done = 0
-        peaks: tuple[Peak, ...] = ()
-        work = sum(block.count for block in blocks)
+        done = total * (np.cumsum([block.count for block in blocks]) / sum(block.count for block in blocks))
+        state = after or SearchState(done=0.0, total=total, peaks=(), block_start=begin)
+        if after is not None:
+            yield after
         pool = ThreadPoolExecutor(max_workers=self.workers or os.cpu_count())
         waiting: deque[tuple[_Block, Future[tuple[list[Peak], float]]]] = deque()
         ahead = _AHEAD * (self.workers or os.cpu_count() or 1)
         try:
-            rest = iter(blocks)
+            rest = iter(blocks[state.blocks :])
             while True:
                 for block in rest:
                     waiting.append((block, pool.submit(block.peaks, source, engine, chips, threshold)))
@@ -180,28 +189,34 @@ class ExhaustiveSearch:
                 if not waiting:
                     return
                 block, future = waiting[0]
-                found, magnitude = future.result()
+                found = future.result()
                 waiting.popleft()
-                done += block.count
-                peaks = separated((*peaks, *found)) if found else peaks
-                yield SearchState(
-                    done=total * done / work,
-                    total=total,
-                    peaks=peaks,
-                    block_start=block.begin + block.first / CHIP_RATE_HZ,
-                    block_magnitude=magnitude,
-                )
+                state = _next(state, block, *found, done)
+                yield state
         except KeyboardInterrupt:
             pool.shutdown(wait=True, cancel_futures=True)
-            for block, future in waiting:  # what the workers have begun is not lost
-                if not future.cancelled():
-                    found, magnitude = future.result()
-                    done += block.count
-                    peaks = separated((*peaks, *found))
-            yield SearchState(done=total * done / work, total=total, peaks=peaks, block_start=begin)
+            for block, future in waiting:  # what the workers have begun is not lost; they begin in order
+                if future.cancelled():
+                    break
+                state = _next(state, block, *future.result(), done)
+            yield state
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _next(
+    state: SearchState, block: _Block, found: list[Peak], magnitude: float, done: Float64[np.ndarray, " blocks"]
+) -> SearchState:
+    """Return the state after one more block; `done` is hypotheses that are done after each."""
+    return SearchState(
+        done=float(done[state.blocks]),
+        total=state.total,
+        peaks=separated((*state.peaks, *found)) if found else state.peaks,
+        block_start=block.begin + block.first / CHIP_RATE_HZ,
+        block_magnitude=magnitude,
+        blocks=state.blocks + 1,
+    )
 
 
 def searchable(

@@ -18,6 +18,7 @@ from numba import njit
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
 
 _PHASE_BITS = 40
+_UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -74,18 +75,19 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
             y_re[:n],
             y_im[:n],
         )
-        step = 2 * (code_rate + code_rate_rate * tm) * dt
+        halves_per_sample = 2 * (code_rate + code_rate_rate * tm) * dt
         u0 = 2 * (code_rate * t + 0.5 * code_rate_rate * t * t)
         base = np.floor(u0)
         p = np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS))
-        dp = np.int64(np.round(step * 2.0**_PHASE_BITS))
+        dp = np.int64(np.round(halves_per_sample * 2.0**_PHASE_BITS))
         first = np.int64(base) - first_half
         if first >= 0 and first + ((p + n * dp) >> _PHASE_BITS) < n_halves:
+            start, phase, step = np.uint64(first), np.uint64(p), np.uint64(dp)  # unsigned: no index counts from the end
             for i in range(n):
-                j = first + (p >> _PHASE_BITS)
+                j = start + (phase >> _UNSIGNED_BITS)
                 out_re[j] += y_re[i]
                 out_im[j] += y_im[i]
-                p += dp
+                phase += step
         else:
             for i in range(n):
                 j = first + (p >> _PHASE_BITS)

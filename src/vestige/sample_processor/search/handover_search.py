@@ -11,7 +11,7 @@ that is, on the *received* period: with Doppler a grid of nominal 4 ms would be 
 
 The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), twice, half a chip apart: rows of
 4 ms. A RECS of 16 ms is four rows, and hypothesis m + 1 shares three of them with hypothesis m. So every row is
-multiplied once with all quarters of the RECS at all taps, one matrix product for each of the two grids of chips:
+multiplied once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 
@@ -30,15 +30,14 @@ from jaxtyping import Float32, Float64, Int64
 
 from vestige.constants import E1_CODE_PERIOD_S
 from vestige.records import ChipSequence, Handover
-from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, peak_at, separated
+from vestige.sample_processor.search.row_kernel import OFFSETS_AT_ONCE, row_products, time_of
 from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
 _CHUNK = 960  # places whose rows are summed up together
-_ROWS = 8  # rows that are made and multiplied at once: more leave the cache, fewer make a thin matrix product
-_INVERSION_STEPS = 4  # of u(τ); each gains five decimals
+_ROWS = 32  # whose samples are read at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,10 +80,7 @@ class _Scale:
         return self.code_rate * t_s + 0.5 * self.code_rate_rate * t_s**2
 
     def time_of(self, chips: float) -> float:
-        t = chips / self.code_rate
-        for _ in range(_INVERSION_STEPS):
-            t = (chips - 0.5 * self.code_rate_rate * t**2) / self.code_rate
-        return t
+        return float(time_of(chips, self.code_rate, self.code_rate_rate))
 
 
 def search_handover(
@@ -142,11 +138,11 @@ def positions(
     source: SampleSource, line: HandoverLine, first_start: GalileoTime, last_start: GalileoTime
 ) -> Int64[np.ndarray, " places"]:
     """Return the numbers m of the places to search: in the time uncertainty, and with all their rows in the samples."""
-    scale, rows = _scale(source, line), _rows(line)
+    scale, rows = _scale(source, line), _rows(line.chips)
     head = source.read(source.first_sample, 1)
     begin_s = head.start - line.anchor
     end_s = begin_s + (source.end_sample - source.first_sample) / head.sample_rate_hz
-    row_chips = E1_CODE_PERIOD_S * line.chips.chip_rate_hz
+    row_chips = _row_chips(line.chips)
     period_chips = line.period_s * line.chips.chip_rate_hz
     low = max(scale.chips_at(first_start - line.anchor), scale.chips_at(begin_s))
     high = min(scale.chips_at(last_start - line.anchor), scale.chips_at(end_s) - rows * row_chips)
@@ -157,13 +153,13 @@ def _squares(
     source: SampleSource, line: HandoverLine, places: Int64[np.ndarray, " places"], taps: int
 ) -> Iterator[tuple[Int64[np.ndarray, " places"], Float64[np.ndarray, "places taps"]]]:
     """Yield groups of places with the squared magnitudes of their hypotheses over the noise variance per dimension."""
-    n_rows = _rows(line)
+    n_rows = _rows(line.chips)
     stride = round(line.period_s / E1_CODE_PERIOD_S)
     size = _CHUNK if stride < n_rows else 1  # places far apart share no rows
-    bank = _Bank.of(line.chips, taps)
+    replica = _Replica.of(line.chips, taps)
     for begin in range(0, places.size, size):
         chunk = places[begin : begin + size]
-        products, noise = bank.products(source, line, int(chunk[0]) * stride, (chunk.size - 1) * stride + n_rows)
+        products, noise = replica.products(source, line, int(chunk[0]) * stride, (chunk.size - 1) * stride + n_rows)
         first = np.arange(chunk.size) * stride
         sums = sum(products[:, first + quarter, quarter] for quarter in range(n_rows))
         power = sum(noise[first + quarter] for quarter in range(n_rows))
@@ -171,64 +167,65 @@ def _squares(
 
 
 @dataclass(frozen=True, slots=True)
-class _Bank:
-    """The quarters of a RECS at all taps, as the columns of a matrix for each of the two grids of chips."""
+class _Replica:
+    """A RECS with zeros around it, and where in it each quarter begins at each tap, on each of the two grids of chips.
 
-    tap_of: tuple[Int64[np.ndarray, " _"], ...]
-    columns: tuple[Float32[np.ndarray, "_ _"], ...]
-    n_rows: int
+    A tap that is later by a chip has its quarters begin a chip earlier in the code.
+    """
+
+    code: Float32[np.ndarray, " _"]
+    n_quarters: int
+    tap_of: tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " _"]]
+    offsets: tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " _"]]
 
     @classmethod
-    def of(cls, chips: ChipSequence, taps: int) -> _Bank:
-        """Return the bank of so many taps half a chip apart."""
+    def of(cls, chips: ChipSequence, taps: int) -> _Replica:
+        """Return the replica for so many taps half a chip apart."""
+        row_chips, n_quarters = _row_chips(chips), _rows(chips)
+        code = np.zeros(n_quarters * row_chips + 2 * taps, np.float32)
+        code[taps : taps + chips.chips.size] = chips.chips
         late = np.arange(taps) - taps // 2
-        tap_of = tuple(np.flatnonzero(late % 2 == grid) for grid in (0, 1) if np.any(late % 2 == grid))
-        columns = tuple(_columns(chips, late[which] // 2) for which in tap_of)
-        return cls(tap_of, columns, -(-chips.chips.size // columns[0].shape[0]))
+        tap_of = (np.flatnonzero(late % 2 == 0), np.flatnonzero(late % 2 == 1))
+        quarters = taps + row_chips * np.arange(n_quarters)[:, None]
+        even, odd = ((quarters - late[which] // 2).ravel() for which in tap_of)
+        return cls(code, n_quarters, tap_of, (even, odd))
 
     def products(
         self, source: SampleSource, line: HandoverLine, first_row: int, n: int
     ) -> tuple[Float32[np.ndarray, "parts rows quarters taps"], Float64[np.ndarray, " rows"]]:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
-        n_chips = self.columns[0].shape[0]
-        products = np.empty((2, n, self.n_rows, sum(which.size for which in self.tap_of)), np.float32)
+        products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
         noise = np.empty(n)
-        buffer = np.empty(len(self.columns) * 2 * _ROWS * n_chips, np.float32)
-        halves = np.empty((2, 2 * _ROWS * n_chips + 1), np.float32)
+        # the last ones are computed once more where their number is not a multiple
+        padded = [np.resize(one, -(-one.size // OFFSETS_AT_ONCE) * OFFSETS_AT_ONCE) for one in self.offsets]
         for begin in range(0, n, _ROWS):
             end = min(begin + _ROWS, n)
-            rows = buffer[: len(self.columns) * 2 * (end - begin) * n_chips]
-            rows = rows.reshape(len(self.columns), 2, end - begin, n_chips)
-            noise[begin:end] = _fill_rows(source, line, first_row + begin, rows, halves)
-            for grid, which, column in zip(rows, self.tap_of, self.columns, strict=True):
-                one = grid.reshape(2 * (end - begin), n_chips) @ column
-                products[:, begin:end, :, which] = one.reshape(2, end - begin, self.n_rows, which.size)
+            found = [np.empty((2, end - begin, one.size), np.float32) for one in padded]
+            _fill(source, line, first_row + begin, (self.code, *padded), (*found, noise[begin:end]))
+            for one, which in zip(found, self.tap_of, strict=True):
+                columns = one[:, :, : self.n_quarters * which.size]
+                products[:, begin:end, :, which] = columns.reshape(2, end - begin, self.n_quarters, which.size)
         return products, noise
 
 
-def _fill_rows(
+def _fill(
     source: SampleSource,
     line: HandoverLine,
     first_row: int,
-    rows: Float32[np.ndarray, "grids 2 rows chips"],
-    halves: Float32[np.ndarray, "2 half_chips"],
-) -> Float64[np.ndarray, " rows"]:
-    """Fill rows of chips (grid, real and imaginary part, row, chip) from `first_row` on; return Σ|chip|² of each.
-
-    `halves` is room for the half-chip sums of as many rows.
-    """
-    scale = _scale(source, line)
-    n_rows, n_chips = rows.shape[2], rows.shape[3]
+    replica: tuple[np.ndarray, ...],
+    out: tuple[np.ndarray, ...],
+) -> None:
+    """Fill the outputs of `row_products` for rows from `first_row` on."""
+    scale, row_chips = _scale(source, line), _row_chips(line.chips)
     head = source.read(source.first_sample, 1)
     rate = head.sample_rate_hz
     begin_s, end_s = (
-        line.anchor - head.start + scale.time_of(row * n_chips) for row in (first_row, first_row + n_rows)
+        line.anchor - head.start + scale.time_of(row * row_chips) for row in (first_row, first_row + out[-1].size)
     )
     first = max(int(begin_s * rate) - 1, 0) + source.first_sample
     end = int((end_s + 0.5 / line.chips.chip_rate_hz) * rate) + 3 + source.first_sample
     batch = source.read(first, min(end, source.end_sample) - first)
-    halves = halves[:, : 2 * n_rows * n_chips + 1]
-    half_chip_sums(
+    row_products(
         batch.samples.view(np.float32),
         batch.start - line.anchor,
         1.0 / rate,
@@ -236,29 +233,11 @@ def _fill_rows(
         scale.code_rate_rate,
         CARRIER_HZ[batch.band] - batch.center_frequency_hz + line.doppler_hz,
         line.doppler_rate_hz_per_s,
-        2 * first_row * n_chips,
-        *halves,
+        first_row,
+        row_chips,
+        *replica,
+        *out,
     )
-    noise = np.zeros(n_rows)
-    spare = np.empty(n_chips, np.float32)
-    for row in range(n_rows):
-        for part in (0, 1):
-            odd = rows[1, part, row] if rows.shape[0] > 1 else spare
-            noise[row] += chip_sums(halves[part, 2 * row * n_chips :], rows[0, part, row], odd)
-    return noise
-
-
-def _columns(chips: ChipSequence, late: Int64[np.ndarray, " taps"]) -> Float32[np.ndarray, "chips columns"]:
-    """Return the chips of every quarter, `late` chips later, as the columns of a matrix."""
-    row_chips = round(E1_CODE_PERIOD_S * chips.chip_rate_hz)
-    n_rows = -(-chips.chips.size // row_chips)
-    columns = np.zeros((row_chips, n_rows, late.size), np.float32)
-    for tap, shift in enumerate(late):
-        code = np.zeros(n_rows * row_chips, np.float32)
-        low, high = max(shift, 0), min(code.size, chips.chips.size + shift)
-        code[low:high] = chips.chips[low - shift : high - shift]
-        columns[:, :, tap] = code.reshape(n_rows, -1).T
-    return columns.reshape(row_chips, -1)
 
 
 def _handover(source: SampleSource, line: HandoverLine, place: int, tap: int) -> Handover:
@@ -282,5 +261,9 @@ def _scale(source: SampleSource, line: HandoverLine) -> _Scale:
     return _Scale(rate * (1 + line.doppler_hz / carrier_hz), rate * line.doppler_rate_hz_per_s / carrier_hz)
 
 
-def _rows(line: HandoverLine) -> int:
-    return -(-line.chips.chips.size // round(E1_CODE_PERIOD_S * line.chips.chip_rate_hz))
+def _row_chips(chips: ChipSequence) -> int:
+    return round(E1_CODE_PERIOD_S * chips.chip_rate_hz)
+
+
+def _rows(chips: ChipSequence) -> int:
+    return -(-chips.chips.size // _row_chips(chips))

@@ -17,6 +17,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.scenario.test_case import AcasTestCase
 from vestige.scenario.test_case_folder import simulated
+from vestige.time import GalileoTime
 
 SCENARIO = Path(__file__).resolve().parents[4] / "scenarios" / "vestigial.toml"
 DELAY_S = 0.0237
@@ -73,6 +74,45 @@ def test_one_signal_passes(search: E1VestigialSearch | E6ExhaustiveSearch) -> No
         BatchSource(snapshot.e6.batch),  # type: ignore[union-attr]
     )
     assert len(elsewhere.peaks) == 1
+
+
+def _disclosed_at(assistance: Assistance) -> GalileoTime:
+    (segment,) = assistance.segments
+    return next(key.disclosed_at for key in assistance.keys if key.time == segment.key_time)
+
+
+@pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])
+@pytest.mark.parametrize("clock_late_s", [0.0, 3.0])
+def test_what_comes_when_the_key_may_be_known_counts_and_is_never_the_true_one(
+    search: E1VestigialSearch | E6ExhaustiveSearch, clock_late_s: float
+) -> None:
+    """The bound on the clock puts the disclosure between both signals, then in front of them.
+
+    The labels may be late with E1's clock: what counts is when the samples were received.
+    """
+    snapshot, assistance, true_s = _received(True)
+    reference = snapshot.time + -0.1
+    received = replace(snapshot, received_at=snapshot.received_at + clock_late_s)
+    disclosed_at = _disclosed_at(assistance)
+
+    def bound(start_s: float) -> TimeUncertainty:
+        """That with which a RECS that begins so late ends when its key may be known."""
+        return TimeUncertainty(initial_s=disclosed_at - reference - start_s - clock_late_s - 16e-3)
+
+    (between,) = search.search(received, assistance, bound(true_s + 1e-3))
+    assert between.check.outcome is Outcome.FAIL
+    assert len(between.peaks) == 2
+    (before,) = search.search(received, assistance, bound(true_s - 1e-3))
+    assert (before.check.outcome, before.check.statistic, before.peaks) == (Outcome.FAIL, 2.0, ())
+    assert "when their key may have been known" in before.check.reason
+
+
+def test_a_single_signal_from_after_the_disclosure_proves_nothing() -> None:
+    snapshot, assistance, true_s = _received(False)
+    late_s = _disclosed_at(assistance) - (snapshot.time + -0.1) - true_s - 15e-3
+    (found,) = EXHAUSTIVE.search(snapshot, assistance, TimeUncertainty(initial_s=late_s))
+    assert (found.check.outcome, found.peaks) == (Outcome.NOT_RUN, ())
+    assert "when its key may have been known" in found.check.reason
 
 
 def test_what_is_missing_is_said() -> None:

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from builders import batch_of, received_batch, satellite
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
+from vestige.sample_processor.search.e1_jump import Jump
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E1C
 
@@ -46,6 +49,13 @@ def test_one_strong_signal_is_one() -> None:
     assert one.statistic > 100 * one.threshold
 
 
+def test_one_strong_signal_at_the_edge_of_the_band_is_one() -> None:
+    """Over 100 ms the code moves by 0.3 chip; a bin at the other edge of the band follows it as much the other way."""
+    batch = received_batch(Band.E1, [_copy(0.0, -940.0, 55.0)], rate_hz=4.5e6, duration_s=0.1)
+    (one,) = search_e1(batch, [11])
+    assert one.doppler_hz == pytest.approx(4940, abs=126)
+
+
 def test_both_components_find_what_the_pilot_alone_does_not() -> None:
     """31.5 dBHz in eight periods: near the middle of the pilot's detection curve."""
     found = {1: 0, 2: 0}
@@ -55,6 +65,33 @@ def test_both_components_find_what_the_pilot_alone_does_not() -> None:
         found[1] += len(search_e1(batch, [11], signals=(E1C,), periods=8))
         found[2] += len(search_e1(batch, [11], periods=8))
     assert found[2] > found[1]
+
+
+def test_a_signal_that_jumps_is_one() -> None:
+    """360 samples, 80 µs, are missing 24 ms after the first; at 36 dBHz, where single periods are near the noise."""
+    for cn0_dbhz in (36.0, 45.0):
+        batch = received_batch(Band.E1, [_copy(0.0, RATE_MPS, cn0_dbhz)], rate_hz=4.5e6, duration_s=0.05)
+        cut = np.delete(batch.samples, np.arange(108_000, 108_360))
+        jumps: list[Jump] = []
+        (one,) = search_e1(replace(batch, samples=cut), [11], jumped=jumps.append)
+        (jump,) = jumps
+        assert jump.svid == one.svid == 11
+        assert jump.by_s == pytest.approx(-80e-6, abs=0.5e-6)
+        assert jump.at_s == pytest.approx(0.024, abs=0.005)
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_a_second_signal_that_comes_or_goes_is_a_second_signal(comes: bool) -> None:
+    """6 dB stronger, and there for half of the time; the true one stays."""
+    true = _copy(0.0, RATE_MPS, 40.0)
+    alone = received_batch(Band.E1, [true], rate_hz=4.5e6, duration_s=0.05)
+    both = received_batch(Band.E1, [true, _copy(3e5, RATE_MPS, 46.0)], rate_hz=4.5e6, duration_s=0.05)
+    first, second = (alone, both) if comes else (both, alone)
+    half = alone.samples.size // 2
+    mixed = np.concatenate([first.samples[:half], second.samples[half:]])
+    jumps: list[Jump] = []
+    assert len(search_e1(replace(alone, samples=mixed), [11], jumped=jumps.append)) == 2
+    assert jumps == []
 
 
 def test_noise_alone_is_no_signal() -> None:

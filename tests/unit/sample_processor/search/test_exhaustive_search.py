@@ -2,12 +2,14 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from builders import START, random_chips
+from builders import START, handover_at, random_chips
 from search_builder import arrival, e6_source
+from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
@@ -66,6 +68,23 @@ def test_several_satellites_share_a_search_and_blocks_join_without_a_seam() -> N
         assert second.start_time - first.start_time == pytest.approx(2 * CHIP_S, abs=0.2 * CHIP_S)
 
 
+@pytest.mark.parametrize("engine", ["segment", "fft"])
+@pytest.mark.parametrize("half_chips", [17_390, 17_391])
+def test_the_threshold_is_on_the_correlator_at_the_grid_point(
+    engine: Literal["segment", "fft"], half_chips: int
+) -> None:
+    """A signal on a point of either grid, at 0 Hz: found under its magnitude there, and not over it."""
+    start_s = half_chips / 2 * CHIP_S
+    source = e6_source([arrival(CHIPS, start_s, 52.0)], 0.008, 3)
+    bank = correlate(source.batch, handover_at(replace(CHIPS, chips=CHIPS.chips[:20_460]), start_s), np.zeros(1))
+    assert bank is not None
+    magnitude = float(np.abs(bank.taps[0]) / np.sqrt(bank.noise_power / 2))
+    search = ExhaustiveSearch(integration_s=4e-3, doppler_span_hz=1000.0, engine=engine)
+    (peak,) = _all(search, source, [CHIPS], 0.995 * magnitude)
+    assert peak.start_time - START == pytest.approx(start_s, abs=0.1 * CHIP_S)
+    assert _all(search, source, [CHIPS], 1.005 * magnitude) == ()
+
+
 def test_the_doppler_of_a_pass_is_taken_off_carrier_and_code() -> None:
     """Without noise, 16 ms at the Doppler of the pass: no chip is cut. The wrong sign would cut 0.2 chip off each."""
     middle_hz = 5000 * 2 / 3
@@ -91,6 +110,23 @@ def test_what_is_found_does_not_depend_on_the_workers_and_stops_where_one_stops(
     assert 0 < state.done < state.total
     assert len(state.peaks) == 1
     states.close()
+
+
+def test_blocks_go_in_order_of_time_and_a_search_goes_on_where_it_stopped() -> None:
+    """16 ms have three passes; a signal early and one late, at both ends of the band."""
+    signals = [arrival(CHIPS, 0.003, 46.0, 4800.0), arrival(CHIPS, 0.085, 46.0, -4800.0)]
+    source = e6_source(signals, 0.11, 4)
+    search = ExhaustiveSearch(integration_s=16e-3)
+    states = list(search.run(source, [CHIPS], START, START + 1, 7.5))
+    starts = [state.block_start - START for state in states]
+    assert len(search.passes_hz) == 3
+    assert starts == sorted(starts)
+    assert starts[0] == starts[2] < starts[3]
+    assert [state.blocks for state in states] == list(range(1, len(states) + 1))
+    assert len(states[-1].peaks) == 2
+    for stopped in (states[0], states[3], states[-1]):
+        again = list(search.run(source, [CHIPS], START, START + 1, 7.5, after=stopped))
+        assert again == states[states.index(stopped) :]
 
 
 def test_the_time_uncertainty_is_what_is_searched() -> None:

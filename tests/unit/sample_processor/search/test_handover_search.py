@@ -84,6 +84,14 @@ def test_a_line_holds_far_from_its_anchor() -> None:
     assert peak.cn0_dbhz == pytest.approx(40.0, abs=1.5)
 
 
+def test_a_place_is_where_the_received_code_has_come_to_it() -> None:
+    """Half a chip of 20 s is the Doppler's change; 1e-3 chip is asked for."""
+    source = e6_source([], 0.03, 1)
+    for place in (-5000, 7, 5000):
+        handover = handover_search._handover(source, line(0.0), place, 0)
+        assert handover.start_time - START == pytest.approx(received_periods(place), abs=1e-3 * CHIP_S)
+
+
 def test_the_time_uncertainty_bounds_the_places() -> None:
     source = e6_source([], 0.3, 1)
     every = positions(source, line(0.1), START, START + 1)

@@ -1,0 +1,115 @@
+"""Two signals at once, or one that jumps: what a sum over code periods cannot tell.
+
+Theory of operation
+-------------------
+Where a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
+peaks, as it does under spoofing; but they are never there at the same time. So for two peaks of a satellite the power
+of every single period is measured at both places. Against noise of variance 1 per dimension it is chi-squared with
+ν = 2 · components degrees of freedom, non-central by λ while the signal is there. Each place may have it all the time,
+only before, or only from some period k on, and λ is then its mean there. If the likeliest of all these is that one
+place has its signal before k and the other from k on, it is one signal, and the stronger place stands for it.
+
+A second signal that comes or goes while the first stays is two signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy import special
+
+from vestige.constants import E1_CODE_PERIOD_S
+from vestige.records import SampleBatch
+from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.e1_snapshot import period_taps
+from vestige.signals.definitions import SignalDefinition
+
+_MIN_PERIODS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jump:
+    """A signal that is at another code phase from some moment on.
+
+    Attributes
+    ----------
+    at_s
+        From the first sample, good to a code period.
+    by_s
+        Later, modulo 4 ms, between ±2 ms: negative where samples are missing.
+    """
+
+    svid: int
+    at_s: float
+    by_s: float
+
+
+def find_jump(
+    batch: SampleBatch, one: Acquisition, other: Acquisition, signals: tuple[SignalDefinition, ...], periods: int
+) -> Jump | None:
+    """Return the jump by which two peaks of a satellite are one signal, None if they are two.
+
+    Parameters
+    ----------
+    batch
+        E1 samples in which both were found.
+    signals, periods
+        Components whose powers are added; code periods at most.
+    """
+    powers = [_powers(batch, found, signals)[:periods] for found in (one, other)]
+    n = min(power.size for power in powers)
+    if n < _MIN_PERIODS:
+        return None
+    _, jump_at, one_first = max(
+        (
+            sum(_log_likelihood(power[:n], on, 2 * len(signals)) for power, on in zip(powers, pair, strict=True)),
+            k,
+            first,
+        )
+        for pair, k, first in _patterns(n)
+    )
+    if jump_at == 0:
+        return None
+    before, after = (one, other) if one_first else (other, one)
+    by_s = (after.code_start_s - before.code_start_s + E1_CODE_PERIOD_S / 2) % E1_CODE_PERIOD_S - E1_CODE_PERIOD_S / 2
+    return Jump(svid=one.svid, at_s=before.code_start_s + jump_at * E1_CODE_PERIOD_S, by_s=by_s)
+
+
+def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]], int, bool]]:
+    """Yield when both places may have their signals; with it the period of the jump, or 0, and whether one is first."""
+    always = np.ones(n, bool)
+    yield (always, always), 0, False
+    for k in range(1, n):
+        before = np.arange(n) < k
+        for part in (before, ~before):
+            yield (always, part), 0, False
+            yield (part, always), 0, False
+            yield (part, ~part), k, bool(part[0])
+
+
+def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"], freedom: int) -> float:
+    """Return the logarithm of the likelihood of powers with a signal in some periods over that without any.
+
+    The density of the non-central chi-squared distribution over that of the central one.
+    """
+    x = power[on]
+    shift = max(float(np.mean(x)) - freedom, 1e-6)
+    root = np.sqrt(shift * x)
+    order = freedom / 2 - 1
+    bessel = np.log(special.ive(order, root)) + root
+    return float(np.sum(bessel - order * np.log(root / 2) + special.gammaln(order + 1) - shift / 2))
+
+
+def _powers(
+    batch: SampleBatch, found: Acquisition, signals: tuple[SignalDefinition, ...]
+) -> Float64[np.ndarray, " periods"]:
+    """Return the power of every period where a signal was found, in units of the noise variance per dimension."""
+    rows = []
+    for signal in signals:
+        taps, noise = period_taps(batch, signal, found.svid, found.code_start_s, found.doppler_hz)
+        rows.append(np.abs(taps) ** 2 / max(noise / 2, np.finfo(np.float64).tiny))
+    total = np.sum([row[: min(len(row) for row in rows)] for row in rows], axis=0)
+    return np.maximum(total[:, np.argmax(np.sum(total, axis=0))], 1e-9)

@@ -1,0 +1,109 @@
+"""Samples turned into rows of chips, and each row multiplied with a code at many offsets: the hand-over search's work.
+
+All taps and all quarters of a RECS are the same code at other offsets. So there is no matrix of replicas, as a matrix
+product would want one, but one code of 330 kB. A row is summed up from its samples and multiplied before the next one
+is begun, a block at a time with all offsets: what is written stays in the second-level cache until it has been read,
+what is read again in the first. Blocks also keep the rounding of float32 low.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
+
+OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight sums that do not wait for one another
+_BLOCK = 1000  # chips
+_INVERSION_STEPS = 4  # of u(t); each gains five decimals
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def _add_products(re, im, code_0, code_1, code_2, code_3, out_re, out_im):
+    """Add the products of one row's block with the code at four offsets."""
+    re_0 = re_1 = re_2 = re_3 = im_0 = im_1 = im_2 = im_3 = np.float32(0.0)
+    for j in range(re.size):
+        x, y = re[j], im[j]
+        re_0 += x * code_0[j]
+        im_0 += y * code_0[j]
+        re_1 += x * code_1[j]
+        im_1 += y * code_1[j]
+        re_2 += x * code_2[j]
+        im_2 += y * code_2[j]
+        re_3 += x * code_3[j]
+        im_3 += y * code_3[j]
+    out_re[0] += re_0
+    out_re[1] += re_1
+    out_re[2] += re_2
+    out_re[3] += re_3
+    out_im[0] += im_0
+    out_im[1] += im_1
+    out_im[2] += im_2
+    out_im[3] += im_3
+
+
+@njit(cache=True, nogil=True)
+def _add_block(re, im, code, first, offsets, out_re, out_im):
+    """Add the products of the row's block from chip `first` on at every offset."""
+    for k in range(0, offsets.size, OFFSETS_AT_ONCE):
+        _add_products(
+            re,
+            im,
+            code[offsets[k] + first :],
+            code[offsets[k + 1] + first :],
+            code[offsets[k + 2] + first :],
+            code[offsets[k + 3] + first :],
+            out_re[k : k + OFFSETS_AT_ONCE],
+            out_im[k : k + OFFSETS_AT_ONCE],
+        )
+
+
+@njit(cache=True, nogil=True)
+def time_of(chips, code_rate, code_rate_rate):
+    """Return the time t at which u(t) = R t + ½ Ṙ t² is so many chips."""
+    t = chips / code_rate
+    for _ in range(_INVERSION_STEPS):
+        t = (chips - 0.5 * code_rate_rate * t**2) / code_rate
+    return t
+
+
+@njit(cache=True, nogil=True)
+def row_products(
+    x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, first_row, n, code, offsets, odd_offsets, out, odd, noise
+):
+    """Fill `out` and `odd` with the products of rows of `n` chips and the code, on two grids; `noise` with Σ|chip|².
+
+    Parameters
+    ----------
+    x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
+        As `half_chip_sums`; chip 0 is the first of row 0.
+    first_row
+        Number of the row that goes to the first place.
+    code
+        float32, every offset + n within it.
+    offsets, odd_offsets
+        int64[multiple of `OFFSETS_AT_ONCE`], for the chips and for those half a chip later; may be empty.
+    out, odd
+        float32[2, rows, offsets], real and imaginary part.
+    noise
+        float64[rows].
+    """
+    re, im = np.empty(2 * n + 1, np.float32), np.empty(2 * n + 1, np.float32)
+    even, late = np.empty((2, _BLOCK), np.float32), np.empty((2, _BLOCK), np.float32)
+    n_samples = x.size // 2
+    out[:], odd[:], noise[:] = 0, 0, 0
+    for row in range(noise.size):
+        begin = (first_row + row) * n
+        low = (time_of(begin, code_rate, code_rate_rate) - t0) / dt
+        high = (time_of(begin + n + 1, code_rate, code_rate_rate) - t0) / dt
+        start, stop = max(int(low) - 1, 0), min(int(high) + 2, n_samples)
+        part, t = x[2 * start : 2 * stop], t0 + start * dt
+        half_chip_sums(part, t, dt, code_rate, code_rate_rate, if_hz, doppler_rate, 2 * begin, re, im)
+        for first in range(0, n, _BLOCK):
+            m = min(_BLOCK, n - first)
+            noise[row] += chip_sums(re[2 * first :], even[0, :m], late[0, :m])
+            noise[row] += chip_sums(im[2 * first :], even[1, :m], late[1, :m])
+            _add_block(even[0, :m], even[1, :m], code, first, offsets, out[0, row], out[1, row])
+            _add_block(late[0, :m], late[1, :m], code, first, odd_offsets, odd[0, row], odd[1, row])
