@@ -43,7 +43,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The address of each page."""
     folder = tmp_path_factory.mktemp("pages")
     made_pages = {
-        name: run_page(open_results(made(folder / name, name, *settings)).load(), name)
+        name: run_page(open_results(made(folder / name, name, *settings)).load(), f"{name}-{60 * 'x'}")
         for name, settings in RUNS.items()
     }
     table = threat_folder(folder / "threats", {}, {"scene": "two", "level_1": "DIFFERS", "note": "why"}) / TABLE
@@ -178,6 +178,45 @@ def test_the_slider_changes_the_picture(browser: Any, pages: dict[str, str]) -> 
     assert all(pixels(browser, figure) != old for figure, old in zip(("waterfall", "epoch"), before, strict=True))
     slider.send_keys("\ue012" * 5)  # and back
     assert (shown(browser), [pixels(browser, figure) for figure in ("waterfall", "epoch")]) == (first, before)
+
+
+def test_the_curve_is_that_of_the_chosen_epoch(browser: Any, pages: dict[str, str]) -> None:
+    """Each correlator is a dot in the colour of the text, where its magnitude belongs."""
+    opened(browser, pages["quick"])
+    browser.find_element("id", "epoch").send_keys("\ue014" * 7)
+    missing = browser.execute_script("""
+        const canvas = document.querySelector('canvas[data-figure=epoch]');
+        const of = DATA.satellites[0];
+        const taps = rescaled(of.taps, DATA.top_sigma);
+        const [wide, high, n] = [canvas.width - 54, canvas.height - 44, DATA.offsets_m.length];
+        return DATA.offsets_m.filter((offset, tap) => {
+          const x = 46 + ((tap + 0.5) / n) * wide;
+          const y = 10 + high * (1 - taps[7 * n + tap] / (1.12 * DATA.top_sigma));
+          const pixel = canvas.getContext('2d').getImageData(Math.round(x), Math.round(y) - 1, 1, 1).data;
+          return pixel.slice(0, 3).join() !== '27,31,36';
+        });
+    """)
+    assert missing == []
+
+
+def test_the_time_line_has_the_colours_of_the_verdicts(browser: Any, pages: dict[str, str]) -> None:
+    opened(browser, pages["liftoff"])
+    counts = browser.execute_script("""
+        const canvas = document.querySelector('canvas[data-figure=timeline]');
+        const all = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+        const counts = {};
+        for (let i = 0; i < all.length; i += 4) {
+          const name = all.slice(i, i + 3).join();
+          counts[name] = (counts[name] || 0) + 1;
+        }
+        return DATA.statuses.map((status) => {
+          const parts = colour(status).match(/[0-9a-f]{2}/g).map((part) => parseInt(part, 16));
+          return counts[parts.join()] || 0;
+        });
+    """)
+    bits = browser.execute_script("return unpacked(DATA.satellites[0].statuses).reduce((all, bits) => all | bits, 0)")
+    assert [count > 10 for count in counts] == [bool(bits >> place & 1) for place in range(5)]
+    assert counts[0] == max(counts)
 
 
 def test_dragging_over_the_map_chooses_the_epoch(browser: Any, pages: dict[str, str]) -> None:

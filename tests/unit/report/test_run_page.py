@@ -183,6 +183,22 @@ def test_long_runs_are_thinned_honestly(results: dict[str, xarray.Dataset], monk
     assert {place for place in range(8) if bits >> place & 1} == set(np.unique(one["status"].values).tolist())
 
 
+def test_misses_are_kept_whatever_the_verdict(
+    results: dict[str, xarray.Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from vestige.report import run_drawings
+
+    monkeypatch.setattr(run_drawings, "ROWS", 120)
+    one = results["quick"].copy(deep=True)
+    one["status"].values[:] = 0
+    one["tap_index"].values[1, 123] = -1
+    one["range_offset_m"].values[1, 123] = np.nan
+    (drawn,) = data_of(run_page(one, "long").html())["satellites"]
+    missed = one["time_s"].values[(one["tap_index"].values < 0).any(axis=0)[:, 0]]
+    assert 123 in missed
+    assert set(missed) <= set(unpacked(drawn["time_s"]))
+
+
 def test_a_run_that_has_not_ended_says_so(results: dict[str, xarray.Dataset]) -> None:
     part = results["quick"].isel(epoch=slice(0, 60)).assign_coords(epoch=np.arange(60))
     assert "This run has not ended: 60 of 400 epochs are here." in run_page(part, "part").html()
