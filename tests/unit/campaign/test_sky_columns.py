@@ -37,16 +37,16 @@ def clean() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("fidelity", ["correlators", "samples"])
 def test_any_cut_gives_the_same_bits(fidelity: str) -> None:
-    scenario = sky_scenario("epochs=100", f'fidelity="{fidelity}"', PUSH)
-    whole, pieces = columns_of(scenario), columns_of(scenario, chunk=29)
+    scenario = sky_scenario("epochs=40", "interval_s=4.0", "recs.every=8", f'fidelity="{fidelity}"', PUSH)
+    whole, pieces = columns_of(scenario), columns_of(scenario, chunk=17)
     for name, values in whole.items():
         assert values.tobytes() == pieces[name].tobytes(), name
 
 
 def test_two_workers_and_a_store(tmp_path: Path) -> None:
-    scenario = sky_scenario("epochs=90")
+    scenario = sky_scenario("epochs=40", "recs.every=10")
     expected = columns_of(scenario)
-    results = run(ScenarioPlan(scenario=scenario), tmp_path / "sky", workers=2, executor="threads", chunk_epochs=20)
+    results = run(ScenarioPlan(scenario=scenario), tmp_path / "sky", workers=2, executor="threads", chunk_epochs=14)
     for name, values in expected.items():
         assert results[name].values.tobytes() == values.tobytes(), name
     assert list(results["svid"].values) == [6, 7, 8, 12, 13, 14, 23, 24]
@@ -134,7 +134,7 @@ def test_low_satellites_are_weaker_and_noisier(clean: dict[str, np.ndarray]) -> 
 
 
 def test_a_satellite_that_rises_is_not_there_before() -> None:
-    found = columns_of(sky_scenario("constellation.svids=none", "recs.every=10"))
+    found = columns_of(sky_scenario("constellation.svids=none", "epochs=180", "interval_s=20.0", "recs.every=2"))
     elevation_deg = found["elevation_deg"]
     there = np.isfinite(elevation_deg)
     partly = there.any(axis=0) & ~there.all(axis=0)
@@ -148,19 +148,22 @@ def test_a_satellite_that_rises_is_not_there_before() -> None:
 
 
 def test_a_push_of_some_satellites_moves_the_position_and_is_seen_by_raim() -> None:
-    found = columns_of(sky_scenario(*CLEAN, "epochs=211", PUSH))
+    found = columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", PUSH))
     svids = np.array([6, 7, 8, 12, 13, 14, 23, 24])
     assert np.array_equal(found["truth_e1_captured"][-1], np.isin(svids, [7, 13]))
     assert found["truth_e1_error_m"][-1] == pytest.approx(np.where(np.isin(svids, [7, 13]), 90.0, 0.0), abs=10)
     assert np.linalg.norm(found["fix_error_m"][0, -1]) > 20
     assert found["raim_statistic"][0, -1] > 1000
     assert found["separation_statistic"][0, -1] > 1
-    assert np.all(found["raim_statistic"][0, :60] < 40)
+    assert np.all(found["raim_statistic"][0, :2] < 40)
 
 
 def test_a_push_of_all_satellites_moves_the_clock_and_is_not_seen_by_raim() -> None:
     attack = PUSH.replace("position-push", "time-push").replace("svids=[7, 13], ", "")
-    found, calm = (columns_of(sky_scenario(*CLEAN, "epochs=211", one)) for one in (attack, "attack=[]"))
+    found, calm = (
+        columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", one))
+        for one in (attack, "attack=[]")
+    )
     assert found["fix_clock_error_m"][0, -1] - calm["fix_clock_error_m"][0, -1] == pytest.approx(90.0, abs=10)
     assert np.linalg.norm(found["fix_error_m"][0, -1]) < 5
     assert found["raim_statistic"][0, -1] < 40
@@ -168,8 +171,8 @@ def test_a_push_of_all_satellites_moves_the_clock_and_is_not_seen_by_raim() -> N
 
 def test_the_authenticated_fix_leaves_out_what_is_not_authentic() -> None:
     e1_only = PUSH.replace("power_db=6", 'power_db=6, bands=["E1"]')
-    found = columns_of(sky_scenario(*CLEAN, "epochs=211", e1_only))
-    last = 210
+    found = columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", e1_only))
+    last = 7
     assert found["recs"][last]
     assert found["fix_satellites"][:, last].tolist() == [8, 6]
     assert np.linalg.norm(found["fix_error_m"][0, last]) > 20
