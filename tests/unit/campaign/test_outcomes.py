@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 
@@ -9,12 +10,15 @@ import xarray
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vestige.campaign.attack_columns import attack_coords
 from vestige.campaign.outcomes import RESOLUTION_M, Outcome, classify, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.spoofer.repeaters import Forgery, LiftOff
+from vestige.spoofer.spoofer import Spoofer
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
@@ -107,6 +111,7 @@ def test_report() -> None:
     found = report(results)
     assert found is not None
     assert found.shares == {Outcome.NONE: 0.2, Outcome.TRUE: 0.4, Outcome.SPOOFER: 0.4, Outcome.MIXED: 0.0}
+    assert (found.first_s, found.epochs) == (1.0, 5)
     assert found.time_to_detect_s == 1.0
     assert found.time_to_mitigate_s == 3.0
     assert found.worst_accepted_m == 60.0
@@ -121,9 +126,27 @@ def test_report_of_what_never_happens() -> None:
     assert report(_results(time_s=[0.0], spoofed=[0], found=[0.0])) is None
 
 
-def test_forged_chips_are_nobody(tmp_path: Path) -> None:
+def test_of_a_sky_epochs_with_recs_count() -> None:
+    status = ["NOT_AVAILABLE", "AUTHENTIC", "NOT_AVAILABLE", "AUTHENTIC"]
+    results = _results(time_s=[0.0, 1.0, 2.0, 3.0], found=[nan, 100.0, nan, 100.0], status=status)  # type: ignore[arg-type]
+    found = report(results.assign(recs=("epoch", [False, True, False, True])))
+    assert found is not None
+    assert (found.first_s, found.epochs, found.shares[Outcome.SPOOFER]) == (0.0, 2, 1.0)
+
+
+def test_forged_chips_are_nobody() -> None:
     results = _results(time_s=[0.0], found=[100.0]).assign_coords(forged=("attack", [True]))
     assert outcomes(results).item() == Outcome.TRUE
+
+
+@pytest.mark.parametrize("svids", [(), (11,)])
+def test_forged_chips_are_known_whichever_satellite_they_are_for(svids: tuple[int, ...]) -> None:
+    scenario = load_scenario(SCENARIOS / "quick.toml", ["epochs=5"])
+    assert isinstance(scenario, CampaignScenario)
+    spoofer = Spoofer(attacks=(LiftOff(delay_m=9.0, power_db=3.0), Forgery(power_db=9.0, svids=svids)))
+    coords = attack_coords(replace(scenario.simulation(), spoofer=spoofer))
+    assert coords["forged"].values.tolist() == [False, True]
+    assert coords["attack"].values.tolist() == ["0 lift-off", "1 forgery"]
 
 
 def test_outcomes_of_a_run(tmp_path: Path) -> None:
