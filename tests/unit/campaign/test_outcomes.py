@@ -75,7 +75,8 @@ def test_of_several_the_nearest_counts() -> None:
 def _results(**columns: list[float]) -> xarray.Dataset:
     """Return results of one satellite, one attack and one detector; a column is a list over epochs."""
     n = len(columns["time_s"])
-    given = {"spoofed": [1.0] * n, "error": [0.0] * n, "offset": [100.0] * n, "power": [3.0] * n} | columns
+    usual = {"spoofed": 1.0, "error": 0.0, "offset": 100.0, "power": 3.0, "noise": 0.0, "e1_noise": 0.0}
+    given = {name: [value] * n for name, value in usual.items()} | columns
     status = [list(Status).index(Status[str(name)]) for name in given.pop("status", ["AUTHENTIC"] * n)]
     one = ("epoch", "satellite")
 
@@ -91,8 +92,8 @@ def _results(**columns: list[float]) -> xarray.Dataset:
             "truth_prediction_error_m": (one, column([0.0] * n)),
             "truth_spoofer_offset_m": ((*one, "attack"), column(given["offset"])[..., None]),
             "truth_spoofer_power_db": ((*one, "attack"), column(given["power"])[..., None]),
-            "truth_noise_rise_db": (one, column([0.0] * n)),
-            "truth_e1_noise_rise_db": (one, column([0.0] * n)),
+            "truth_noise_rise_db": (one, column(given["noise"])),
+            "truth_e1_noise_rise_db": (one, column(given["e1_noise"])),
             "truth_e1_worst_error_m": (one, column(given["error"])),
             "truth_e1_captured": (one, np.abs(column(given["error"])) > 50),
         },
@@ -124,6 +125,14 @@ def test_report_of_what_never_happens() -> None:
     assert found is not None
     assert np.isnan([found.time_to_detect_s, found.time_to_mitigate_s, found.worst_accepted_m]).all()
     assert report(_results(time_s=[0.0], spoofed=[0], found=[0.0])) is None
+
+
+@pytest.mark.parametrize("band", ["noise", "e1_noise"])
+def test_noise_on_one_band_is_an_attack(band: str) -> None:
+    results = _results(time_s=[0.0, 1.0, 2.0], spoofed=[0, 0, 0], found=[1.0] * 3, **{band: [0.0, 3.0, 3.0]})
+    found = report(results)
+    assert found is not None
+    assert (found.first_s, found.epochs) == (1.0, 2)
 
 
 def test_of_a_sky_epochs_with_recs_count() -> None:
