@@ -101,7 +101,7 @@ def campaign_results(
             "svid": ("satellite", np.array(svids)),
             "tap_offset_m": ("tap", offsets_m),
             "detector": ("detector", list(DETECTORS)),
-            **({"attack": ("attack", ["1 lift-off"])} if truth else {}),
+            **({"attack": ("attack", ["0 lift-off"])} if truth else {}),
         },
         attrs={
             "p_fa": p_fa,

@@ -11,10 +11,12 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+import xarray
 from click.testing import CliRunner, Result
 
 from vestige.campaign.executors import ONE_THREAD
 from vestige.campaign.store import open_results
+from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.plot import command as plot
 from vestige.cli.run import command
 from vestige.errors import InputFileError, VestigeError
@@ -34,12 +36,52 @@ def test_text_and_json_say_the_same(tmp_path: Path) -> None:
     misses = found["detectors"]["early"]["misses"]
     assert f"early    detector: {misses} missed" in text.stdout
     assert found["p_d_theory"] == pytest.approx(0.99999565, abs=1e-8)
+    assert found["attack"] == []
+    assert "attack" not in text.stdout
 
 
 def test_json_when_nothing_is_detected(tmp_path: Path) -> None:
     settings = ("--set", "epochs=50", "--set", "receiver.cn0_dbhz=0")
     found = json.loads(_invoke(QUICK, "-o", tmp_path / "a", *settings, "--json").stdout)
     assert found["detectors"]["early"]["range_offset_mean_m"] is None
+
+
+def test_what_came_of_an_attack(tmp_path: Path) -> None:
+    """A lift-off of E6 alone: the early detector comes back, the other does not; text and JSON say the same."""
+    arguments = (SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", "--fidelity", "correlators")
+    text = _invoke(*arguments).stdout
+    (found,) = json.loads(_invoke(*arguments, "--json").stdout)["attack"]
+    early, maximum = found["early"], found["maximum"]
+    assert (found["svid"], early["epochs"], early["first_s"], early["e1_captured"]) == (11, 1000, 500.0, 0.0)
+    assert 300 < early["time_to_mitigate_s"] < 550
+    assert maximum["time_to_mitigate_s"] is None
+    assert sum(early["shares"].values()) == pytest.approx(1.0)
+    assert maximum["shares"]["SPOOFER"] > 0.4 > early["shares"]["SPOOFER"]
+    assert f"attack on E11: 1000 epochs from 500 s on, first alarm after {early['time_to_detect_s']:g} s" in text
+    assert f"the true signal for good after {early['time_to_mitigate_s']:g} s" in text
+    assert "never the true signal for good" in text.splitlines()[-1]
+
+
+def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None:
+    """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
+    short = ("--set", "epochs=520", "--fidelity", "correlators")
+    assert _invoke(SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", *short).exception is None
+    aimed = open_results(tmp_path / "a").load()
+    noise = aimed.assign(truth_spoofed=aimed["truth_spoofed"] & False).assign_coords(svid=("satellite", [12]))
+    one = attack_lines(aimed)
+    assert [len(one), one[0].split(":")[0]] == [3, "attack on E11"]
+    assert attack_lines(xarray.concat([aimed, noise], "satellite", data_vars="minimal")) == one
+    both = xarray.concat([noise, noise.assign_coords(svid=("satellite", [13]))], "satellite", data_vars="minimal")
+    assert [line.split(":")[0] for line in attack_lines(both)[::3]] == ["attack on E12", "attack on E13"]
+    assert [each["svid"] for each in attack_values(both)] == [12, 13]
+
+
+def test_an_attack_that_leaves_nothing_to_decide(tmp_path: Path) -> None:
+    denial = ("--set", 'attack=[{kind="osnma-denial"}]', "--set", "epochs=20")
+    text = _invoke(QUICK, "-o", tmp_path / "a", *denial).stdout
+    assert "early    detector: nothing to decide" in text
+    assert "attack on E11: 20 epochs from 0 s on, no alarm; E1 captured in 0 %, nothing accepted" in text
+    assert "nan m" not in text
 
 
 def test_numeric_libraries_get_one_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,12 +36,13 @@ ATTACK_COLUMNS = {
 
 
 def attack_coords(simulation: Simulation) -> dict[str, Coord]:
-    """Return the axis of the attacks: their kinds by number, and whose E6 chips never match; nothing without any."""
+    """Return the axis of the attacks: their numbers and kinds, and whose E6 chips never match; nothing without any."""
     attacks = simulation.spoofer.attacks
     if not attacks:
         return {}
-    names = np.array([f"{number} {attack.kind}" for number, attack in enumerate(attacks, start=1)])
-    forged = simulation.spoofer.effects(Band.E6, 0, np.zeros(1)).own_chips
+    names = np.array([f"{number} {attack.kind}" for number, attack in enumerate(attacks)])
+    made = [attack.counterfeit(Band.E6, np.zeros(1)) for attack in attacks]  # whichever satellite it is for
+    forged = np.array([one is not None and one.own_chips for one in made])
     return {
         "attack": Coord(dim="attack", values=names, units="1", long_name="attack"),
         "forged": Coord(dim="attack", values=forged, units="1", long_name="whether its E6 chips are made up"),

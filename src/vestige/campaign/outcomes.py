@@ -133,6 +133,8 @@ class AttackReport:
     ----------
     detector
         Whose outcomes these are; the status is that of the detector which the scenario chose.
+    first_s, epochs
+        Time of the attack's first epoch, and the number of those in which a verdict was due.
     shares
         Share of each outcome in the epochs of the attack in which a verdict was due.
     time_to_detect_s
@@ -147,6 +149,8 @@ class AttackReport:
     """
 
     detector: str
+    first_s: float
+    epochs: int
     shares: dict[Outcome, float]
     time_to_detect_s: float
     time_to_mitigate_s: float
@@ -184,6 +188,8 @@ def report(
     accepted = status == position(Status.AUTHENTIC)
     return AttackReport(
         detector=detector,
+        first_s=float(time_s[0]),
+        epochs=int(np.count_nonzero(due)),
         shares={kind: float(np.mean(outcome[due] == kind)) for kind in Outcome},
         time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
         time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome, share),

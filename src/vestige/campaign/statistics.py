@@ -215,7 +215,8 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
 
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
-    taps more than a chip before the line of sight are counted: they hold neither it nor its rays, which come later.
+    taps more than a chip before the line of sight and any counterfeit are counted: they hold none of them, nor rays,
+    which come later.
 
     Parameters
     ----------
@@ -226,8 +227,7 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
     exceeding = trials = 0
     for block in _blocks(independent):
-        late_m = sum(sign * block[f"truth_{name}_m"] for name, sign in _LATE)
-        silent = (block["tap_offset_m"] < late_m - CHIP_M) | (not results.attrs["signal"])
+        silent = (block["tap_offset_m"] < _first_arrival_m(block) - CHIP_M) | (not results.attrs["signal"])
         found = tap_exceedances(block.assign(taps=block["taps"].where(silent)))
         exceeding, trials = exceeding + found.successes, trials + found.trials
     return proportion(exceeding, trials, confidence=confidence)
@@ -235,6 +235,16 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
 
 # terms of the hand-over's error: positive where the line of sight is later in E6 than predicted
 _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
+
+
+def _first_arrival_m(block: xarray.Dataset) -> xarray.DataArray:
+    """Return how much later than predicted the first signal arrives: the line of sight, or a counterfeit before it."""
+    if "truth_spoofer_offset_m" not in block:
+        terms = [sign * block[f"truth_{name}_m"] for name, sign in _LATE]
+        return sum(terms[1:], terms[0])
+    on_air = (block["truth_spoofer_power_db"] > -np.inf) & ~block["forged"]
+    first_m = block["truth_spoofer_offset_m"].where(on_air, 0.0).min("attack")
+    return block["truth_prediction_error_m"] + first_m.clip(max=0.0)
 
 
 def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:

@@ -15,6 +15,7 @@ from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
+from vestige.cli.attack_report import attack_lines, attack_values
 
 
 def campaign_json(results: xarray.Dataset) -> str:
@@ -30,6 +31,7 @@ def campaign_json(results: xarray.Dataset) -> str:
             "p_d_theory": _theory(results),
             "false_alarms": asdict(false_alarms(results)),
             "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
+            "attack": attack_values(results),
         }
     )
 
@@ -49,7 +51,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
-    return "\n".join(lines)
+    return "\n".join([*lines, *attack_lines(results)])
 
 
 def sweep_json(rows: Sequence[Row]) -> str:
@@ -90,6 +92,8 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
 def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:
     found = summarise(results, name)
     rate = found.detections
+    if not rate.trials:
+        return [f"{name:8s} detector: nothing to decide"]
     low_m, high_m = found.cluster_m
     return [
         f"{name:8s} detector: {found.misses} missed, P_d {rate.value:.6f} "

@@ -77,7 +77,7 @@ def _lines(path: Path, scenario: Scenario) -> list[str]:
         *_sky_lines(scenario),
         *(f"  {name}: {getattr(scenario.receiver, name) or 'none'}" for name in models),
         f"  processing: {scenario.processor}",
-        *(f"  attack {number}: {attack}" for number, attack in enumerate(scenario.attack, start=1)),
+        *(f"  attack.{number}: {attack}" for number, attack in enumerate(scenario.attack)),
     ]
 
 

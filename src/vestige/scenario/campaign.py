@@ -35,6 +35,7 @@ from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
     check_attacks,
     check_clock,
+    check_jammers,
     check_length,
     check_motion,
     check_weak_signal,
@@ -213,6 +214,7 @@ class CampaignScenario(Section):
     def _within_limits(self) -> Self:
         duration_s, front_end = self.epochs * self.interval_s, self.receiver.front_end
         check_length(self.fidelity, duration_s)
+        check_jammers(front_end.front_end(self.receiver.sample_rate_hz).input_rate_hz, self.attack)
         if self.fidelity == "correlators":
             check_attacks(front_end.front_end(self.receiver.sample_rate_hz), Spoofer(attacks=self.attack))
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)

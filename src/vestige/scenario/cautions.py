@@ -16,9 +16,26 @@ def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
     """Return what the author of a scenario should know before it runs; nothing for most."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)
-    attacks = Spoofer(attacks=scenario.attack).cautions()
+    attacks = (*Spoofer(attacks=scenario.attack).cautions(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
     return (*attacks, *stairs, *_round_peak(scenario))
+
+
+def _aimed_at_nobody(scenario: CampaignScenario) -> tuple[str, ...]:
+    aims = {number: attack for number, attack in enumerate(scenario.attack) if attack.svids}
+    if not aims:
+        return ()
+    sky = {simulation.svid for simulation in scenario.simulations}
+    absent = {number: sorted(set(attack.svids) - sky) for number, attack in aims.items()}
+    return tuple(
+        f"attack.{number}.svids: {_names(svids)} not in the scenario, which has {_names(sorted(sky))}"
+        for number, svids in absent.items()
+        if svids
+    )
+
+
+def _names(svids: list[int]) -> str:
+    return ", ".join(f"E{svid:02d}" for svid in svids)
 
 
 def _staircase(rate_hz: float) -> tuple[str, ...]:

@@ -61,6 +61,18 @@ def check_clock(clock: TwoStateClock | None, duration_s: float) -> None:
         )
 
 
+def check_jammers(input_rate_hz: float, attacks: Sequence[Attacks]) -> None:
+    """Raise if samples cannot hold a jamming waveform: sampling would fold it in, where no receiver lets it through."""
+    for number, attack in enumerate(attacks):
+        jamming = attack.jamming(Band.E6, np.zeros(1))
+        if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
+            raise MisfitError(
+                f"attack.{number}.waveform",
+                f"{jamming.waveform.reach_hz / 1e6:g} MHz from the carrier of E6",
+                f"at most {input_rate_hz / 2e6:g} MHz, half the rate of the samples",
+            )
+
+
 def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
     """Raise if the model of correlators does not know what the front end makes of an attack."""
     if not spoofer.attacks or front_end.transparent:

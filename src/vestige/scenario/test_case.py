@@ -284,6 +284,6 @@ class AcasTestCase:
             }
         for k in range(truth.e6.delay_m.shape[1]):
             for band, effects in (("e1", truth.e1_attack), ("e6", truth.e6)):
-                numbers[f"attack{k + 1}_{band}_delay_m"] = effects.delay_m[:, k]
-                numbers[f"attack{k + 1}_{band}_power_db"] = effects.power_db[:, k]
+                numbers[f"attack{k}_{band}_delay_m"] = effects.delay_m[:, k]
+                numbers[f"attack{k}_{band}_power_db"] = effects.power_db[:, k]
         return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}

@@ -17,7 +17,7 @@ from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 LARGEST_NUMBER = 1e15
-_POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db")
+_POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
 class Section(BaseModel):

@@ -168,6 +168,12 @@ def check_delay(delay_m: AnyProfile | float) -> None:
         raise ValueError(f"delays change by at most {_MAX_RATE_MPS:g} m/s, found {fastest(delay_m):g} m/s")
 
 
+def check_bands(bands: tuple[Band, ...]) -> None:
+    """Raise ValueError if an attack hits no band, or names one twice."""
+    if not bands or len(set(bands)) != len(bands):
+        raise ValueError(f"an attack names each of its bands once, found {[band.value for band in bands]}")
+
+
 def check_level(level_db: AnyProfile | float) -> None:
     """Raise ValueError if a power is not at most 100 dB over what it is compared with; -inf is no power."""
     high_db = extremes(level_db)[1]

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
-from vestige.spoofer.attack import Attack, Counterfeit, check_delay, check_level
+from vestige.spoofer.attack import Attack, Counterfeit, check_bands, check_delay, check_level
 from vestige.spoofer.phase import COHERENT, DelayedCarrier, Phase
 from vestige.spoofer.profiles import Profile, Ramp, as_profile
 from vestige.spoofer.repeaters import BOTH
@@ -52,6 +52,7 @@ class BetweenRecs(Attack):
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
+        check_bands(self.bands)
         if not 0 < self.guard_s < self.period_s / 2:
             raise ValueError(f"a guard lies between 0 and half a period, found {self.guard_s} of {self.period_s} s")
         rise_s = self.period_s / 2 - self.guard_s

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from vestige.constants import FUNDAMENTAL_FREQUENCY_HZ
 from vestige.records import Band
-from vestige.spoofer.attack import Attack, Jamming, check_level
+from vestige.spoofer.attack import Attack, Jamming, check_bands, check_level
 from vestige.spoofer.jammers import WIDEBAND, Jammer
 from vestige.spoofer.profiles import Profile, as_profile
 from vestige.spoofer.repeaters import BOTH
@@ -42,6 +42,7 @@ class Jam(Attack):
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
+        check_bands(self.bands)
         check_level(self.j_over_n_db)
         if not 1e3 <= self.noise_bandwidth_hz <= 1e9:
             raise ValueError(f"a noise bandwidth lies between 1 kHz and 1 GHz, found {self.noise_bandwidth_hz:g} Hz")

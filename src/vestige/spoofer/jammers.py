@@ -34,6 +34,7 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
+_SHORTEST_S = 0.999e-6  # of a pulse: some samples
 _PIECE = 8192  # samples that are added at once: they stay in the cache
 
 
@@ -43,6 +44,7 @@ class Wideband:
 
     kind: Literal["wideband"] = "wideband"
     white: ClassVar[bool] = True  # while it is on
+    reach_hz: ClassVar[float] = 0.0  # of a line or sweep from the carrier; white noise is what the samples let in
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
@@ -75,6 +77,11 @@ class ContinuousWave:
     kind: Literal["cw"] = "cw"
     white: ClassVar[bool] = False  # while it is on
 
+    @property
+    def reach_hz(self) -> float:
+        """How far from the carrier it goes."""
+        return abs(self.offset_hz)
+
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
     ) -> Complex128[np.ndarray, " n"]:
@@ -105,6 +112,11 @@ class Chirp:
         if not (0 < self.bandwidth_hz <= 1e9 and 1e-6 <= self.sweep_s <= 1e-3):
             raise ValueError("a chirp has a bandwidth up to 1 GHz and a sweep of 1 µs to 1 ms")
 
+    @property
+    def reach_hz(self) -> float:
+        """How far from the carrier it goes."""
+        return self.bandwidth_hz / 2
+
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
     ) -> Complex128[np.ndarray, " n"]:
@@ -120,7 +132,7 @@ class Chirp:
         t = np.arange(n) / sample_rate_hz - self.sweep_s / 2
         sweep = np.exp(1j * pi * self.bandwidth_hz / self.sweep_s * t**2)
         turn = np.exp(2j * pi * _uniform(key))
-        start = int(_uniform(key ^ np.uint64(1)) * n)
+        start = int(_other_uniform(key) * n)
         sweep = np.roll(np.sqrt(power) * turn * sweep, -start).astype(np.complex64)
         piece = np.tile(sweep, -(-_PIECE // n))
         for first in range(0, x.size, piece.size):
@@ -135,10 +147,11 @@ class Pulsed:
     period_s: float = 1e-3
     kind: Literal["pulsed"] = "pulsed"
     white: ClassVar[bool] = True  # while it is on
+    reach_hz: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        if not (0 < self.duty <= 1 and 1e-5 <= self.period_s <= 1e-2):
-            raise ValueError("pulses have a duty in (0, 1] and a period of 10 µs to 10 ms")
+        if not (0 < self.duty <= 1 and 1e-5 <= self.period_s <= 1e-2 and self.duty * self.period_s >= _SHORTEST_S):
+            raise ValueError("pulses have a duty in (0, 1], a period of 10 µs to 10 ms, and last 1 µs or longer")
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
@@ -149,7 +162,7 @@ class Pulsed:
     def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         period = self.period_s * sample_rate_hz
-        first = -_uniform(key ^ np.uint64(1)) * period
+        first = -_uniform(key) * period
         for k in range(int((x.size - first) / period) + 1):
             begin, end = round(first + k * period), round(first + (k + self.duty) * period)
             begin, end = max(begin, 0), min(end, x.size)
@@ -179,6 +192,11 @@ def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: flo
 def _uniform(key: np.uint64) -> float:
     """Return a number in [0, 1) that follows from the key, which is a hash."""
     return int(key) / 2.0**64
+
+
+def _other_uniform(key: np.uint64) -> float:
+    """Return a second number in [0, 1), of the lower half of the key's bits: the first one is of the upper ones."""
+    return (int(key) & 0xFFFFFFFF) / 2.0**32
 
 
 def _add_noise(x: Complex64[np.ndarray, " n"], power: float, key: np.uint64, first: int = 0) -> None:

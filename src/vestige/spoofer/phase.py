@@ -19,6 +19,8 @@ from pydantic import Field
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
+_MAX_SLIP_HZ = 1e4  # twice what an acquisition searches
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedCarrier:
@@ -53,6 +55,10 @@ class Slipping:
     slip_hz: float
     phase_rad: float = 0.0
     kind: Literal["slipping"] = "slipping"
+
+    def __post_init__(self) -> None:
+        if not abs(self.slip_hz) <= _MAX_SLIP_HZ:
+            raise ValueError(f"a carrier slips by at most {_MAX_SLIP_HZ:g} Hz, found {self.slip_hz:g} Hz")
 
     def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
         """Return φ in rad."""

@@ -19,7 +19,7 @@ def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
         If it is not such a file, holds fewer than two points or a number that is not finite, or times do not ascend.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets put a byte order mark
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a CSV file") from error
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have

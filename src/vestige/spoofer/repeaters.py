@@ -21,7 +21,15 @@ from jaxtyping import Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
-from vestige.spoofer.attack import MAX_DELAY_S, Attack, Counterfeit, check_delay, check_level, delayed
+from vestige.spoofer.attack import (
+    MAX_DELAY_S,
+    Attack,
+    Counterfeit,
+    check_bands,
+    check_delay,
+    check_level,
+    delayed,
+)
 from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
@@ -51,6 +59,7 @@ class _LiftOffAttack(Attack):
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
+        check_bands(self.bands)
         check_delay(self.delay_m)
         check_level(self.power_db)
         _check_gain(self.reception_gain_db)
@@ -174,6 +183,7 @@ class Meaconing(Attack):
         Attack.__post_init__(self)
         if not 0 <= self.delay_s <= MAX_DELAY_S:
             raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
+        check_bands(self.bands)
         check_level(self.power_db)
         _check_gain(self.reception_gain_db)
 
@@ -305,6 +315,7 @@ class Nulling(Attack):
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
+        check_bands(self.bands)
         check_level(self.gain_db)
 
     @property

@@ -184,8 +184,8 @@ class Spoofer:
     def cautions(self) -> tuple[str, ...]:
         """Return one line for each attack that is beyond what [WFO] assumes."""
         return tuple(
-            f"attack {number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"
-            for number, attack in enumerate(self.attacks, start=1)
+            f"attack.{number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"
+            for number, attack in enumerate(self.attacks)
             if attack.outside_assumption_2
         )
 

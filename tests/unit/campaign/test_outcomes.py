@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 
@@ -9,12 +10,15 @@ import xarray
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vestige.campaign.attack_columns import attack_coords
 from vestige.campaign.outcomes import RESOLUTION_M, Outcome, classify, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.spoofer.repeaters import Forgery, LiftOff
+from vestige.spoofer.spoofer import Spoofer
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
@@ -71,7 +75,8 @@ def test_of_several_the_nearest_counts() -> None:
 def _results(**columns: list[float]) -> xarray.Dataset:
     """Return results of one satellite, one attack and one detector; a column is a list over epochs."""
     n = len(columns["time_s"])
-    given = {"spoofed": [1.0] * n, "error": [0.0] * n, "offset": [100.0] * n, "power": [3.0] * n} | columns
+    usual = {"spoofed": 1.0, "error": 0.0, "offset": 100.0, "power": 3.0, "noise": 0.0, "e1_noise": 0.0}
+    given = {name: [value] * n for name, value in usual.items()} | columns
     status = [list(Status).index(Status[str(name)]) for name in given.pop("status", ["AUTHENTIC"] * n)]
     one = ("epoch", "satellite")
 
@@ -87,8 +92,8 @@ def _results(**columns: list[float]) -> xarray.Dataset:
             "truth_prediction_error_m": (one, column([0.0] * n)),
             "truth_spoofer_offset_m": ((*one, "attack"), column(given["offset"])[..., None]),
             "truth_spoofer_power_db": ((*one, "attack"), column(given["power"])[..., None]),
-            "truth_noise_rise_db": (one, column([0.0] * n)),
-            "truth_e1_noise_rise_db": (one, column([0.0] * n)),
+            "truth_noise_rise_db": (one, column(given["noise"])),
+            "truth_e1_noise_rise_db": (one, column(given["e1_noise"])),
             "truth_e1_worst_error_m": (one, column(given["error"])),
             "truth_e1_captured": (one, np.abs(column(given["error"])) > 50),
         },
@@ -107,6 +112,7 @@ def test_report() -> None:
     found = report(results)
     assert found is not None
     assert found.shares == {Outcome.NONE: 0.2, Outcome.TRUE: 0.4, Outcome.SPOOFER: 0.4, Outcome.MIXED: 0.0}
+    assert (found.first_s, found.epochs) == (1.0, 5)
     assert found.time_to_detect_s == 1.0
     assert found.time_to_mitigate_s == 3.0
     assert found.worst_accepted_m == 60.0
@@ -121,9 +127,35 @@ def test_report_of_what_never_happens() -> None:
     assert report(_results(time_s=[0.0], spoofed=[0], found=[0.0])) is None
 
 
-def test_forged_chips_are_nobody(tmp_path: Path) -> None:
+@pytest.mark.parametrize("band", ["noise", "e1_noise"])
+def test_noise_on_one_band_is_an_attack(band: str) -> None:
+    results = _results(time_s=[0.0, 1.0, 2.0], spoofed=[0, 0, 0], found=[1.0] * 3, **{band: [0.0, 3.0, 3.0]})
+    found = report(results)
+    assert found is not None
+    assert (found.first_s, found.epochs) == (1.0, 2)
+
+
+def test_of_a_sky_epochs_with_recs_count() -> None:
+    status = ["NOT_AVAILABLE", "AUTHENTIC", "NOT_AVAILABLE", "AUTHENTIC"]
+    results = _results(time_s=[0.0, 1.0, 2.0, 3.0], found=[nan, 100.0, nan, 100.0], status=status)  # type: ignore[arg-type]
+    found = report(results.assign(recs=("epoch", [False, True, False, True])))
+    assert found is not None
+    assert (found.first_s, found.epochs, found.shares[Outcome.SPOOFER]) == (0.0, 2, 1.0)
+
+
+def test_forged_chips_are_nobody() -> None:
     results = _results(time_s=[0.0], found=[100.0]).assign_coords(forged=("attack", [True]))
     assert outcomes(results).item() == Outcome.TRUE
+
+
+@pytest.mark.parametrize("svids", [(), (11,)])
+def test_forged_chips_are_known_whichever_satellite_they_are_for(svids: tuple[int, ...]) -> None:
+    scenario = load_scenario(SCENARIOS / "quick.toml", ["epochs=5"])
+    assert isinstance(scenario, CampaignScenario)
+    spoofer = Spoofer(attacks=(LiftOff(delay_m=9.0, power_db=3.0), Forgery(power_db=9.0, svids=svids)))
+    coords = attack_coords(replace(scenario.simulation(), spoofer=spoofer))
+    assert coords["forged"].values.tolist() == [False, True]
+    assert coords["attack"].values.tolist() == ["0 lift-off", "1 forgery"]
 
 
 def test_outcomes_of_a_run(tmp_path: Path) -> None:

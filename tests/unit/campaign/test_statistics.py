@@ -165,6 +165,29 @@ def test_false_alarms_are_counted_where_there_is_noise_alone() -> None:
     assert (silent.successes, silent.trials) == (6, 6)
 
 
+def test_false_alarms_are_counted_before_the_first_of_several_signals() -> None:
+    """E1 follows a counterfeit: the line of sight is 30 m before the prediction. Another is 40 m before it, or is not.
+
+    A chip before the first signal is at −88.6 m or −128.6 m, and −56.1 m where E1 is not followed.
+    """
+    two, each = ("epoch", "satellite"), ("epoch", "satellite", "attack")
+    attacked = with_truth(True).assign(
+        truth_prediction_error_m=(two, np.array([[-30.0], [2.5]])),
+        truth_spoofer_offset_m=(each, np.array([[[30.0, -40.0]], [[0.0, -40.0]]])),
+    )
+
+    def trials(powers_db: list[float], forged: bool, later_m: float = 0.0) -> int:
+        power_db = np.broadcast_to(powers_db, (2, 1, 2))
+        results = attacked.assign(truth_spoofer_power_db=(each, power_db))
+        results["truth_spoofer_offset_m"] = results["truth_spoofer_offset_m"] + later_m
+        return false_alarms(results.assign_coords(forged=("attack", [False, forged]))).trials
+
+    assert trials([3.0, -np.inf], forged=False) == 1
+    assert trials([3.0, 3.0], forged=False) == 0
+    assert trials([3.0, 3.0], forged=True) == 1
+    assert trials([3.0, 3.0], forged=False, later_m=300.0) == 1
+
+
 def test_counts_do_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     def counts() -> tuple[object, ...]:
         return summarise(results_by_hand()), tap_exceedances(results_by_hand()), false_alarms(with_truth(True))

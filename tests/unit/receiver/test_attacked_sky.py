@@ -98,6 +98,28 @@ def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
         assert np.max(np.abs(turned - one)) < 0.03 * np.max(np.abs(one))
 
 
+def test_forged_chips_in_a_recording_match_nothing(tmp_path: Path) -> None:
+    """10 dB over the true signal: self-noise of 2.2 % of it behind 20,460 chips; the true chips would quadruple it."""
+    forgery = 'kind = "forgery"\npower_db = 10.0\n'
+    path = tmp_path / "forgery.toml"
+    path.write_text(LIFT_OFF.split("[[attack]]", maxsplit=1)[0] + "[[attack]]\n" + forgery)
+    forged, alone = _case(path, 2, 3), _case(path, 2, 3, "attack=none")
+    snapshot, assistance = alone.simulation.snapshot(2, 0, alone.truth, 0.0)
+    (satellite,) = alone.simulation.processor.measure(snapshot, assistance).satellites
+    assert satellite.handover is not None
+    t_s = float(alone.truth.time_s[0])
+    windows = [simulated(case).window(Band.E6, t_s + 0.07, t_s + 0.1) for case in (forged, alone)]
+    found, expected = (
+        CorrelatableSamples(window).correlate(satellite.handover, np.linspace(-60.0, 60.0, 9)) for window in windows
+    )
+    assert found is not None
+    assert expected is not None
+    strength = np.max(np.abs(expected.taps))
+    assert np.max(np.abs(found.taps - expected.taps)) < 5 * 0.022 * strength
+    power, usual = (np.mean(np.abs(window.samples) ** 2) for window in windows)
+    assert power > 3 * usual
+
+
 def test_e1_says_what_it_followed() -> None:
     """Observations of a captured receiver hold the error; of one whose clock went with a meaconer there are none."""
     pushed = _case(VESTIGIAL, 0, 1, "attack.0.delay_s=1e-4")

@@ -19,7 +19,7 @@ from vestige.scenario.load import load_scenario
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.synthesis import amplitude
 from vestige.spoofer.interference import Jam
-from vestige.spoofer.jammers import ContinuousWave
+from vestige.spoofer.jammers import ContinuousWave, Pulsed
 from vestige.spoofer.phase import Coherent, Locked, Phase, Slipping
 from vestige.spoofer.profiles import Ramp
 from vestige.spoofer.repeaters import Forgery, LiftOff, Meaconing
@@ -161,3 +161,15 @@ def test_power_of_a_jammer_in_the_samples() -> None:
     assert np.mean(np.abs(x) ** 2) == pytest.approx(10**0.7 * 20.46 / 12.5, rel=1e-4)
     spectrum = np.abs(np.fft.fft(x))
     assert np.fft.fftfreq(x.size, 1 / 12.5e6)[np.argmax(spectrum)] == pytest.approx(1e6, abs=130.0)
+
+
+def test_two_jammers_are_not_one() -> None:
+    """Each has noise of its own, and another one in another epoch."""
+    pulses = Jam(j_over_n_db=7.0, waveform=Pulsed(), bands=E6)
+    truth = _simulation(pulses, pulses).truth().advance(0, 8)
+    keys = [
+        jammer.key
+        for epoch in (3, 4)
+        for jammer in jammer_samples(truth, epoch, seed=1, epoch=epoch, input_rate_hz=1e7)
+    ]
+    assert len(set(keys)) == 4

@@ -14,7 +14,7 @@ from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
 from vestige.scenario.test_case import AcasTestCase, placed
 from vestige.spoofer.jammers import Chirp
-from vestige.spoofer.profiles import Ramp, Table
+from vestige.spoofer.profiles import Ramp, Table, extremes
 from vestige.spoofer.repeaters import LiftOff, Nulling
 from vestige.spoofer.spoofer import ALL_ATTACKS
 
@@ -52,7 +52,7 @@ def test_attacks_compose(tmp_path: Path) -> None:
     assert jam.waveform == Chirp(sweep_s=3e-5)  # type: ignore[union-attr]
     assert nulling == Nulling(bands=(Band.E1, Band.E6))
     assert push.delay_m == Ramp(first=0.0, last=9.0, start_s=1.0, stop_s=2.0)  # type: ignore[union-attr]
-    assert cautions(scenario) == ("attack 2 (nulling) is outside Assumption 2: it nulls the encrypted signal",)
+    assert cautions(scenario) == ("attack.1 (nulling) is outside Assumption 2: it nulls the encrypted signal",)
 
 
 def test_a_table_stands_beside_the_scenario(tmp_path: Path) -> None:
@@ -60,6 +60,8 @@ def test_a_table_stands_beside_the_scenario(tmp_path: Path) -> None:
     text = 'kind = "lift-off"\npower_db = 3\ndelay_m = {kind = "table", path = "pull.csv"}\n'
     (attack,) = _with(tmp_path, text).attack
     assert attack.delay_m == Table(path="pull.csv", time_s=(0.0, 10.0), values=(0.0, 30.0))  # type: ignore[union-attr]
+    (tmp_path / "pull.csv").write_bytes(b"\xef\xbb\xbftime_s,value\r\n0,0\r\n10,30\r\n")  # of a spreadsheet
+    assert _with(tmp_path, text).attack == (attack,)
     text = 'kind = "lift-off"\npower_db = 3\ndelay_m = {kind = "table", path = "absent.csv"}\n'
     with pytest.raises(InputFileError, match=r"absent\.csv: file"):
         _with(tmp_path, text)
@@ -88,6 +90,8 @@ FINE = LIFT + "power_db = 3\ndelay_m = 0\n"
         (FINE + 'bands = ["L5"]\n', "attack.0.bands.0"),
         (FINE + 'phase = {kind = "lost"}\n', "attack.0.phase.kind"),
         (FINE + 'phase = {kind = "slipping"}\n', "attack.0.phase.slip_hz"),
+        (FINE + 'phase = {kind = "slipping", slip_hz = 1e12}\n', "attack.0.phase"),
+        (FINE + "bands = []\n", "attack.0"),
         (FINE + "reception_gain_db = 1e3\n", "attack.0"),
         (FINE + "start_s = -1\n", "attack.0"),
         (FINE + "svids = [99]\n", "attack.0"),
@@ -115,6 +119,40 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, place: str) -> None:
         _with(tmp_path, text)
     assert error.value.place == place
     assert "\n" not in str(error.value)
+
+
+def test_no_power_in_both_spellings(tmp_path: Path) -> None:
+    for power in ("-inf", '{kind = "constant", level = -inf}'):
+        (attack,) = _with(tmp_path, LIFT + f"delay_m = 0\npower_db = {power}\n").attack
+        assert extremes(attack.power_db) == (float("-inf"), float("-inf"))  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("fidelity", ["samples", "correlators"])
+@pytest.mark.parametrize(
+    ("waveform", "fits"),
+    [
+        ('kind = "cw", offset_hz = -6.2e6', True),
+        ('kind = "cw", offset_hz = 6.3e6', False),
+        ('kind = "chirp", bandwidth_hz = 12.5e6', True),
+        ('kind = "chirp", bandwidth_hz = 12.6e6', False),
+    ],
+)
+def test_a_waveform_lies_within_the_samples(tmp_path: Path, waveform: str, fits: bool, fidelity: str) -> None:
+    """12.5 MHz. Sampling would fold it in, and the model of correlators would not: two answers to one question."""
+    text = f'kind = "osnma-denial"\n[[attack]]\nkind = "jamming"\nj_over_n_db = 3\nwaveform = {{{waveform}}}\n'
+    settings = ("receiver.sample_rate_hz=12.5e6", f'fidelity="{fidelity}"')
+    if fits:
+        _with(tmp_path, text, *settings)
+        return
+    with pytest.raises(InputFileError, match=r"at most 6\.25 MHz") as error:
+        _with(tmp_path, text, *settings)
+    assert error.value.place == "attack.1.waveform"
+    _with(tmp_path, text + 'bands = ["E1"]\n', *settings)
+
+
+def test_satellites_that_are_not_there(tmp_path: Path) -> None:
+    text = FINE + "svids = [11]\n[[attack]]\n" + FINE + "svids = [3, 11]\n"
+    assert cautions(_with(tmp_path, text)) == ("attack.1.svids: E03 not in the scenario, which has E11",)
 
 
 def test_schema_names_every_attack() -> None:

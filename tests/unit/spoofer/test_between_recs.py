@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vestige.records import Band
 from vestige.spoofer.between_recs import BetweenRecs
+from vestige.spoofer.phase import Slipping
 
 ATTACK = BetweenRecs(top_m=80.0, power_db=3.0, period_s=30.0, first_recs_s=12.0, guard_s=2.0)
 
@@ -23,3 +26,10 @@ def test_rate_is_the_derivative() -> None:
     assert counterfeit is not None
     middle = (counterfeit.delay_rate_mps[1:] + counterfeit.delay_rate_mps[:-1]) / 2
     assert np.max(np.abs(np.diff(counterfeit.delay_m) / 1e-3 - middle)) < 1e-5
+
+
+def test_a_slip_counts_from_the_start_of_the_attack() -> None:
+    """0.025 Hz: a quarter of a turn 10 s after the start."""
+    counterfeit = replace(ATTACK, phase=Slipping(slip_hz=0.025), start_s=15.0).counterfeit(Band.E1, np.array([25.0]))
+    assert counterfeit is not None
+    assert counterfeit.phase_rad == pytest.approx([np.pi / 2])

@@ -5,6 +5,7 @@ import pytest
 
 from vestige.records import Band
 from vestige.spoofer.interference import Jam, OsnmaDenial
+from vestige.spoofer.jammers import ContinuousWave
 from vestige.spoofer.spoofer import Spoofer
 
 T = np.array([0.0, 10.0, 20.0])
@@ -17,6 +18,13 @@ def test_a_jammer_hits_its_bands() -> None:
     assert jamming is not None
     assert jamming.j_over_n == pytest.approx([0.0, 10.0, 0.0])
     assert Spoofer(attacks=(jam,)).effects(Band.E6, 11, T).rise(Band.E6) == pytest.approx([0.0, 10.0, 0.0])
+
+
+def test_a_line_on_the_carrier_is_heard_by_the_code_of_the_band() -> None:
+    """BPSK(5) has its maximum there, B T_c = 4 J/N; BOC(1,1) its null."""
+    effects = Spoofer(attacks=(Jam(j_over_n_db=0.0, waveform=ContinuousWave()),)).effects(Band.E1, 11, T)
+    assert effects.rise(Band.E6) == pytest.approx(np.full(3, 4.0))
+    assert effects.rise(Band.E1) == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 @pytest.mark.parametrize(

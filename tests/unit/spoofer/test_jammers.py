@@ -90,8 +90,30 @@ def test_rise_of_the_noise_density() -> None:
         lambda: Pulsed(duty=0.0),
         lambda: Pulsed(duty=2.0),
         lambda: Pulsed(period_s=1.0),
+        lambda: Pulsed(duty=1e-4),
     ],
 )
 def test_what_is_no_waveform(make: Callable[[], AnyJammer]) -> None:
     with pytest.raises(ValueError, match=r"chirp|pulses"):
         make()
+
+
+def test_phase_and_place_of_a_sweep_know_nothing_of_each_other() -> None:
+    """Over 400 epochs, circular correlation of uniform angles: below 5 σ = 5/√400, in both senses."""
+    jammer, n = Chirp(bandwidth_hz=2e6), 250
+    t_s = (np.arange(n) - n / 2) / FS
+    sweep = np.exp(1j * np.pi * 2e6 / 20e-6 * t_s**2)
+    places, phases = np.empty(400), np.empty(400)
+    for epoch in range(400):
+        x = np.zeros(n, np.complex64)
+        jammer.add(x, 1.0, FS, noise_key(3, epoch, 16))
+        against = np.fft.ifft(np.fft.fft(x) * np.fft.fft(sweep).conj())
+        places[epoch] = 2 * np.pi * np.argmax(np.abs(against)) / n
+        phases[epoch] = np.angle(against[np.argmax(np.abs(against))])
+    for angle in (places, phases, phases - places, phases + places):
+        assert np.abs(np.mean(np.exp(1j * angle))) < 0.25
+
+
+def test_how_far_a_waveform_goes_from_the_carrier() -> None:
+    found = [jammer.reach_hz for jammer in (Wideband(), ContinuousWave(offset_hz=-2e6), Chirp(), Pulsed())]
+    assert found == [0.0, 2e6, 5e6, 0.0]

@@ -32,3 +32,9 @@ def test_a_wavelength_of_delay_is_a_turn_backwards() -> None:
     )
     phasor = np.exp(1j * Coherent().phase(signal))
     assert phasor == pytest.approx([1, -1j, -1, 1], abs=1e-9)
+
+
+@pytest.mark.parametrize("slip_hz", [1.1e4, -1e9, np.inf, np.nan])
+def test_what_is_no_slip(slip_hz: float) -> None:
+    with pytest.raises(ValueError, match="slips by at most 10000 Hz"):
+        Slipping(slip_hz=slip_hz)

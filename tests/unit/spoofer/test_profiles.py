@@ -128,3 +128,12 @@ def test_what_is_no_table(tmp_path: Path, content: bytes, place: str, found: str
 def test_no_file(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputFileError):
         Table(path=f"{tmp_path}/{name}")
+
+
+@pytest.mark.parametrize("name", ["ramp", "trapezoid", "table"])
+def test_rate_at_a_corner_is_that_of_what_follows(name: str) -> None:
+    profile, _ = CASES[name]
+    corners_s = {"ramp": [10.0, 60.0], "trapezoid": [5.0, 15.0, 30.0, 50.0], "table": [0.0, 10.0, 15.0]}[name]
+    at = np.array(corners_s)
+    after = (profile.value(at + 1e-3) - profile.value(at)) / 1e-3
+    assert profile.rate(at) == pytest.approx(after, abs=1e-6)

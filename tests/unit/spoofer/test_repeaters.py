@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from vestige.records import Band
+from vestige.spoofer.between_recs import BetweenRecs
+from vestige.spoofer.interference import Jam
+from vestige.spoofer.phase import Slipping
 from vestige.spoofer.profiles import Ramp
-from vestige.spoofer.repeaters import LiftOff, Meaconing, Nulling, Scer
+from vestige.spoofer.repeaters import Forgery, LiftOff, Meaconing, Nulling, Scer
 
 T = np.array([0.0, 10.0, 20.0])
 RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
@@ -40,6 +43,8 @@ def test_scer_is_a_chip_behind_on_e6() -> None:
     assert e1.delay_m == pytest.approx([-10.0, 0.0, 10.0])
     assert e6.delay_m - e1.delay_m == pytest.approx(np.full(3, 58.6105), abs=1e-3)
     assert e6.delay_rate_mps == pytest.approx([1.0, 1.0, 0.0])
+    assert not np.any(scer.noise_over_n0(Band.E1, T))  # its E1 is made, only E6 is repeated
+    assert scer.noise_over_n0(Band.E6, T) == pytest.approx(np.full(3, 0.01))
 
 
 def test_what_a_nuller_leaves() -> None:
@@ -57,3 +62,33 @@ def test_phase_follows_the_carrier_of_the_band() -> None:
         counterfeit = lift_off.counterfeit(band, T)
         assert counterfeit is not None
         assert counterfeit.doppler_hz == pytest.approx([-carrier_hz / 299_792_458] * 2 + [0])
+
+
+def test_a_slip_counts_from_the_start_of_the_attack() -> None:
+    """0.025 Hz: a quarter of a turn 10 s after the start."""
+    attack = LiftOff(delay_m=0.0, power_db=0.0, phase=Slipping(slip_hz=0.025, phase_rad=0.2), start_s=10.0)
+    counterfeit = attack.counterfeit(Band.E6, T)
+    assert counterfeit is not None
+    assert counterfeit.phase_rad[1:] == pytest.approx([0.2, 0.2 + np.pi / 2])
+    assert counterfeit.power_db.tolist() == [-np.inf, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("bands", [(), (Band.E6, Band.E6)])
+def test_bands_are_named_once(bands: tuple[Band, ...]) -> None:
+    for make in (
+        lambda: LiftOff(delay_m=0.0, power_db=0.0, bands=bands),
+        lambda: Meaconing(delay_s=1e-6, power_db=0.0, bands=bands),
+        lambda: Nulling(bands=bands),
+        lambda: BetweenRecs(top_m=9.0, power_db=0.0, period_s=30.0, bands=bands),
+        lambda: Jam(j_over_n_db=3.0, bands=bands),
+    ):
+        with pytest.raises(ValueError, match="bands once"):
+            make()
+
+
+def test_forged_chips_are_on_e6_alone() -> None:
+    forgery = Forgery(power_db=9.0)
+    assert forgery.counterfeit(Band.E1, T) is None
+    counterfeit = forgery.counterfeit(Band.E6, T)
+    assert counterfeit is not None
+    assert counterfeit.own_chips

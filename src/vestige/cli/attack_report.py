@@ -1,0 +1,72 @@
+"""What `vestige run` prints of an attack: what it did to each satellite, and what each detector made of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import xarray
+
+from vestige.acas_processor.detectors import DETECTORS
+from vestige.campaign.outcomes import AttackReport, Outcome, report
+
+_NAMES = {
+    Outcome.TRUE: "the true signal",
+    Outcome.SPOOFER: "the spoofer",
+    Outcome.MIXED: "both within a chip",
+    Outcome.NONE: "nothing",
+}
+
+
+def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
+    """Return the reports of all satellites that are attacked, for programs; none without an attack."""
+    return [
+        {"svid": svid}
+        | {
+            name: asdict(one) | {"shares": {kind.name: share for kind, share in one.shares.items()}}
+            for name, one in reports.items()
+        }
+        for svid, reports in _reports(results)
+    ]
+
+
+def attack_lines(results: xarray.Dataset) -> list[str]:
+    """Return three lines for each satellite with a counterfeit, or for all where there is only noise; for people."""
+    aimed = results["svid"].values[results["truth_spoofed"].any("epoch").values] if "truth_spoofed" in results else ()
+    return [
+        line
+        for svid, reports in _reports(results)
+        if svid in aimed or not len(aimed)
+        for line in (_attack_line(svid, reports), *map(_detector_line, reports.values()))
+    ]
+
+
+def _reports(results: xarray.Dataset) -> Iterator[tuple[int, dict[str, AttackReport]]]:
+    for satellite, svid in enumerate(results["svid"].values.tolist()):
+        reports = {name: report(results, name, satellite=satellite) for name in DETECTORS}
+        found = {name: one for name, one in reports.items() if one is not None}
+        if found:
+            yield svid, found
+
+
+def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
+    one = next(iter(reports.values()))  # what it says of verdicts and E1 is the same for both detectors
+    alarm = "no alarm" if math.isnan(one.time_to_detect_s) else f"first alarm after {one.time_to_detect_s:g} s"
+    worst = (
+        "nothing accepted"
+        if math.isnan(one.worst_accepted_m)
+        else f"worst error accepted {one.worst_accepted_m:+.1f} m"
+    )
+    return (
+        f"attack on E{svid:02d}: {one.epochs} epochs from {one.first_s:g} s on, {alarm}; "
+        f"E1 captured in {100 * one.e1_captured:.0f} %, {worst}"
+    )
+
+
+def _detector_line(one: AttackReport) -> str:
+    shares = ", ".join(f"{text} {100 * one.shares[kind]:.1f} %" for kind, text in _NAMES.items())
+    if math.isnan(one.time_to_mitigate_s):
+        return f"  {one.detector:8s} found {shares}; never the true signal for good"
+    return f"  {one.detector:8s} found {shares}; the true signal for good after {one.time_to_mitigate_s:g} s"
