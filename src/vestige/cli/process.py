@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
-    from vestige.records import Assistance, Measurement
+    from vestige.records import Assistance
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
@@ -62,10 +63,11 @@ def command(recording_path: Path, **options: Any) -> None:
     RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
     says it must be, and was it received before anybody could know the key?
     """
+    from contextlib import ExitStack
     from dataclasses import replace
 
     from vestige.cli.progress import progress
-    from vestige.cli.verdicts import print_json, print_table, write_csv
+    from vestige.cli.verdicts import csv_writer, print_json, print_table
     from vestige.recording.assistance import read_assistance
     from vestige.recording.receiver_corrections import write_hardware_bias
     from vestige.recording.recording import open_recording
@@ -100,26 +102,24 @@ def command(recording_path: Path, **options: Any) -> None:
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
     )
-    processor = _processor(options)
-    with progress() as report:
-        steps, bias_s = _process(processor, replace(source, progress=report), calibrate=options["calibrate"])
-    measurements = [step.measurement for step in steps]
-    verdicts = [verdict for step in steps for verdict in step.verdicts]
-    unseen = _unseen(source, measurements)
-    if options["write_bias"]:
-        write_hardware_bias(options["write_bias"], bias_s)
-    if options["output"]:
-        write_csv(options["output"], verdicts, measurements)
-    if options["as_json"]:
-        print_json(
-            verdicts,
-            measurements,
-            hardware_bias_s=bias_s,
-            unseen=unseen,
-            remarks={"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)},
-        )
-    else:
-        print_table(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
+    with progress() as report, ExitStack() as stack:
+        steps, bias_s = _steps(_processor(options), replace(source, progress=report), calibrate=options["calibrate"])
+        if options["write_bias"]:
+            write_hardware_bias(options["write_bias"], bias_s)
+        if options["output"]:
+            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
+        if options["as_json"]:
+            remarks = {"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)}
+            print_json(steps, hardware_bias_s=bias_s, wanted=wanted, remarks=remarks)
+        else:
+            print_table(steps, hardware_bias_s=bias_s, wanted=wanted)
+
+
+def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[Step]:
+    for step in steps:
+        write(step)
+        yield step
 
 
 def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
@@ -205,8 +205,8 @@ def _watch(options: dict[str, Any]) -> Watch:
     )
 
 
-def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[list[Step], float]:
-    """Return what follows from each snapshot, and the hardware bias that it was found with."""
+def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[Iterator[Step], float]:
+    """Return what follows from each snapshot, as it is asked for, and the hardware bias that it is found with."""
     from dataclasses import replace
 
     from vestige.acas_processor.calibration import MIN_SATELLITES, hardware_bias_correction_s
@@ -214,7 +214,7 @@ def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
 
     assistance = source.assistance
     if not calibrate:
-        return list(processor.steps(source, assistance=assistance)), assistance.hardware_bias_e1_e6_s
+        return processor.steps(source, assistance=assistance), assistance.hardware_bias_e1_e6_s
     snapshots = list(source)
     for step in _CALIBRATION_STEPS:
         measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
@@ -224,10 +224,4 @@ def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
                 f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
             )
         assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
-    return list(processor.steps(snapshots, assistance=assistance)), assistance.hardware_bias_e1_e6_s
-
-
-def _unseen(source: Any, measurements: list[Measurement]) -> list[int]:
-    """Return the satellites that have RECS for this recording but are not seen on E1."""
-    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
-    return sorted(wanted - {satellite.svid for one in measurements for satellite in one.satellites})
+    return processor.steps(snapshots, assistance=assistance), assistance.hardware_bias_e1_e6_s
