@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.follow import check_usage, follow
 from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
+FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+LAYOUTS = ("real", "iq", "qi")
 MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
@@ -54,15 +57,36 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
 @click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
-@click.option("-o", "--output", type=_path, help="Write the verdicts to a CSV file.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("-o", "--output", type=_path, help="CSV file for the verdicts; with --follow a folder to go on from.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object; with --follow one a line.")
 @click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")
+@click.option("--follow", is_flag=True, help="RECORDING is still being written: print verdicts as they become known.")
+@click.option("--observations", type=_path, help="Follow: file of E1 observations, if RECORDING does not name it.")
+@click.option("--poll-s", type=FiniteRange(0.001, 60), default=1.0, show_default=True, help="Follow: look so often.")
+@click.option("--idle-s", type=FiniteRange(0, 1e7), help="Follow: end when nothing new came for so long.")
+@click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
+@click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
+@click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
+@click.option("--format", "sample_format", type=click.Choice(FORMATS), help="Standard input: a number of a sample.")
+@click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers.")
+@click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input.")
+@click.option("--center-frequency-hz", type=FiniteRange(0), help="Standard input: frequency at 0 Hz in the samples.")
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
     RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
-    says it must be, and was it received before anybody could know the key?
+    says it must be, and was it received before anybody could know the key? With --follow it may still grow, or be `-`:
+    E6 samples on standard input.
     """
+    check_usage(recording_path, options)
+    if options["follow"]:
+        follow(recording_path, options, _processor(options))
+    else:
+        _finished(recording_path, options)
+
+
+def _finished(recording_path: Path, options: dict[str, Any]) -> None:
+    """Authenticate a recording that is finished."""
     from contextlib import ExitStack
     from dataclasses import replace
 
