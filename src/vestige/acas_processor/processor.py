@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -137,9 +137,14 @@ class AcasProcessor:
             yield step
 
     def step(self, state: WatchState | None, snapshot: Snapshot, assistance: Assistance) -> Step:
-        """Return what follows from one snapshot; `state` is that of the snapshot before, None at first."""
+        """Return what follows from one snapshot; `state` is that of the snapshot before, None at first.
+
+        Only the RECS of its own time count, not those before and after it, which have snapshots of their own. So the
+        verdicts are the same whether the RECS to come are known or not.
+        """
         if state is None:
             state = WatchState(uncertainty=TimeUncertainty(initial_s=snapshot.time_uncertainty_s))
+        assistance = replace(assistance, segments=_segments_of(assistance, snapshot))
         measurement = self.measure(snapshot, assistance)
         failed = any(verdict.status in ALARMS for verdict in self.decide(measurement))
         state, further = self.watch.step(self.level, state, snapshot, measurement, assistance, failed=failed)
@@ -229,12 +234,23 @@ class AcasProcessor:
         )
 
 
+def _segments_of(assistance: Assistance, snapshot: Snapshot) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS that the satellites of a snapshot sent at its time, within `SEGMENT_WINDOW_S`."""
+    sent = [snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in snapshot.observations.values()]
+    return segments_between(assistance, min(sent), max(sent)) if sent else ()
+
+
+def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS that are sent from the first to the last time, give or take `SEGMENT_WINDOW_S`."""
+    segments = assistance.segments
+    low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    return segments[low:high]
+
+
 def _segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
     """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
-    segments = assistance.segments
-    low = bisect_left(segments, transmit_time + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
-    high = bisect_right(segments, transmit_time + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
-    own = [segment for segment in segments[low:high] if segment.svid == svid]
+    own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
 
 

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.follow import check_usage, follow
 from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
-    from vestige.records import Assistance, Measurement
+    from vestige.records import Assistance
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
+FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+LAYOUTS = ("real", "iq", "qi")
 MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
@@ -53,19 +57,41 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
 @click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
-@click.option("-o", "--output", type=_path, help="Write the verdicts to a CSV file.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("-o", "--output", type=_path, help="CSV file for the verdicts; with --follow a folder to go on from.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object; with --follow one a line.")
 @click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")
+@click.option("--follow", is_flag=True, help="RECORDING is still being written: print verdicts as they become known.")
+@click.option("--observations", type=_path, help="Follow: file of E1 observations, if RECORDING does not name it.")
+@click.option("--poll-s", type=FiniteRange(0.001, 60), default=1.0, show_default=True, help="Follow: look so often.")
+@click.option("--idle-s", type=FiniteRange(0, 1e7), help="Follow: end when nothing new came for so long.")
+@click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
+@click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
+@click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
+@click.option("--format", "sample_format", type=click.Choice(FORMATS), help="Standard input: a number of a sample.")
+@click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers.")
+@click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input.")
+@click.option("--center-frequency-hz", type=FiniteRange(0), help="Standard input: frequency at 0 Hz in the samples.")
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
     RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
-    says it must be, and was it received before anybody could know the key?
+    says it must be, and was it received before anybody could know the key? With --follow it may still grow, or be `-`:
+    E6 samples on standard input.
     """
+    check_usage(recording_path, options)
+    if options["follow"]:
+        follow(recording_path, options, _processor(options))
+    else:
+        _finished(recording_path, options)
+
+
+def _finished(recording_path: Path, options: dict[str, Any]) -> None:
+    """Authenticate a recording that is finished."""
+    from contextlib import ExitStack
     from dataclasses import replace
 
     from vestige.cli.progress import progress
-    from vestige.cli.verdicts import print_json, print_table, write_csv
+    from vestige.cli.verdicts import csv_writer, print_json, print_table
     from vestige.recording.assistance import read_assistance
     from vestige.recording.receiver_corrections import write_hardware_bias
     from vestige.recording.recording import open_recording
@@ -100,26 +126,24 @@ def command(recording_path: Path, **options: Any) -> None:
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
     )
-    processor = _processor(options)
-    with progress() as report:
-        steps, bias_s = _process(processor, replace(source, progress=report), calibrate=options["calibrate"])
-    measurements = [step.measurement for step in steps]
-    verdicts = [verdict for step in steps for verdict in step.verdicts]
-    unseen = _unseen(source, measurements)
-    if options["write_bias"]:
-        write_hardware_bias(options["write_bias"], bias_s)
-    if options["output"]:
-        write_csv(options["output"], verdicts, measurements)
-    if options["as_json"]:
-        print_json(
-            verdicts,
-            measurements,
-            hardware_bias_s=bias_s,
-            unseen=unseen,
-            remarks={"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)},
-        )
-    else:
-        print_table(verdicts, measurements, hardware_bias_s=bias_s, unseen=unseen)
+    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
+    with progress() as report, ExitStack() as stack:
+        steps, bias_s = _steps(_processor(options), replace(source, progress=report), calibrate=options["calibrate"])
+        if options["write_bias"]:
+            write_hardware_bias(options["write_bias"], bias_s)
+        if options["output"]:
+            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
+        if options["as_json"]:
+            remarks = {"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)}
+            print_json(steps, hardware_bias_s=bias_s, wanted=wanted, remarks=remarks)
+        else:
+            print_table(steps, hardware_bias_s=bias_s, wanted=wanted)
+
+
+def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[Step]:
+    for step in steps:
+        write(step)
+        yield step
 
 
 def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
@@ -205,8 +229,8 @@ def _watch(options: dict[str, Any]) -> Watch:
     )
 
 
-def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[list[Step], float]:
-    """Return what follows from each snapshot, and the hardware bias that it was found with."""
+def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[Iterator[Step], float]:
+    """Return what follows from each snapshot, as it is asked for, and the hardware bias that it is found with."""
     from dataclasses import replace
 
     from vestige.acas_processor.calibration import MIN_SATELLITES, hardware_bias_correction_s
@@ -214,7 +238,7 @@ def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
 
     assistance = source.assistance
     if not calibrate:
-        return list(processor.steps(source, assistance=assistance)), assistance.hardware_bias_e1_e6_s
+        return processor.steps(source, assistance=assistance), assistance.hardware_bias_e1_e6_s
     snapshots = list(source)
     for step in _CALIBRATION_STEPS:
         measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
@@ -224,10 +248,4 @@ def _process(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tu
                 f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
             )
         assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
-    return list(processor.steps(snapshots, assistance=assistance)), assistance.hardware_bias_e1_e6_s
-
-
-def _unseen(source: Any, measurements: list[Measurement]) -> list[int]:
-    """Return the satellites that have RECS for this recording but are not seen on E1."""
-    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
-    return sorted(wanted - {satellite.svid for one in measurements for satellite in one.satellites})
+    return processor.steps(snapshots, assistance=assistance), assistance.hardware_bias_e1_e6_s

@@ -1,4 +1,4 @@
-"""How verdicts are printed and written."""
+"""How verdicts are printed and written: snapshot by snapshot, as they come, so that nothing is kept of them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import csv
 import json
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Measurement, Outcome, SatelliteMeasurement, Verdict
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.alarm import StateChange
+    from vestige.acas_processor.processor import Step
 
 COLUMNS = (
     "gst_week",
@@ -31,6 +37,22 @@ COLUMNS = (
     "available_at",
     "reason",
 )
+
+
+@dataclass(slots=True)
+class Tally:
+    """How many verdicts there were, by status, and the satellites that were seen on E1."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    seen: set[int] = field(default_factory=set)
+
+    def add(self, step: Step) -> None:
+        """Count what follows from one snapshot."""
+        self.counts.update(verdict.status.name for verdict in step.verdicts)
+        self.seen.update(satellite.svid for satellite in step.measurement.satellites)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
 
 
 def _row(verdict: Verdict, measurement: Measurement) -> dict[str, Any]:
@@ -56,11 +78,6 @@ def _row(verdict: Verdict, measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _rows(verdicts: Sequence[Verdict], measurements: Sequence[Measurement]) -> list[dict[str, Any]]:
-    by_index = {measurement.index: measurement for measurement in measurements}
-    return [_row(verdict, by_index[verdict.index]) for verdict in verdicts]
-
-
 def _satellite(verdict: Verdict, measurement: Measurement) -> SatelliteMeasurement:
     return next(one for one in measurement.satellites if one.svid == verdict.svid)
 
@@ -69,20 +86,56 @@ def _number(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def print_table(
-    verdicts: Sequence[Verdict], measurements: Sequence[Measurement], *, hardware_bias_s: float, unseen: Sequence[int]
-) -> None:
-    """Print the verdicts for a person."""
-    rows = _rows(verdicts, measurements)
-    last = None
-    for verdict, row in zip(verdicts, rows, strict=True):
-        if verdict.index != last:
-            if last is not None:
-                _print_not_run(one for one in verdicts if one.index == last)
-            known = f", known from {verdict.available_at}" if verdict.available_at else ""
-            click.echo(f"\nsnapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
-            click.echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
-            last = verdict.index
+def entries(step: Step) -> list[dict[str, Any]]:
+    """Return the verdicts of a snapshot for a program, with their checks; numbers in full precision."""
+    return [
+        _row(verdict, step.measurement)
+        | {
+            "snapshot": verdict.index,
+            "checks": [
+                {
+                    "name": check.name,
+                    "outcome": check.outcome.name,
+                    "statistic": _number(check.statistic),
+                    "threshold": _number(check.threshold),
+                    "unit": check.unit,
+                    "reason": check.reason,
+                }
+                for check in verdict.checks
+            ],
+        }
+        for verdict in step.verdicts
+    ]
+
+
+def lines(step: Step) -> list[str]:
+    """Return the verdicts of a snapshot, then the changes of state, as JSON: one object a line, each with its kind."""
+    objects = [{"kind": "verdict"} | entry for entry in entries(step)]
+    objects += [_change(change) | {"snapshot": step.measurement.index} for change in step.changes]
+    return [json.dumps(one, allow_nan=False) for one in objects]
+
+
+def _change(change: StateChange) -> dict[str, Any]:
+    return {
+        "kind": "state",
+        "gst_week": change.time.week,
+        "gst_second": change.time.second + change.time.fraction,
+        "svid": change.svid,
+        "before": change.before.name,
+        "after": change.after.name,
+        "alarm": change.alarm,
+        "reason": change.reason,
+    }
+
+
+def print_snapshot(step: Step) -> None:
+    """Print the verdicts of a snapshot for a person."""
+    for verdict in step.verdicts[:1]:
+        known = f", known from {verdict.available_at}" if verdict.available_at else ""
+        click.echo(f"\nsnapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
+        click.echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
+    for verdict in step.verdicts:
+        row = _row(verdict, step.measurement)
         cn0, magnitude, offset = row["cn0_e1_dbhz"], row["magnitude_sigma"], row["range_offset_m"]
         click.echo(
             f"  E{verdict.svid:02d}   "
@@ -93,15 +146,15 @@ def print_table(
         )
         if row["true_offset_m"] is not None:
             click.echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
-    _print_not_run(one for one in verdicts if one.index == last)
-    if not verdicts:
-        why = "no satellite of the RECS is seen on E1" if unseen else "no RECS is of this recording's time"
-        click.echo(f"no verdict: {why}; vestige inspect says what is there")
-    counts = Counter(verdict.status.name for verdict in verdicts)
-    click.echo(f"\nhardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
-    if unseen:
-        click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
-    click.echo("result: " + (", ".join(f"{n} {name}" for name, n in counts.items()) or "nothing"))
+    _print_not_run(step.verdicts)
+
+
+def print_changes(step: Step) -> None:
+    """Print the changes of state of a snapshot for a person."""
+    for change in step.changes:
+        what = "ALARM" if change.alarm else "state"
+        why = f": {change.reason}" if change.reason and change.alarm else ""
+        click.echo(f"{what} {change.time} E{change.svid:02d}: {change.before.name} -> {change.after.name}{why}")
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
@@ -115,40 +168,39 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
         click.echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
-def print_json(
-    verdicts: Sequence[Verdict],
-    measurements: Sequence[Measurement],
-    *,
-    hardware_bias_s: float,
-    unseen: Sequence[int],
-    remarks: Mapping[str, Any],
-) -> None:
-    """Print the verdicts for a program: one JSON object, numbers in full precision."""
-    entries = []
-    for verdict, row in zip(verdicts, _rows(verdicts, measurements), strict=True):
-        checks = [
-            {
-                "name": check.name,
-                "outcome": check.outcome.name,
-                "statistic": _number(check.statistic),
-                "threshold": _number(check.threshold),
-                "unit": check.unit,
-                "reason": check.reason,
-            }
-            for check in verdict.checks
-        ]
-        entries.append(row | {"snapshot": verdict.index, "checks": checks})
-    result = {
-        "hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS,
-        "not_seen_on_e1": list(unseen),
-        "verdicts": entries,
-    } | dict(remarks)
-    click.echo(json.dumps(result, allow_nan=False))
+def print_table(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int]) -> None:
+    """Print the verdicts for a person as they come, and what they come to; `wanted` are the satellites with RECS."""
+    tally = Tally()
+    for step in steps:
+        print_snapshot(step)
+        tally.add(step)
+    unseen = sorted(wanted - tally.seen)
+    if not tally.counts:
+        why = "no satellite of the RECS is seen on E1" if unseen else "no RECS is of this recording's time"
+        click.echo(f"no verdict: {why}; vestige inspect says what is there")
+    click.echo(f"\nhardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
+    if unseen:
+        click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
+    click.echo(f"result: {tally}")
 
 
-def write_csv(path: Path, verdicts: Sequence[Verdict], measurements: Sequence[Measurement]) -> None:
-    """Write the verdicts as a table."""
+def print_json(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int], remarks: Mapping[str, Any]) -> None:
+    """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
+    tally, separator = Tally(), ""
+    head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
+    click.echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
+    for step in steps:
+        for entry in entries(step):
+            click.echo(separator + json.dumps(entry, allow_nan=False), nl=False)
+            separator = ", "
+        tally.add(step)
+    click.echo(f'], "not_seen_on_e1": {json.dumps(sorted(wanted - tally.seen))}}}')
+
+
+@contextmanager
+def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
+    """Yield a function that writes the verdicts of a snapshot to a table."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
-        writer.writerows(_rows(verdicts, measurements))
+        yield lambda step: writer.writerows(_row(verdict, step.measurement) for verdict in step.verdicts)

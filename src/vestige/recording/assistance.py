@@ -25,6 +25,8 @@ from vestige.time import GalileoTime
 
 T = TypeVar("T")
 
+Remembered = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssistanceFile:
@@ -106,6 +108,7 @@ def read_assistance(
     reference: GalileoTime | None = None,
     window: tuple[GalileoTime, GalileoTime] | None = None,
     strict: bool = False,
+    remembered: Remembered | None = None,
 ) -> AssistanceFolder:
     """Return all usable assistance in `folder`, and what is wrong with the rest.
 
@@ -124,6 +127,8 @@ def read_assistance(
         Only RECS that are transmitted from the first to the second time are kept: a week of RECS fills gigabytes.
     strict
         Raise the first problem instead of collecting it.
+    remembered
+        What the same call found before, brought up to date: RECS and BGD files that did not change are not read again.
 
     Raises
     ------
@@ -167,18 +172,34 @@ def read_assistance(
     read: list[tuple[Path, Contents]] = []
     for kind, reader in READERS.items():
         for path in by_kind[kind]:
-            contents = problems.attempt(partial(reader, path, settings))
+            contents = problems.attempt(partial(_contents, reader, path, settings, remembered))
             if contents is not None:
                 problems.add(contents.problems)
                 read.append((path, contents))
                 files.append(
                     AssistanceFile(path=path, kind=kind, content=contents.summary, signature=contents.signature)
                 )
+    if remembered is not None:
+        for path in remembered.keys() - {path for path, _ in read}:
+            del remembered[path]
     assistance = _joined(read, problems)
     missing = _missing(assistance, files, trust)
     return AssistanceFolder(
         assistance=assistance, files=tuple(files), problems=tuple(problems.collected), missing=missing
     )
+
+
+def _contents(
+    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, remembered: Remembered | None
+) -> Contents:
+    if remembered is None or reader not in (READERS[Kind.RECS], READERS[Kind.GROUP_DELAY]):
+        return reader(path, settings)
+    state = path.stat()
+    signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
+    stamp = (state.st_size, state.st_mtime_ns, settings.window, signatures)
+    if path not in remembered or remembered[path][0] != stamp:
+        remembered[path] = stamp, reader(path, settings)
+    return remembered[path][1]
 
 
 def _sorted_files(folder: Path, problems: _Problems) -> dict[Kind, list[Path]]:

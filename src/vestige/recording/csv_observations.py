@@ -19,8 +19,14 @@ from pathlib import Path
 
 from vestige.errors import InputFileError
 from vestige.recording.exact_time import exact_second
-from vestige.recording.observation_epoch import LIMITS, ObservationEpoch, check_order, checked, checked_svid
-from vestige.recording.text_lines import numbered_lines
+from vestige.recording.observation_epoch import (
+    LIMITS,
+    ObservationEpoch,
+    check_order,
+    checked,
+    checked_svid,
+    read_epochs,
+)
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
@@ -46,32 +52,62 @@ def read_csv_observations(path: Path) -> Iterator[ObservationEpoch]:
         If a line does not hold what the header says, a value cannot be measured, a satellite comes twice in an epoch,
         or time does not advance.
     """
-    lines = numbered_lines(path)
-    columns = _columns(path, next(lines, (1, ""))[1])
-    time: GalileoTime | None = None
-    observations: dict[int, E1Observation] = {}
-    slipped: set[int] = set()
-    for number, line in lines:
+    return read_epochs(path, CsvParser(path))
+
+
+class CsvParser:
+    """An `EpochParser` of this table; an epoch is whole when a line of the next one comes."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._columns: list[str] = []
+        self._time: GalileoTime | None = None
+        self._observations: dict[int, E1Observation] = {}
+        self._slipped: set[int] = set()
+
+    @property
+    def begun(self) -> bool:
+        """Whether the header was understood."""
+        return bool(self._columns)
+
+    def take(self, number: int, line: str) -> ObservationEpoch | None:
+        """Return the epoch before, if a line is the first of another one; raises as `read_csv_observations`."""
+        path = self._path
+        if not self._columns:
+            self._columns = _columns(path, line)
+            return None
         if not line.strip():
-            continue
+            return None
         values = [value.strip() for value in line.split(",")]
-        if len(values) != len(columns):
-            raise InputFileError(path, f"line {number}", f"{len(values)} values", f"{len(columns)} values")
-        row = dict(zip(columns, values, strict=True))
-        row_time = _time(path, number, row)
-        if row_time != time:
-            check_order(path, number, time, row_time)
-            if time is not None:
-                yield ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
-            time, observations, slipped = row_time, {}, set()
+        if len(values) != len(self._columns):
+            raise InputFileError(path, f"line {number}", f"{len(values)} values", f"{len(self._columns)} values")
+        row = dict(zip(self._columns, values, strict=True))
+        time = _time(path, number, row)
+        if time != self._time:
+            check_order(path, number, self._time, time)
         svid = checked_svid(path, number, row["svid"])
-        if svid in observations:
+        if time == self._time and svid in self._observations:
             raise InputFileError(path, f"line {number}: svid", svid, "each satellite once an epoch")
-        observations[svid] = E1Observation(svid=svid, **{name: _value(path, number, name, row) for name in LIMITS})
-        if _slip(path, number, row.get("cycle_slip", "")):
-            slipped.add(svid)
-    if time is not None:
-        yield ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
+        observation = E1Observation(svid=svid, **{name: _value(path, number, name, row) for name in LIMITS})
+        slipped = _slip(path, number, row.get("cycle_slip", ""))
+        whole = None
+        if time != self._time:
+            whole, self._time, self._observations, self._slipped = self._epoch(), time, {}, set()
+        self._observations[svid] = observation
+        if slipped:
+            self._slipped.add(svid)
+        return whole
+
+    def finish(self) -> ObservationEpoch | None:
+        """Return the last epoch."""
+        if not self._columns:
+            _columns(self._path, "")  # which an empty file has
+        return self._epoch()
+
+    def _epoch(self) -> ObservationEpoch | None:
+        if self._time is None:
+            return None
+        return ObservationEpoch(time=self._time, observations=self._observations, slipped=frozenset(self._slipped))
 
 
 def write_csv_observations(path: Path, epochs: Iterable[ObservationEpoch]) -> None:

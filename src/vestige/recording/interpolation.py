@@ -70,6 +70,38 @@ def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_ga
     return result
 
 
+def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
+    """Return whether further epochs, all later than these, would leave `interpolate` at `time` as it is.
+
+    Parameters
+    ----------
+    epochs, time, max_gap_s
+        As `interpolate`.
+    """
+    if not epochs or epochs[-1].time - time < -SAME_TIME_S:
+        return False
+    tracks: dict[int, list[tuple[float, E1Observation]]] = {}
+    for epoch in epochs:
+        for svid, observation in epoch.observations.items():
+            tracks.setdefault(svid, []).append((epoch.time - time, observation))
+    return all(_is_final(track, epochs[-1].time - time, max_gap_s) for track in tracks.values())
+
+
+def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
+    """Return the same for one satellite: (t, observation), `last` being the t of the last epoch of any."""
+    here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
+    if here is None:
+        return last - track[-1][0] > max_gap_s
+    if track[here][0] > SAME_TIME_S and here == 0:
+        return True  # none before, so there is no observation
+    observation = track[here][1]
+    if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
+        return True
+    # What it lacks comes from the next one, what that lacks from the one after.
+    known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
+    return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
+
+
 def _at_zero(points: list[_Point], max_gap_s: float) -> E1Observation | None:
     """Return the observation at t = 0."""
     for index, point in enumerate(points):

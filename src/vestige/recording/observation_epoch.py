@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from vestige.constants import MAX_SVID
 from vestige.errors import InputFileError
+from vestige.recording.text_lines import numbered_lines
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
@@ -38,6 +40,38 @@ class ObservationEpoch:
     time: GalileoTime
     observations: Mapping[int, E1Observation]
     slipped: frozenset[int] = frozenset()
+
+
+@runtime_checkable
+class EpochParser(Protocol):
+    """Takes the lines of an observation file one by one, wherever they come from, and gives an epoch when it is whole.
+
+    After an error it can go on with the next line: what was bad is left out.
+    """
+
+    @property
+    def begun(self) -> bool:
+        """Whether the header was understood; an error before means that the file is none of this kind."""
+        ...
+
+    def take(self, number: int, line: str) -> ObservationEpoch | None:
+        """Return the epoch that a line completes, if it does."""
+        ...
+
+    def finish(self) -> ObservationEpoch | None:
+        """Return the epoch that the end of the file completes, if it does; raises if the file was cut off."""
+        ...
+
+
+def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
+    """Yield the epochs of a whole file; raises as the parser, and as `numbered_lines`."""
+    for number, line in numbered_lines(path):
+        epoch = parser.take(number, line)
+        if epoch is not None:
+            yield epoch
+    epoch = parser.finish()
+    if epoch is not None:
+        yield epoch
 
 
 def checked(path: Path, line: int, name: str, value: float) -> float:

@@ -9,23 +9,23 @@ from __future__ import annotations
 import itertools
 import statistics
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from vestige.errors import InputFileError
-from vestige.recording.csv_observations import is_csv_observations, read_csv_observations
-from vestige.recording.interpolation import interpolate
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.rinex_observations import is_rinex_observations, read_rinex_observations
+from vestige.recording.csv_observations import CsvParser, is_csv_observations
+from vestige.recording.interpolation import interpolate, is_final
+from vestige.recording.observation_epoch import EpochParser, ObservationEpoch, read_epochs
+from vestige.recording.rinex_observations import RinexParser, is_rinex_observations
 from vestige.recording.text_lines import numbered_lines
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
 # kind: (does the first line say so, how to read it)
-KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], Iterator[ObservationEpoch]]]] = {
-    "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), read_rinex_observations),
-    "CSV": (is_csv_observations, read_csv_observations),
+KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
+    "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), RinexParser),
+    "CSV": (is_csv_observations, CsvParser),
 }
 
 GAP_INTERVALS = 2  # an epoch may be missing; more is a new track
@@ -41,7 +41,7 @@ class ObservationFile:
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
         """Yield the epochs; raises as the reader of its kind."""
-        return KINDS[self.kind][1](self.path)
+        return read_epochs(self.path, KINDS[self.kind][1](self.path))
 
 
 def kind_of(path: Path) -> str | None:
@@ -50,6 +50,11 @@ def kind_of(path: Path) -> str | None:
         line = next(numbered_lines(path), (1, ""))[1]
     except InputFileError:
         return None
+    return kind_of_line(line)
+
+
+def kind_of_line(line: str) -> str | None:
+    """Return which kind of observation file has this first line, or None."""
     return next((kind for kind, (recognise, _) in KINDS.items() if recognise(line)), None)
 
 
@@ -74,19 +79,26 @@ class ObservationTrack:
     Parameters
     ----------
     file
-        The observations.
+        The observations. A file that still grows gives the epochs that are there, and the next ones later.
     max_gap_s
         Longest time in s over which to interpolate; by default twice the interval of the first epochs.
     """
 
-    def __init__(self, file: ObservationFile, *, max_gap_s: float | None = None) -> None:
+    def __init__(self, file: Iterable[ObservationEpoch], *, max_gap_s: float | None = None) -> None:
         self._file = file
+        self._stated_s = max_gap_s
+        self._lead: list[ObservationEpoch] = []
+        self._lead_epochs = iter(file)
         self._restart()
-        if max_gap_s is None:
-            lead = itertools.islice(iter(file), INTERVAL_EPOCHS)
-            steps = [after.time - before.time for before, after in itertools.pairwise(lead)]
-            max_gap_s = GAP_INTERVALS * statistics.median(steps) + 1e-6 if steps else 0.0
-        self.max_gap_s = max_gap_s
+
+    @property
+    def max_gap_s(self) -> float:
+        """Longest time in s over which to interpolate; 0 while nothing tells the interval."""
+        if self._stated_s is not None:
+            return self._stated_s
+        self._lead += itertools.islice(self._lead_epochs, INTERVAL_EPOCHS - len(self._lead))
+        steps = [after.time - before.time for before, after in itertools.pairwise(self._lead)]
+        return GAP_INTERVALS * statistics.median(steps) + 1e-6 if steps else 0.0
 
     def _restart(self) -> None:
         self._epochs: Iterator[ObservationEpoch] = iter(self._file)
@@ -101,7 +113,18 @@ class ObservationTrack:
         InputFileError
             If the file is bad as far as it has to be read for this.
         """
-        reach = 2 * self.max_gap_s  # neighbours of the two epochs around `time` fill in what they lack
+        max_gap_s = self.max_gap_s
+        self._read_around(time, 2 * max_gap_s)
+        return interpolate(tuple(self._window), time, max_gap_s=max_gap_s)
+
+    def settled(self, time: GalileoTime) -> bool:
+        """Return whether `at` a time is the same whatever else a file that still grows will hold; raises as `at`."""
+        max_gap_s = self.max_gap_s
+        self._read_around(time, 2 * max_gap_s)
+        return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
+
+    def _read_around(self, time: GalileoTime, reach: float) -> None:
+        """Read all epochs within `reach`: neighbours of the two epochs around `time` fill in what they lack."""
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()
         while not self._window or self._window[-1].time - time <= reach:
@@ -111,7 +134,6 @@ class ObservationTrack:
             self._window.append(epoch)
             self._drop_before(time, reach)
         self._drop_before(time, reach)
-        return interpolate(tuple(self._window), time, max_gap_s=self.max_gap_s)
 
     def _drop_before(self, time: GalileoTime, reach: float) -> None:
         while self._window and time - self._window[0].time > reach:

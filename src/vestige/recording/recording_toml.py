@@ -11,7 +11,7 @@
     layout = "real"                       # real, iq, qi
     center_frequency_hz = 1572.42e6       # radio frequency that stands at 0 Hz in the samples
     [e6]
-    file = "L6.bin"
+    file = "L6.bin"                       # "-": standard input, of a recording that is followed
     format = "int8"
     layout = "iq"
     center_frequency_hz = 1278.75e6
@@ -54,6 +54,7 @@ from vestige.records import Band
 from vestige.time import GalileoTime
 
 NAME = "recording.toml"
+STANDARD_INPUT = Path("-")
 MAX_BYTES = 1 << 20
 
 SampleRate = Annotated[float, Field(ge=SAMPLE_RATE_HZ[0], le=SAMPLE_RATE_HZ[1])]
@@ -155,7 +156,7 @@ def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float,
         raise InputFileError(path, f"{name}.center_frequency_hz", entry.center_frequency_hz, expected)
     file = BandFile(
         band=band,
-        path=sample_file(path, f"{name}.file", entry.file),
+        path=STANDARD_INPUT if entry.file == str(STANDARD_INPUT) else sample_file(path, f"{name}.file", entry.file),
         described_in=path,
         form=SampleFormat(component=entry.format, layout=entry.layout),
         sample_rate_hz=rate,

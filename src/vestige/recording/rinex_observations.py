@@ -13,13 +13,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
 from vestige.errors import InputFileError, UnsupportedError
-from vestige.recording.observation_epoch import ObservationEpoch, check_order, checked, checked_svid
-from vestige.recording.text_lines import numbered_lines
+from vestige.recording.observation_epoch import ObservationEpoch, check_order, checked, checked_svid, read_epochs
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
@@ -117,36 +116,101 @@ def read_rinex_observations(path: Path) -> Iterator[ObservationEpoch]:
     UnsupportedError
         For RINEX 2, compact RINEX, GLONASS time and scaled observations.
     """
-    lines = numbered_lines(path)
-    header = _read_header(path, lines)
-    signals, taken, before = header.signals, dict[int, str](), None
-    for number, line in lines:
-        if not line.strip():
-            continue
-        if not line.startswith(">"):
-            raise InputFileError(path, f"line {number}", line, "an epoch record, which begins with >")
+    return read_epochs(path, RinexParser(path))
+
+
+class RinexParser:
+    """An `EpochParser` of RINEX observations; an epoch is whole with its last record.
+
+    After an error it passes over everything until the next epoch record.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._header: _Header | None = None
+        self._signals: dict[str, dict[str, int]] = {}
+        self._taken: dict[int, str] = {}
+        self._before: GalileoTime | None = None
+        self._head: tuple[int, str] = (0, "")  # the epoch record to which `_records` belong
+        self._records: list[tuple[int, str]] = []
+        self._wanted = 0
+        self._lost = False
+        self._number = 1
+
+    @property
+    def begun(self) -> bool:
+        """Whether the header was understood."""
+        return bool(self._signals)
+
+    def take(self, number: int, line: str) -> ObservationEpoch | None:
+        """Return the epoch that a line completes, if it does; raises as `read_rinex_observations`."""
+        self._number = number
+        if not self._signals:
+            self._take_header(number, line)
+            return None
+        if not self._wanted and (not line.strip() or (self._lost and not line.startswith(">"))):
+            return None
+        self._lost = True
+        epoch = self._take_record(number, line)
+        self._lost = False
+        return epoch
+
+    def finish(self) -> ObservationEpoch | None:
+        """Return None: what is there is whole already, or the file was cut off."""
+        if self._header is None:
+            _first_line(self._path, "")
+        if not self._signals:
+            raise InputFileError(self._path, f"line {self._number}", "the end of the file", "END OF HEADER")
+        if self._wanted:
+            found = f"the end of the file after {len(self._records)} records of this epoch"
+            raise InputFileError(self._path, f"line {self._head[0]}", found, f"{self._wanted} records")
+        return None
+
+    def _take_header(self, number: int, line: str) -> None:
+        if self._header is None:
+            self._header = _first_line(self._path, line)
+        elif line[60:80].strip() == "END OF HEADER":
+            self._header.check(number)
+            self._signals = self._header.signals
+        else:
+            self._header.take(number, line)
+
+    def _take_record(self, number: int, line: str) -> ObservationEpoch | None:
+        if self._wanted:
+            self._records.append((number, line))
+        else:
+            if not line.startswith(">"):
+                raise InputFileError(self._path, f"line {number}", line, "an epoch record, which begins with >")
+            flag = line[31:32].strip() or "0"
+            if flag not in "0123456" or not _COUNT.fullmatch(line[32:35]):
+                expected = "an event flag 0 to 6 and a number of records"
+                raise InputFileError(self._path, f"line {number}", line[31:35], expected)
+            self._head, self._records, self._wanted = (number, line), [], int(line[32:35])
+        if len(self._records) < self._wanted:
+            return None
+        self._wanted = 0
+        return self._epoch()
+
+    def _epoch(self) -> ObservationEpoch | None:
+        """Return the epoch of the records, None for an event."""
+        path, (number, line), header = self._path, self._head, self._header
+        assert header is not None  # noqa: S101  (there are no records before it)
         flag = line[31:32].strip() or "0"
-        if flag not in "0123456" or not _COUNT.fullmatch(line[32:35]):
-            raise InputFileError(path, f"line {number}", line[31:35], "an event flag 0 to 6 and a number of records")
-        records = _records(path, lines, int(line[32:35]), number)
         if flag not in "01":
             if flag == "4":
-                for at, record in records:
+                for at, record in self._records:
                     header.take(at, record)
                 header.check(number)
-                signals = header.signals
-            continue
+                self._signals = header.signals
+            return None
         time = _time(path, number, line, TIME_SYSTEMS[header.time_system or "GAL"])
-        check_order(path, number, before, time)
-        before = time
-        epoch = _epoch(path, time, records, signals, taken)
-        if flag == "1":
-            epoch = ObservationEpoch(time=time, observations=epoch.observations, slipped=frozenset(epoch.observations))
-        yield epoch
+        check_order(path, number, self._before, time)
+        self._before = time
+        epoch = _epoch(path, time, self._records, self._signals, self._taken)
+        return replace(epoch, slipped=frozenset(epoch.observations)) if flag == "1" else epoch
 
 
-def _read_header(path: Path, lines: Iterator[tuple[int, str]]) -> _Header:
-    _, line = next(lines, (1, ""))
+def _first_line(path: Path, line: str) -> _Header:
     if line[60:80].startswith("CRINEX VERS"):
         raise UnsupportedError(f"{path}: compact RINEX is not read; expand it with crx2rnx")
     if not is_rinex_observations(line):
@@ -155,25 +219,7 @@ def _read_header(path: Path, lines: Iterator[tuple[int, str]]) -> _Header:
         if re.fullmatch(r" *[12](\.\d*)? *", line[:9]):
             raise UnsupportedError(f"{path}: RINEX {line[:9].strip()} is not read, only 3 and 4")
         raise InputFileError(path, "line 1", line[:9], "RINEX version 3 or 4")
-    header = _Header(path=path, system=line[40:41])
-    number = 1
-    for number, line in lines:
-        if line[60:80].strip() == "END OF HEADER":
-            header.check(number)
-            return header
-        header.take(number, line)
-    raise InputFileError(path, f"line {number}", "the end of the file", "END OF HEADER")
-
-
-def _records(path: Path, lines: Iterator[tuple[int, str]], count: int, number: int) -> list[tuple[int, str]]:
-    records: list[tuple[int, str]] = []
-    for _ in range(count):
-        record = next(lines, None)
-        if record is None:
-            found = f"the end of the file after {len(records)} records of this epoch"
-            raise InputFileError(path, f"line {number}", found, f"{count} records")
-        records.append(record)
-    return records
+    return _Header(path=path, system=line[40:41])
 
 
 def _time(path: Path, number: int, line: str, offset_s: int) -> GalileoTime:

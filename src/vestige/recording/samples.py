@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex64
+from jaxtyping import Complex64, Shaped
 
 from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
@@ -37,11 +37,17 @@ class SampleReader:
         Whole samples in it.
     notes
         What is odd about the file, one line each.
+    skipped
+        Samples at the beginning of the file that are not among them.
+    held
+        The samples as they were stored, where there is no file that could be read again.
     """
 
     file: BandFile
     n_samples: int
     notes: tuple[str, ...] = ()
+    skipped: int = 0
+    held: bytes | None = None
 
     @property
     def band(self) -> Band:
@@ -51,12 +57,12 @@ class SampleReader:
     @property
     def first_sample(self) -> int:
         """Number of the first sample on the shared counter."""
-        return self.file.first_sample
+        return self.file.first_sample + self.skipped
 
     @property
     def end_sample(self) -> int:
         """Number after that of the last sample."""
-        return self.file.first_sample + self.n_samples
+        return self.first_sample + self.n_samples
 
     @property
     def duration_s(self) -> float:
@@ -72,15 +78,15 @@ class SampleReader:
         InputFileError
             If nothing tells it.
         """
+        return self.time_of(self.first_sample)
+
+    def time_of(self, sample: int) -> GalileoTime:
+        """Return the receiver-clock time of a sample by its number on the shared counter; raises as `start`."""
         if self.file.start is None:
             raise InputFileError(
                 self.file.described_in, "start time", "nothing", "a time label, or a start to be given"
             )
-        return self.file.start
-
-    def time_of(self, sample: int) -> GalileoTime:
-        """Return the receiver-clock time of a sample by its number on the shared counter."""
-        return samples_later(self.start, sample - self.first_sample, self.file.sample_rate_hz)
+        return samples_later(self.file.start, sample - self.file.first_sample, self.file.sample_rate_hz)
 
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
@@ -102,19 +108,25 @@ class SampleReader:
                 f"samples {first} … {first + count - 1} are not all in {self.first_sample} … {self.end_sample - 1}"
             )
         file = self.file
+        samples = decode(self._stored(first, count), file.form, inverted=file.spectral_inversion)
+        if file.form.component == "float32" and not np.isfinite(samples).all():
+            bad = int(np.flatnonzero(~np.isfinite(samples))[0])
+            raise InputFileError(file.path, f"sample {first + bad}", str(samples[bad]), "a finite number")
+        return samples
+
+    def _stored(self, first: int, count: int) -> Shaped[np.ndarray, " n_components"]:
+        file, n_components = self.file, count * self.file.form.components_per_sample
+        if self.held is not None:
+            offset = (first - self.first_sample) * file.form.sample_bytes
+            return np.frombuffer(self.held, file.form.dtype, n_components, offset)
         offset = file.header_bytes + (first - file.first_sample) * file.form.sample_bytes
-        n_components = count * file.form.components_per_sample
         try:
             stored = np.fromfile(file.path, dtype=file.form.dtype, count=n_components, offset=offset)
         except OSError as error:
             raise InputFileError(file.path, f"byte {offset}", error.strerror or "an error", "samples") from error
         if len(stored) != n_components:
             raise InputFileError(file.path, f"byte {offset}", f"{len(stored)} values", f"{n_components} values")
-        samples = decode(stored, file.form, inverted=file.spectral_inversion)
-        if file.form.component == "float32" and not np.isfinite(samples).all():
-            bad = int(np.flatnonzero(~np.isfinite(samples))[0])
-            raise InputFileError(file.path, f"sample {first + bad}", str(samples[bad]), "a finite number")
-        return samples
+        return stored
 
     def read(self, first: int, count: int) -> SampleBatch:
         """Return `count` samples from number `first` of the shared counter on; raises as `samples` and `start`."""
@@ -141,6 +153,20 @@ class SampleReader:
                 return hashlib.file_digest(stream, "sha512").hexdigest() == self.file.sha512
         except OSError as error:
             raise InputFileError(self.file.path, "file", error.strerror or "an error", "samples") from error
+
+
+def samples_so_far(file: BandFile) -> SampleReader:
+    """Return the reader of the whole samples that a file holds by now, maybe none: another process still writes it.
+
+    Raises
+    ------
+    InputFileError
+        If the file cannot be read.
+    """
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+    count = (size - file.header_bytes - file.trailing_bytes) // file.form.sample_bytes
+    return SampleReader(file=file, n_samples=max(count, 0))
 
 
 def open_samples(file: BandFile) -> SampleReader:

@@ -67,7 +67,7 @@ class RecordingSource:
         file = self.recording.observations
         track = ObservationTrack(file) if file is not None else None
         for index, (transmit_time, segments) in enumerate(self.epochs().items()):
-            yield self._snapshot(index, transmit_time, segments, track)
+            yield self.snapshot(index, transmit_time, segments, track)
 
     def epochs(self) -> dict[GalileoTime, tuple[EncryptedSegment, ...]]:
         """Return the RECS that can be in the E6 samples, by time of transmission."""
@@ -80,13 +80,24 @@ class RecordingSource:
                 epochs[segment.transmit_time] = (*epochs.get(segment.transmit_time, ()), segment)
         return dict(sorted(epochs.items()))
 
-    def _snapshot(
+    def snapshot(
         self,
         index: int,
         transmit_time: GalileoTime,
         segments: tuple[EncryptedSegment, ...],
         track: ObservationTrack | None,
     ) -> Snapshot:
+        """Return the snapshot of one epoch.
+
+        Parameters
+        ----------
+        index
+            Its number.
+        transmit_time, segments
+            Of `epochs`.
+        track
+            The observations, None to measure them in the E1 samples.
+        """
         time, observations = self._observe(transmit_time, {segment.svid for segment in segments}, track)
         duration_s = max(segment.n_chips for segment in segments) / E6C.chip_rate_hz
         batch = self._e6(transmit_time, observations, duration_s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,3 +36,48 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
                 yield number, raw.decode("latin-1").rstrip("\r\n")
         except OSError as error:
             raise InputFileError(path, "file", error.strerror or "an error", "a readable file") from error
+
+
+class GrowingLines:
+    """The lines of a file that another process is still writing; a line counts when its end is there."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._offset = 0  # of what was not read yet
+        self._number = 0
+        self._lines: deque[bytes] = deque()
+
+    def take(self) -> tuple[int, str] | None:
+        """Return the next line and its number from 1, as `numbered_lines` gives them, or None if there is none yet.
+
+        Raises
+        ------
+        InputFileError
+            If the file cannot be read, is shorter than it was, or a line is too long for text.
+        """
+        if not self._lines and self._path.exists():
+            self._read()
+        if not self._lines:
+            return None
+        self._number += 1
+        raw = self._lines.popleft()
+        text = raw.removeprefix(BYTE_ORDER_MARK) if self._number == 1 else raw
+        return self._number, text.decode("latin-1").rstrip("\r")
+
+    def _read(self) -> None:
+        """Read the next whole lines; the file is never left open."""
+        with open_file(self._path) as stream:
+            try:
+                size = os.fstat(stream.fileno()).st_size
+                stream.seek(self._offset)
+                data = stream.read(LONGEST)
+            except OSError as error:
+                raise InputFileError(self._path, "file", error.strerror or "an error", "a readable file") from error
+        if size < self._offset:
+            raise InputFileError(self._path, "length", f"{size} bytes", f"{self._offset} bytes, as before, or more")
+        *lines, rest = data.split(b"\n")
+        if len(rest) == LONGEST:
+            place = f"line {self._number + 1}"
+            raise InputFileError(self._path, place, f"no line end in {LONGEST} bytes", "a whole line")
+        self._lines.extend(lines)
+        self._offset += len(data) - len(rest)

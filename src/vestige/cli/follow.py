@@ -1,0 +1,306 @@
+"""`vestige process --follow`: verdicts while the recording is being written."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.recording.description import BandFile, RecordingDescription
+    from vestige.recording.follow_journal import FollowJournal
+    from vestige.recording.following import Following
+    from vestige.recording.live_recording import LiveRecording
+
+STDIN = Path("-")
+FINISHED_ONLY = ("calibrate", "write_bias", "strict")
+STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
+FOLLOW_ONLY = ("observations", *STDIN_ONLY)
+# Options on which no verdict depends
+_HOW = {"follow", "as_json", "output", "poll_s", "idle_s", "wait_s", "buffer_mb", "observations", "start", *STDIN_ONLY}
+_MOST_WARNINGS = 1000
+
+
+def check_usage(recording: Path, options: dict[str, Any]) -> None:
+    """Raise a usage error for options that do not go together."""
+
+    def given(names: tuple[str, ...]) -> str:
+        return ", ".join(f"--{name.replace('_', '-')}" for name in names if options[name])
+
+    if options["follow"]:
+        if unfit := given(FINISHED_ONLY):
+            raise click.UsageError(f"{unfit}: for a recording that is finished, not with --follow")
+        if recording != STDIN and (unfit := given(STDIN_ONLY).replace("sample-format", "format")):
+            raise click.UsageError(f"{unfit}: for samples on standard input, vestige process - --follow")
+    elif recording == STDIN:
+        raise click.UsageError("samples on standard input are read with --follow only")
+    elif unfit := given(FOLLOW_ONLY).replace("sample-format", "format"):
+        raise click.UsageError(f"{unfit}: only with --follow")
+
+
+def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
+    """Print verdicts and changes of state as they become available, until there is nothing more to come."""
+    from vestige.recording.follow_journal import FollowJournal
+
+    warn = _Warnings()
+    following = _following(recording, options, warn)
+    settings = _settings(recording, options, following.live)
+    output = options["output"]
+    with _terminable(), nullcontext() if output is None else FollowJournal(output, settings) as journal:
+        _run(following, processor, options, journal, warn)
+
+
+def _run(
+    following: Following,
+    processor: AcasProcessor,
+    options: dict[str, Any],
+    journal: FollowJournal | None,
+    warn: Callable[[object], None],
+) -> None:
+    from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
+    from vestige.recording.follow_journal import Progress
+
+    state, tally, n_snapshots = None, Tally(), 0
+    if journal is not None and journal.progress is not None:
+        following.index, following.after = journal.progress.index + 1, journal.progress.sent
+        state = journal.progress.watch
+        click.echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
+    second = _second_channel(options, warn)
+    try:
+        for epoch in following:
+            if not n_snapshots:
+                _say_what_is_missing(following, warn)
+            step = second(processor, epoch.sent).step(state, epoch.snapshot, epoch.assistance)
+            state = step.state
+            text = lines(step)
+            if journal is not None:  # kept first: what was printed is never printed again
+                journal.record(text, Progress(index=epoch.snapshot.index, sent=epoch.sent, watch=state))
+            if options["as_json"]:
+                for line in text:
+                    click.echo(line)
+            else:
+                print_snapshot(step)
+                print_changes(step)
+            tally.add(step)
+            n_snapshots += 1
+    except KeyboardInterrupt as stop:
+        stop.add_note(f"{n_snapshots} snapshots: {tally}")
+        if journal is not None:
+            stop.add_note(f"the same command goes on from {options['output']}")
+        raise
+    click.echo(f"{n_snapshots} snapshots: {tally}", err=True)
+
+
+class _Warnings:
+    """Warns of everything once, and of so many things at most."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+
+    def __call__(self, what: object) -> None:
+        line = str(what)
+        if line not in self._told and len(self._told) < _MOST_WARNINGS:
+            self._told.add(line)
+            click.echo(f"warning: {line}", err=True)
+            if len(self._told) == _MOST_WARNINGS:
+                click.echo("warning: further warnings are not printed", err=True)
+
+
+def _say_what_is_missing(following: Following, warn: Callable[[object], None]) -> None:
+    """Warn of what was not there for the first epoch; keys and RECS of later ones are still to come."""
+    found = following.folder.found
+    still_to_come = ("OSNMA keys", "RECS")
+    missing = (line for line in found.missing if not line.startswith(still_to_come))
+    for line in (*following.live.description.notes, *missing, *found.cautions):
+        warn(line)
+
+
+def _following(recording: Path, options: dict[str, Any], warn: Callable[[object], None]) -> Following:
+    from vestige.constants import SPEED_OF_LIGHT_MPS
+    from vestige.errors import VestigeError
+    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.following import Following, Patience
+    from vestige.recording.growing_assistance import GrowingAssistance
+
+    description = _stdin_description(options) if recording == STDIN else _description(recording, options)
+    stated_s = options["time_uncertainty"]
+    around_s = description.time_uncertainty_s if stated_s is None else stated_s
+    searchable = options["level"] != "1"
+    if searchable and math.isinf(around_s):
+        raise VestigeError(
+            f"{description.path}: time uncertainty: found none, expected a bound on the clock's error to search in "
+            "(--time-uncertainty)"
+        )
+    observations = options["observations"] or description.observations
+    if observations is None and around_s > LABEL_TOLERANCE_S:
+        raise VestigeError(
+            f"{description.path}: observations: found none, expected a file of E1 observations (--observations), or a "
+            f"clock that is right to {LABEL_TOLERANCE_S:g} s: E1 samples alone tell time modulo 100 ms"
+        )
+    live = _live(description, options, observations, around_s if searchable else 0.0, warn)
+    bias_m = options["hardware_bias_m"]
+    folder = options["assistance_path"]
+    if folder is None:
+        if recording == STDIN:
+            raise click.UsageError("samples on standard input need --assistance")
+        folder = (recording if recording.is_dir() else recording.parent) / "assistance"
+    return Following(
+        live=live,
+        folder=GrowingAssistance(
+            folder,
+            public_key=options["public_key"],
+            merkle_tree=options["merkle_tree"],
+            certificates=options["certificates"],
+            warn=warn,
+        ),
+        time_uncertainty_s=around_s,
+        searchable=searchable,
+        hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
+        patience=Patience(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
+    )
+
+
+def _live(
+    description: RecordingDescription,
+    options: dict[str, Any],
+    observations: Path | None,
+    around_s: float,
+    warn: Callable[[object], None],
+) -> LiveRecording:
+    from vestige.errors import VestigeError
+    from vestige.recording.live_recording import LiveRecording, buffer_s
+    from vestige.recording.sample_stream import SampleStream
+    from vestige.records import Band
+
+    stream, e6 = None, description.bands.get(Band.E6)
+    if e6 is not None and e6.path == STDIN:
+        capacity = round(options["buffer_mb"] * 1e6)
+        second_bytes = e6.sample_rate_hz * e6.form.sample_bytes
+        needed_mb = 1.5 * buffer_s(around_s) * second_bytes / 1e6
+        if needed_mb * 1e6 > capacity:
+            raise VestigeError(
+                f"--buffer-mb: found {options['buffer_mb']:g}, expected at least {math.ceil(needed_mb)} for a clock "
+                f"that may be wrong by {around_s:g} s (--time-uncertainty)"
+            )
+        stream = SampleStream(sys.stdin.fileno(), e6, capacity_bytes=capacity)
+    return LiveRecording(description, observations=observations, stream=stream, uncertainty_s=around_s, warn=warn)
+
+
+def _description(recording: Path, options: dict[str, Any]) -> RecordingDescription:
+    """Return the description of a recording on disk; its samples may all be still to come."""
+    from dataclasses import replace
+
+    from vestige.recording.description import redated
+    from vestige.recording.live_recording import awaited_observations
+    from vestige.recording.recording import describe_recording
+
+    found = describe_recording(recording)
+    if found.observations is None:
+        folder = recording if recording.is_dir() else recording.parent
+        found = replace(found, observations=awaited_observations(folder))
+    return found if options["start"] is None else redated(found, options["start"])
+
+
+def _stdin_description(options: dict[str, Any]) -> RecordingDescription:
+    """Return the description of E6 samples on standard input."""
+    from dataclasses import replace
+
+    from vestige.recording.description import RecordingDescription, redated
+    from vestige.recording.recording_toml import read_recording_toml
+    from vestige.records import Band
+
+    if options["description"] is None:
+        return RecordingDescription(path=STDIN, bands={Band.E6: _stdin_file(options)})
+    found = read_recording_toml(options["description"])
+    if Band.E6 in found.bands:
+        e6 = replace(found.bands[Band.E6], path=STDIN)
+        found = replace(found, bands={**found.bands, Band.E6: e6})
+    return found if options["start"] is None else redated(found, options["start"])
+
+
+def _stdin_file(options: dict[str, Any]) -> BandFile:
+    from vestige.errors import VestigeError
+    from vestige.recording.description import SAMPLE_RATE_HZ, BandFile, band_of
+    from vestige.recording.sample_format import SampleFormat
+    from vestige.records import Band
+
+    needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz",
+              "--center-frequency-hz": "center_frequency_hz", "--start": "start"}  # fmt: skip
+    if missing := [name for name, key in needed.items() if options[key] is None]:
+        raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")
+    rate, center = options["sample_rate_hz"], options["center_frequency_hz"]
+    if not SAMPLE_RATE_HZ[0] <= rate <= SAMPLE_RATE_HZ[1]:
+        raise VestigeError(f"--sample-rate-hz: found {rate:g}, expected {SAMPLE_RATE_HZ[0]:g} to {SAMPLE_RATE_HZ[1]:g}")
+    if band_of(center, rate) is not Band.E6:
+        raise VestigeError(
+            f"--center-frequency-hz: found {center:g}, expected the E6 carrier within half a sample rate of it"
+        )
+    return BandFile(
+        band=Band.E6,
+        path=STDIN,
+        described_in=STDIN,
+        form=SampleFormat(component=options["sample_format"], layout=options["layout"]),
+        sample_rate_hz=rate,
+        center_frequency_hz=center,
+        start=options["start"],
+    )
+
+
+def _second_channel(
+    options: dict[str, Any], warn: Callable[[object], None]
+) -> Callable[[AcasProcessor, Any], AcasProcessor]:
+    """Return a function that gives the processor the keys of the second channel as they are by now."""
+    from dataclasses import replace
+
+    from vestige.recording.growing_assistance import GrowingAssistance
+
+    if options["second_channel"] is None:
+        return lambda processor, _sent: processor
+    channel = GrowingAssistance(options["second_channel"], warn=warn)
+
+    def with_keys(processor: AcasProcessor, sent: Any) -> AcasProcessor:
+        channel.look(sent, sent)
+        watch = replace(processor.watch, second_channel=channel.found.assistance.keys)
+        return replace(processor, watch=watch)
+
+    return with_keys
+
+
+def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:
+    """Return what the verdicts depend on, in words."""
+    from importlib.metadata import version
+
+    from vestige.recording.exact_time import exact_gst
+
+    bands = live.description.bands.values()
+    kept = {f"--{name.replace('_', '-')}": value for name, value in options.items() if name not in _HOW}
+    settings = {name: str(value) for name, value in kept.items() if value not in (None, (), False)}
+    samples = ", ".join(f"{file.band.name} {file.form} at {file.sample_rate_hz!r} Hz" for file in bands)
+    if recording != STDIN:  # a pipe begins anew each time
+        samples += f", from {exact_gst(live.start)}"
+    return settings | {"vestige": version("vestige"), "recording": samples}
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM, with which services are stopped, be what Ctrl-C is."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,147 @@
+"""What a receiver that follows a recording keeps on disk, so that after any interruption it goes on where it was.
+
+`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count,
+which epoch was the last, and what the receiver on watch remembers; it is replaced as a whole after the lines were
+written. So a run that was killed between the two has lines that do not count: they are cut off, and written again when
+the epoch is processed again from the same state, with the same result. None is lost, none is there twice.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from pydantic import TypeAdapter, ValidationError
+
+from vestige.acas_processor.watch import WatchState
+from vestige.crypto.file_bytes import read_bytes
+from vestige.errors import InputFileError
+from vestige.time import GalileoTime
+
+LINES, STATE = "verdicts.jsonl", "state.json"
+FORMAT = 1
+MAX_BYTES = 1 << 24
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """How far a recording was followed.
+
+    Attributes
+    ----------
+    index, sent
+        Number of the last snapshot, and when its RECS was sent.
+    watch
+        What is remembered after it.
+    """
+
+    index: int
+    sent: GalileoTime
+    watch: WatchState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _State:
+    format: int
+    settings: dict[str, str]
+    n_bytes: int
+    progress: Progress | None
+
+
+class FollowJournal:
+    """The folder, open for one writer; a context manager.
+
+    Parameters
+    ----------
+    folder
+        Made if it is not there.
+    settings
+        What the verdicts depend on, in words; a folder of other settings is refused.
+
+    Raises
+    ------
+    InputFileError
+        If the folder holds something else, was made with other settings, is damaged, or is in use.
+    """
+
+    def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:
+        self._folder, self._settings = folder, dict(settings)
+        self._adapter = TypeAdapter(_State)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._lock = os.open(folder, os.O_RDONLY)
+        try:
+            self.progress, self._n_bytes = self._opened()
+            self._lines = (folder / LINES).open("ab")
+            self._lines.truncate(self._n_bytes)
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def _opened(self) -> tuple[Progress | None, int]:
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputFileError(self._folder, "folder", "another process that writes it", "one at a time") from error
+        if not (self._folder / STATE).exists():
+            if any(path.name != f".{STATE}" for path in self._folder.iterdir()):
+                expected = f"a folder that is empty, or has a {STATE}"
+                raise InputFileError(self._folder, "folder", "something there already", expected)
+            self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, progress=None))
+        state = self._read()
+        size = (self._folder / LINES).stat().st_size if (self._folder / LINES).exists() else 0
+        if size < state.n_bytes:
+            raise InputFileError(self._folder / LINES, "length", f"{size} bytes", f"{state.n_bytes}, as {STATE} says")
+        return state.progress, state.n_bytes
+
+    def _read(self) -> _State:
+        path = self._folder / STATE
+        try:
+            content = json.loads(read_bytes(path, at_most=MAX_BYTES))
+            if isinstance(content, dict) and content.get("format") != FORMAT:
+                raise InputFileError(path, "format", content.get("format"), FORMAT)
+            state = self._adapter.validate_python(content)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            place = ".".join(map(str, first["loc"]))[:80] or "content"
+            raise InputFileError(path, place, first["input"], first["msg"]) from error
+        except (ValueError, RecursionError) as error:
+            raise InputFileError(path, "content", str(error), "JSON") from error
+        for name in sorted(state.settings.keys() | self._settings.keys()):
+            then, now = state.settings.get(name, "nothing"), self._settings.get(name, "nothing")
+            if then != now:
+                raise InputFileError(path, name, now, f"{then}, with which this was begun")
+        return state
+
+    def record(self, lines: Sequence[str], progress: Progress) -> None:
+        """Keep the lines of one epoch and how far it goes: both or neither."""
+        data = "".join(f"{line}\n" for line in lines).encode()
+        self._lines.write(data)
+        self._lines.flush()
+        os.fsync(self._lines.fileno())
+        self._n_bytes += len(data)
+        self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=self._n_bytes, progress=progress))
+        self.progress = progress
+
+    def _keep(self, state: _State) -> None:
+        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite bound stays what it is
+        new = self._folder / f".{STATE}"
+        with new.open("w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        new.replace(self._folder / STATE)
+        os.fsync(self._lock)
+
+    def __enter__(self) -> FollowJournal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lines.close()
+        os.close(self._lock)

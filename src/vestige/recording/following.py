@@ -1,0 +1,193 @@
+"""Follows a recording while it is written: each RECS epoch as soon as everything that a verdict needs is there.
+
+Theory of operation
+-------------------
+An epoch needs four things, which come at different times: its RECS (downloaded days ago), its samples, the E1
+observations around it, and the OSNMA key, which is complete half a minute to a minute after the samples were taken.
+Then its snapshot is that of the finished recording, bit for bit: the samples reach as far as any search may look, and
+more observations would change nothing (`ObservationTrack.settled`).
+
+Epochs are handed out in the order of time, because the state of the receiver goes from one to the next. One that waits
+for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
+`wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
+
+Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
+is handed out as it is, as from a finished recording.
+"""
+
+from __future__ import annotations
+
+import time
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from vestige.acas_processor.processor import segments_between
+from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
+from vestige.recording.growing_assistance import GrowingAssistance
+from vestige.recording.live_recording import LiveRecording
+from vestige.recording.snapshots import RecordingSource
+from vestige.records import Assistance, EncryptedSegment, Snapshot
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """How long to wait for what, in s.
+
+    Attributes
+    ----------
+    poll_s
+        Between two looks.
+    wait_s
+        For the key and the observations of an epoch whose samples are there.
+    idle_s
+        For anything new before the recording counts as finished; None to wait for ever.
+    """
+
+    poll_s: float = 1.0
+    wait_s: float = 180.0
+    idle_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowedEpoch:
+    """A RECS epoch that is ready.
+
+    Attributes
+    ----------
+    sent
+        Time of transmission of its RECS.
+    assistance
+        What is known by now.
+    """
+
+    sent: GalileoTime
+    snapshot: Snapshot
+    assistance: Assistance
+
+
+@dataclass(slots=True, kw_only=True)
+class Following:
+    """The epochs of a recording that grows; iterate once.
+
+    Attributes
+    ----------
+    live, folder
+        What grows.
+    time_uncertainty_s
+        Bound on the receiver clock's error.
+    searchable
+        As `RecordingSource`.
+    hardware_bias_s
+        Delay of E6 minus E1 in the receiver, in place of that of the folder.
+    patience
+        How long to wait.
+    index
+        Number of the next snapshot.
+    after
+        Time of the last RECS that needs no snapshot any more, None at first.
+    """
+
+    live: LiveRecording
+    folder: GrowingAssistance
+    time_uncertainty_s: float
+    searchable: bool
+    hardware_bias_s: float | None = None
+    patience: Patience
+    index: int = 0
+    after: GalileoTime | None = None
+
+    def __iter__(self) -> Iterator[FollowedEpoch]:
+        """Yield the epochs in the order of time; raises as what it reads."""
+        complete_since: dict[GalileoTime, float] = {}
+        news_s = time.monotonic()
+        while True:
+            ended = self.live.ended  # before the look: what came until then is seen by it
+            if self._look(complete_since):
+                news_s = time.monotonic()
+            while (epoch := self._next(complete_since, finished=False)) is not None:
+                yield epoch
+                news_s = time.monotonic()
+                self._look(complete_since)
+            idle = self.patience.idle_s is not None and time.monotonic() - news_s >= self.patience.idle_s
+            if ended or idle:
+                break
+            self.live.wait(self.patience.poll_s)
+        self.live.finish()
+        while (epoch := self._next(complete_since, finished=True)) is not None:
+            yield epoch
+            self._look(complete_since)
+        self.folder.tell()
+
+    def _look(self, complete_since: dict[GalileoTime, float]) -> bool:
+        """Take in what is new; return whether anything is."""
+        changed = self.live.look()
+        begin = self.live.start + -TRAVEL_TIME_S[1]
+        changed |= self.folder.look(begin if self.after is None else self.after, max(self.live.end, begin))
+        for one in [one for one in complete_since if self.after is not None and one <= self.after]:
+            del complete_since[one]
+        complete = [one for one in self._to_come() if self.live.complete(one)]
+        for one in complete:
+            complete_since.setdefault(one, time.monotonic())
+        self.live.hold(complete)
+        return changed
+
+    def _to_come(self) -> list[GalileoTime]:
+        """Return the times of the RECS that need a snapshot yet, as far as they may be in the samples by now."""
+        segments = self.folder.found.assistance.segments
+        low = bisect_left(segments, self.live.start + -TRAVEL_TIME_S[1], key=_sent)
+        if self.after is not None:
+            low = max(low, bisect_right(segments, self.after, key=_sent))
+        high = bisect_right(segments, self.live.end + -TRAVEL_TIME_S[0], key=_sent)
+        return sorted({one.transmit_time for one in segments[low:high]})
+
+    def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
+        """Return the next epoch if it is ready, or if nothing more will come."""
+        sent = next(iter(self._to_come()), None)
+        if sent is None:
+            return None
+        if not finished:
+            if sent not in complete_since:
+                return None
+            overdue = time.monotonic() - complete_since[sent] >= self.patience.wait_s
+            if not (overdue or (self._has_keys(sent) and self._is_observed(sent))):
+                return None
+        return self._handed_out(sent)
+
+    def _has_keys(self, sent: GalileoTime) -> bool:
+        assistance = self.folder.found.assistance
+        known = {key.time for key in assistance.keys}
+        return all(one.key_time in known for one in segments_between(assistance, sent, sent))
+
+    def _is_observed(self, sent: GalileoTime) -> bool:
+        """Return whether the observations are final, and the samples reach as far as they say."""
+        track, at = self.live.track, sent + MEDIAN_TRAVEL_TIME_S
+        if track is None:
+            return True
+        if not track.settled(at):
+            return False
+        travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()]
+        return self.live.complete(sent, max(travel_s, default=0.0))
+
+    def _handed_out(self, sent: GalileoTime) -> FollowedEpoch:
+        assistance = self.folder.found.assistance
+        if self.hardware_bias_s is not None:
+            assistance = replace(assistance, hardware_bias_e1_e6_s=self.hardware_bias_s)
+        source = RecordingSource(
+            recording=self.live.recording(sent),
+            assistance=assistance,
+            time_uncertainty_s=self.time_uncertainty_s,
+            searchable=self.searchable,
+        )
+        own = tuple(one for one in segments_between(assistance, sent, sent) if one.transmit_time == sent)
+        snapshot = source.snapshot(self.index, sent, own, self.live.track)
+        self.live.release(sent)
+        self.index, self.after = self.index + 1, sent
+        return FollowedEpoch(sent=sent, snapshot=snapshot, assistance=assistance)
+
+
+def _sent(segment: EncryptedSegment) -> GalileoTime:
+    return segment.transmit_time
