@@ -25,6 +25,7 @@ PUSH = (
     'attack=[{kind="position-push", svids=[7, 13], start_s=30, '
     'delay_m={kind="ramp", first=0, last=90, start_s=60, stop_s=150}, power_db=6}]'
 )
+HALF_MINUTES = ("epochs=8", "interval_s=30.0", "recs.every=1")
 NO_ERRORS = (*CLEAN, "receiver.e1_tracking=none")
 AUTHENTIC, NOT_AVAILABLE = (list(Status).index(one) for one in (Status.AUTHENTIC, Status.NOT_AVAILABLE))
 
@@ -148,7 +149,7 @@ def test_a_satellite_that_rises_is_not_there_before() -> None:
 
 
 def test_a_push_of_some_satellites_moves_the_position_and_is_seen_by_raim() -> None:
-    found = columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", PUSH))
+    found = columns_of(sky_scenario(*CLEAN, *HALF_MINUTES, PUSH))
     svids = np.array([6, 7, 8, 12, 13, 14, 23, 24])
     assert np.array_equal(found["truth_e1_captured"][-1], np.isin(svids, [7, 13]))
     assert found["truth_e1_error_m"][-1] == pytest.approx(np.where(np.isin(svids, [7, 13]), 90.0, 0.0), abs=10)
@@ -160,10 +161,7 @@ def test_a_push_of_some_satellites_moves_the_position_and_is_seen_by_raim() -> N
 
 def test_a_push_of_all_satellites_moves_the_clock_and_is_not_seen_by_raim() -> None:
     attack = PUSH.replace("position-push", "time-push").replace("svids=[7, 13], ", "")
-    found, calm = (
-        columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", one))
-        for one in (attack, "attack=[]")
-    )
+    found, calm = (columns_of(sky_scenario(*CLEAN, *HALF_MINUTES, one)) for one in (attack, "attack=[]"))
     assert found["fix_clock_error_m"][0, -1] - calm["fix_clock_error_m"][0, -1] == pytest.approx(90.0, abs=10)
     assert np.linalg.norm(found["fix_error_m"][0, -1]) < 5
     assert found["raim_statistic"][0, -1] < 40
@@ -171,7 +169,7 @@ def test_a_push_of_all_satellites_moves_the_clock_and_is_not_seen_by_raim() -> N
 
 def test_the_authenticated_fix_leaves_out_what_is_not_authentic() -> None:
     e1_only = PUSH.replace("power_db=6", 'power_db=6, bands=["E1"]')
-    found = columns_of(sky_scenario(*CLEAN, "epochs=8", "interval_s=30.0", "recs.every=1", e1_only))
+    found = columns_of(sky_scenario(*CLEAN, *HALF_MINUTES, e1_only))
     last = 7
     assert found["recs"][last]
     assert found["fix_satellites"][:, last].tolist() == [8, 6]
