@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Complex64, Shaped
@@ -47,7 +47,7 @@ class SampleReader:
     n_samples: int
     notes: tuple[str, ...] = ()
     skipped: int = 0
-    held: bytes | None = None
+    held: bytes | None = field(default=None, repr=False)
 
     @property
     def band(self) -> Band:
