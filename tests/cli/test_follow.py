@@ -35,7 +35,7 @@ FS = 6.2e6
 SETTINGS = (
     f"receiver.sample_rate_hz={FS}", "interval_s=0.2", "receiver.cn0_dbhz=45.0", "receiver.cn0_e1_dbhz=43.0",
 )  # fmt: skip
-N_EPOCHS = 8
+N_EPOCHS = 6
 UNSURE = ("--time-uncertainty", "0.2")  # the searches of level 2 look as far as that
 GROWING = ("e1.sigmf-data", "e6.sigmf-data", "observations.csv")
 FAST = ("--follow", "--poll-s", "0.02")

@@ -109,11 +109,11 @@ class LiveRecording:
         return min(ends) - sent >= self._after_s + max(travel_s - TRAVEL_TIME_S[1], 0.0)
 
     def hold(self, sent: Iterable[GalileoTime]) -> None:
-        """Cut the windows of the RECS of these times out of a pipe, and let go of what is before them."""
+        """Cut the windows of the RECS of these times, all complete, out of a pipe; let go of what is before."""
         if self._stream is None:
             return
         for one in sent:
-            if one not in self._held and self._stream.end - one >= self._after_s:
+            if one not in self._held:
                 self._held[one] = self._window(self._stream, one)
         span_s = self._before_s + self._after_s
         self._stream.forget(self._stream.end_sample - round(span_s * self._stream.file.sample_rate_hz))

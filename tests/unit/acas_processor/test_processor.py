@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from builders import START, batch_of
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.watch import Watch
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import CipherMode, encrypt
 from vestige.records import (
@@ -191,3 +193,20 @@ def test_settings_that_make_no_sense() -> None:
         AcasProcessor(level=9)
     with pytest.raises(ValueError, match="correlators"):
         AcasProcessor(n_taps=2)
+
+
+def test_the_recs_of_other_times_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A live receiver may not have them yet; levels 2 and 3 must search for the same with and without."""
+    snapshot, assistance = _world()
+    own = assistance.segments[0]
+    others = tuple(replace(own, transmit_time=START + late) for late in (-30.0, 0.0, 0.4, 30.0, 60.0))
+    seen: list[Assistance] = []
+    step = Watch.step
+
+    def watched(self: Watch, *arguments: Any, **options: Any) -> Any:
+        seen.append(arguments[4])
+        return step(self, *arguments, **options)
+
+    monkeypatch.setattr(Watch, "step", watched)
+    AcasProcessor(level=2).step(None, snapshot, replace(assistance, segments=others))
+    assert [round(one.transmit_time - START, 6) for one in seen[0].segments] == [0.0, 0.4]

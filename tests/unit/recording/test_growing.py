@@ -78,6 +78,19 @@ def test_no_more_is_waited_for_than_is_needed(rate: bool, needed: int) -> None:
     assert all(final[needed:])
 
 
+def test_a_satellite_that_may_come_back_is_waited_for() -> None:
+    """Lost after 4 s, asked for at 4.5 s, joined if it is there again at 6 s, and not after that."""
+    lost = [
+        ObservationEpoch(
+            time=START + float(s),
+            observations={k: _observation(k, s, doppler=True, rate=True) for k in (1, 2) if k == 2 or s < 5},
+        )
+        for s in range(8)
+    ]
+    final = [is_final(lost[:known], START + 4.5, max_gap_s=GAP_S) for known in range(9)]
+    assert final.index(True) == 8  # the epoch at 7 s
+
+
 @given(st.binary(max_size=60), st.data())
 def test_lines_in_pieces_are_the_lines(content: bytes, data: st.DataObject) -> None:
     found = []
