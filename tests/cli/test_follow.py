@@ -36,7 +36,7 @@ SETTINGS = (
     f"receiver.sample_rate_hz={FS}", "interval_s=0.2", "receiver.cn0_dbhz=45.0", "receiver.cn0_e1_dbhz=43.0",
 )  # fmt: skip
 N_EPOCHS = 6
-UNSURE = ("--time-uncertainty", "0.2")  # the searches of level 2 look as far as that
+UNSURE = ("--time-uncertainty", "0.2", "--search-window", "2e-4")  # the searches of levels 2 and 3 look as far as that
 GROWING = ("e1.sigmf-data", "e6.sigmf-data", "observations.csv")
 FAST = ("--follow", "--poll-s", "0.02")
 ONCE = (*FAST, "--idle-s", "0.3", "--json")
@@ -109,7 +109,7 @@ def _objects(text: str, kind: str = "verdict") -> list[dict]:
     return [{key: value for key, value in one.items() if key != "kind"} for one in found if one["kind"] == kind]
 
 
-@pytest.mark.parametrize(("level", "keys_at"), [("1", 0.0), ("1", 0.9), ("2", 0.5)])
+@pytest.mark.parametrize(("level", "keys_at"), [("1", 0.0), ("1", 0.9), ("2", 0.5), ("3", 0.5)])
 def test_the_verdicts_are_those_of_the_finished_recording(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path, level: str, keys_at: float
 ) -> None:
@@ -190,7 +190,7 @@ def test_killed_and_started_again(night: Path, expected: Callable[[str], list[di
     assert shown_later[0] - len(shown) in (0, 1)
 
 
-@pytest.mark.parametrize("level", ["1", "2"])
+@pytest.mark.parametrize("level", ["1", "2", "3"])
 def test_any_number_of_interruptions_changes_nothing(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str
 ) -> None:
