@@ -91,7 +91,7 @@ def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> Non
     assert {"E11, early", "E11, maximum"} <= set(rows_of(page, "What came of the attack"))
     (attack,) = data["satellites"][0]["counterfeits"]
     power_db = unpacked(attack["power_db"])
-    assert attack["name"] == "1 lift-off"
+    assert attack["name"] == "0 lift-off"
     assert np.isnan(power_db[:100]).all()
     assert power_db[-1] == pytest.approx(4.5)
     assert "counterfeits" not in data_of(pages["quick"])["satellites"][0]
