@@ -129,7 +129,7 @@ def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
 
 def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, cadence: Cadence) -> LevelVerdicts:
     processor = scenario["processor"]
-    budget = false_alarm_budget(level, cadence, kappa=processor["kappa"], min_pd=processor["min_pd"])
+    budget = false_alarm_budget(level, cadence, kappa=processor["kappa"], pd=processor["min_pd"])
     status = results["status"].transpose("epoch", "satellite").values
     available = status != _position(Status.NOT_AVAILABLE)
     failed = {name: status == _position(one) for name, one in _MINIMUM.items()}
