@@ -9,12 +9,13 @@ noise floor allow for a front end that drifts; the simulated one does not, so th
 
 **Searches.** The hand-over search is made with every RECS of which E1 has more than one signal. The exhaustive search
 of level 3 is made with the first RECS, then every `search_s`, and with the RECS that follows any failure of another
-check, of the whole receiver or of any satellite.
+check, of the whole receiver or of any satellite, or a search that found more than one signal.
 
 **Ranges.** What a RECS authenticates is the time since the RECS before. The range of E1 is in use where the state is
 AUTHENTIC, and with it the largest error that the attack made in that time. Where a search was made that found more than
-one signal, the earliest is in use instead, whatever the state: that is what the paper calls mitigation. Otherwise there
-is no range. The position is the fix of all satellites with a range in use.
+one signal, the earliest is in use instead, whatever the state: that is what the paper calls mitigation. Where the
+correlators hold a second signal and the early detector's is where E1 says, E1 stays in use. Otherwise there is no range.
+The position is the fix of all satellites with a range in use.
 
 All of it is a function of the whole results: alarms, confirmation and schedule have memory.
 """
@@ -32,8 +33,9 @@ from jaxtyping import Bool, Float, Int8
 from vestige.acas_processor.alarm import state_block
 from vestige.acas_processor.alarm_budget import Cadence, Share, false_alarm_budget
 from vestige.acas_processor.mitigation import ALARMS, LEVELS, combine_block, confirmed_block
+from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
-from vestige.campaign.track import Track
+from vestige.campaign.snapshot_tracks import expected_cn0_dbhz
 from vestige.records import Status
 
 if TYPE_CHECKING:
@@ -60,6 +62,8 @@ class LevelVerdicts:
         Share of each check.
     not_run
         Checks of the level for which the results hold nothing.
+    recs, seen
+        Epochs with RECS, and where a satellite is in view.
     searched
         Where the exhaustive search was made.
     range_error_m
@@ -75,6 +79,8 @@ class LevelVerdicts:
     failed: Mapping[str, Bool[np.ndarray, "..."]]
     budget: Mapping[str, Share]
     not_run: tuple[str, ...]
+    recs: Bool[np.ndarray, " n"]
+    seen: Bool[np.ndarray, "n m"]
     searched: Bool[np.ndarray, " n"]
     range_error_m: Float[np.ndarray, "n m"]
     earlier: Bool[np.ndarray, "n m"]
@@ -117,10 +123,9 @@ def level_verdicts(results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS
 
 def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
     """Return how often the receiver tests, with the mean number of satellites in view."""
-    view = results["elevation_deg"].notnull() if "elevation_deg" in results else None
-    in_view = 1.0 if view is None else float(view.sum("satellite").mean())
+    in_view = np.mean(np.count_nonzero(_seen(results), axis=1))
     return Cadence(
-        satellites=max(1, round(in_view)),
+        satellites=max(1, round(float(in_view))),
         observation_s=scenario["interval_s"],
         recs_s=scenario["interval_s"] * scenario["recs"]["every"],
         search_s=scenario["processor"]["search_s"],
@@ -129,7 +134,7 @@ def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
 
 def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, cadence: Cadence) -> LevelVerdicts:
     processor = scenario["processor"]
-    budget = false_alarm_budget(level, cadence, kappa=processor["kappa"], pd=processor["min_pd"])
+    budget = false_alarm_budget(level, cadence, kappa=processor["kappa"], pd=_mean_pd(results, scenario))
     status = results["status"].transpose("epoch", "satellite").values
     available = status != _position(Status.NOT_AVAILABLE)
     failed = {name: status == _position(one) for name, one in _MINIMUM.items()}
@@ -147,12 +152,14 @@ def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, 
     recs = _recs(scenario, status.shape[0])
     searched = np.zeros(status.shape[0], np.bool_)
     if _EXHAUSTIVE in failed:
-        searched = search_schedule(recs, _suspicion(failed), round(cadence.search_s / cadence.observation_s))
+        twice = failed[_EXHAUSTIVE].any(axis=1)
+        every = round(cadence.search_s / cadence.observation_s)
+        searched = search_schedule(recs, _suspicion(failed), twice, every)
         tests[_EXHAUSTIVE] = tests[_EXHAUSTIVE] & searched[:, None]
         failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
     combined = combine_block(level, failed, available)
     state = state_block(combined, results["time_s"].values)
-    error_m, earlier = _ranges(results, found, state, recs, searched)
+    error_m, earlier = _ranges(results, failed, state, recs, searched)
     return LevelVerdicts(
         level=level,
         status=combined,
@@ -161,6 +168,8 @@ def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, 
         failed=failed,
         budget=budget,
         not_run=tuple(row.name for row in LEVELS[level] if row.name not in tests or not tests[row.name].any()),
+        recs=recs,
+        seen=_seen(results),
         searched=searched,
         range_error_m=error_m,
         earlier=earlier,
@@ -168,7 +177,7 @@ def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, 
 
 
 def search_schedule(
-    recs: Bool[np.ndarray, " n"], suspicious: Bool[np.ndarray, " n"], every: int
+    recs: Bool[np.ndarray, " n"], suspicious: Bool[np.ndarray, " n"], twice: Bool[np.ndarray, " n"], every: int
 ) -> Bool[np.ndarray, " n"]:
     """Return in which epochs an exhaustive search is made.
 
@@ -178,6 +187,8 @@ def search_schedule(
         Epochs with RECS.
     suspicious
         Epochs in which another check failed.
+    twice
+        Epochs in which a search finds more than one signal.
     every
         Epochs between two searches without suspicion.
     """
@@ -187,7 +198,7 @@ def search_schedule(
     last = before = -1
     for place in places.tolist():
         suspicion = since[place + 1] > since[before + 1]
-        if last < 0 or suspicion or place - last >= every:
+        if last < 0 or suspicion or (last == before and twice[last]) or place - last >= every:
             searched[place] = True
             last = place
         before = place
@@ -202,23 +213,40 @@ def _suspicion(failed: Mapping[str, Bool[np.ndarray, "..."]]) -> Bool[np.ndarray
 
 def _ranges(
     results: xarray.Dataset,
-    found: Mapping[str, Track],
+    failed: Mapping[str, Bool[np.ndarray, "..."]],
     state: Int8[np.ndarray, "n m"],
     recs: Bool[np.ndarray, " n"],
     searched: Bool[np.ndarray, " n"],
 ) -> tuple[Float[np.ndarray, "n m"], Bool[np.ndarray, "n m"]]:
-    """Return the error of the ranges in use with every RECS, and which of them a search found."""
+    """Return the error of the ranges in use with every RECS, and which of them are the earliest of several signals."""
     error_m = np.where(state == _position(Status.AUTHENTIC), _e1_error_m(results, recs), np.nan)
     earlier = np.zeros(state.shape, np.bool_)
-    for name, column, made in (
-        ("E1 vestigial search", "handover_error_m", np.ones(recs.size, np.bool_)),
-        (_EXHAUSTIVE, "exhaustive_error_m", searched),
-    ):
-        if name in found:
-            of_search_m = results[column].transpose("epoch", "satellite").values.astype(np.float64)
-            better = made[:, None] & np.isfinite(of_search_m)
-            error_m, earlier = np.where(better, of_search_m, error_m), earlier | better
+    sources = []
+    if "E6 second signal" in failed:
+        agrees = _of_satellites(results["status"]) == _position(Status.AUTHENTIC)  # of steps 1 and 2
+        error_m = np.where(failed["E6 second signal"] & agrees, _e1_error_m(results, recs), error_m)
+    if "E1 vestigial search" in failed:
+        sources.append((recs[:, None], _of_satellites(results["handover_error_m"])))
+    if _EXHAUSTIVE in failed:
+        sources.append((searched[:, None], _of_satellites(results["exhaustive_error_m"])))
+    for made, of_earliest_m in sources:  # the later one is the better one
+        better = made & np.isfinite(of_earliest_m)
+        error_m, earlier = np.where(better, of_earliest_m, error_m), earlier | better
     return np.where(recs[:, None], error_m, np.nan), earlier & recs[:, None]
+
+
+def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
+    return values.transpose("epoch", "satellite").values.astype(np.float64)
+
+
+def _mean_pd(results: xarray.Dataset, scenario: Mapping[str, Any]) -> float:
+    """Return the mean probability that E6 is detected, at the C/N0 that is expected."""
+    expected_dbhz = expected_cn0_dbhz(results, scenario)
+    known = expected_dbhz[np.isfinite(expected_dbhz)]
+    attrs = results.attrs
+    if not known.size:
+        return 1.0
+    return float(np.mean(probability_of_detection(known, float(attrs["integration_s"]), float(attrs["p_fa"]))))
 
 
 def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
@@ -226,7 +254,7 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
     shape = (results.sizes["epoch"], results.sizes["satellite"])
     if "truth_e1_worst_error_m" not in results:
         return np.zeros(shape)
-    error_m = results["truth_e1_worst_error_m"].transpose("epoch", "satellite").values
+    error_m = _of_satellites(results["truth_e1_worst_error_m"])
     worst = np.zeros(shape)
     after = 0
     for place in np.flatnonzero(recs).tolist():
@@ -234,6 +262,12 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
         worst[place] = part[np.argmax(np.abs(part), axis=0), np.arange(shape[1])]
         after = place + 1
     return worst
+
+
+def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:
+    if "elevation_deg" in results:
+        return np.isfinite(results["elevation_deg"].transpose("epoch", "satellite").values)
+    return np.ones((results.sizes["epoch"], results.sizes["satellite"]), np.bool_)
 
 
 def _recs(scenario: Mapping[str, Any], n: int) -> Bool[np.ndarray, " n"]:

@@ -23,8 +23,8 @@ anywhere in the window.
 
 The earliest in E6 is the true one, and its place less the predicted E6 − E1 delay is the range that a receiver then
 uses: wrong by its delay, by ionosphere and group delay as every hand-over, and by the noise of one snapshot. It is used
-where every signal of E1 was found in E6 or had to be (as step 1 has it: predicted P_d ≥ 0.9), and of the exhaustive
-search where there are two: one alone may be the counterfeit's, with the true one lost in noise.
+where every signal of E1 was found in E6 or could not have been missed (P_d ≥ 0.9999 at E1's C/N0, a quarter chip off),
+and of the exhaustive search where there are two: one alone may be the counterfeit's, the true one lost in noise.
 
 Rays are no signals of their own here, and a satellite 16 dB below the strongest of the others is not left out.
 """
@@ -50,7 +50,8 @@ from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
 E1_P_FA, EXHAUSTIVE_P_FA = 1e-6, 1e-4  # of one search of one satellite: one each RECS, and one an hour
-MIN_PD = 0.9  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
+SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
+_WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
 WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
 TAPS = 5  # of the hand-over search, half a chip apart
 FINE_REACH_CHIPS = 1.25  # of `peak_at` about a cell
@@ -252,8 +253,8 @@ def outcome(
     above = np.abs(strength * (1 - np.abs(code_chips)) + draws.e6_z) > threshold(p_fa)
     handover = _separate(above & near & tried[:, None] & (heard > 0), heard, e6.delay_m, **rule)
     predicted_dbhz = e1.cn0_dbhz[:, None] + 10 * np.log10(_heard(e1, Band.E1, E1_CODE_PERIOD_S) + 1e-30)
-    pd = probability_of_detection(predicted_dbhz, integration_s, float(np.min(p_fa)))  # E6 is nominally 2 dB stronger
-    sure = (handover.sum(axis=1) >= e1_count) | np.all((pd >= MIN_PD) | ~on_e1, axis=1)
+    pd = probability_of_detection(predicted_dbhz - _WORST_CODE_LOSS_DB, integration_s, float(np.min(p_fa)))
+    sure = (handover.sum(axis=1) >= e1_count) | np.all((pd >= SURE_PD) | ~on_e1, axis=1)
 
     cells = 4 * window_s * E6C.chip_rate_hz * _E6_BINS
     loss = (1 - np.abs(draws.e6_cell[..., 0]) / 2) * np.sinc(draws.e6_cell[..., 1] / 2)

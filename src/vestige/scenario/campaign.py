@@ -278,6 +278,12 @@ class CampaignScenario(Section):
             for effects in sky
         )
 
+    def replaced(self, **values: object) -> Self:
+        """Return the scenario with some values replaced, which are not checked again."""
+        other = self.model_copy(update=values)
+        other.__dict__.pop("simulations", None)  # made from the values before
+        return other
+
     def simulation(self) -> Simulation:
         """Return the receiver on its single line of sight.
 

@@ -96,14 +96,15 @@ def test_searches_are_scheduled(data: st.DataObject) -> None:
     n = data.draw(st.integers(1, 60))
     recs = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
     suspicious = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
+    twice = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
     every = data.draw(st.integers(1, 20))
-    searched = search_schedule(recs, suspicious, every)
+    searched = search_schedule(recs, suspicious, twice, every)
     assert not np.any(searched & ~recs)
     places = np.flatnonzero(recs)
     if places.size:
         assert searched[places[0]]
     for before, place in pairwise(places.tolist()):
-        if suspicious[before + 1 : place + 1].any():
+        if suspicious[before + 1 : place + 1].any() or (searched[before] and twice[before]):
             assert searched[place]
         elif searched[place]:
             assert not searched[max(0, place - every + 1) : place].any()
