@@ -14,8 +14,8 @@ check, of the whole receiver or of any satellite, or a search that found more th
 **Ranges.** What a RECS authenticates is the time since the RECS before. The range of E1 is in use where the state is
 AUTHENTIC, and with it the largest error that the attack made in that time. Where a search was made that found more than
 one signal, the earliest is in use instead, whatever the state: that is what the paper calls mitigation. Where the
-correlators hold a second signal and the early detector's is where E1 says, E1 stays in use. Otherwise there is no range.
-The position is the fix of all satellites with a range in use.
+correlators hold two signals and the earlier one is where E1 says, E1 stays in use. Otherwise there is no range. The
+position is the fix of all satellites with a range in use.
 
 All of it is a function of the whole results: alarms, confirmation and schedule have memory.
 """
@@ -31,11 +31,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int8
 
 from vestige.acas_processor.alarm import state_block
-from vestige.acas_processor.alarm_budget import Cadence, Share, false_alarm_budget
+from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
+from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.mitigation import ALARMS, LEVELS, combine_block, confirmed_block
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
-from vestige.campaign.snapshot_tracks import expected_cn0_dbhz
+from vestige.campaign.snapshot_tracks import earlier_of_two_m, expected_cn0_dbhz
 from vestige.records import Status
 
 if TYPE_CHECKING:
@@ -90,6 +91,12 @@ class LevelVerdicts:
         """Whether an alarm stands."""
         return np.isin(self.state, [_position(one) for one in ALARMS])
 
+    @property
+    def begins(self) -> Bool[np.ndarray, " n"]:
+        """Where an alarm begins, of any satellite where none stood before."""
+        stands = np.any(self.alarm, axis=1)
+        return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
+
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
         """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
         found = []
@@ -101,7 +108,9 @@ class LevelVerdicts:
         return tuple(sorted(found, key=lambda one: one[1]))
 
 
-def level_verdicts(results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS)) -> tuple[LevelVerdicts, ...]:
+def level_verdicts(
+    results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_a_day: float = ALARMS_A_DAY
+) -> tuple[LevelVerdicts, ...]:
     """Return what mitigation levels make of a campaign.
 
     Parameters
@@ -110,6 +119,8 @@ def level_verdicts(results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS
         As `run` returns them, of a sky or with a processor of level 2 or 3.
     levels
         Keys of `LEVELS`.
+    alarms_a_day
+        False alarms of all checks together whose probability can be chosen.
 
     Raises
     ------
@@ -118,7 +129,7 @@ def level_verdicts(results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS
     """
     scenario = json.loads(results.attrs["scenario"])
     cadence = cadence_of(results, scenario)
-    return tuple(_verdicts(results, scenario, level, cadence) for level in levels)
+    return tuple(_verdicts(results, scenario, level, cadence, alarms_a_day) for level in levels)
 
 
 def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
@@ -132,9 +143,13 @@ def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
     )
 
 
-def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, cadence: Cadence) -> LevelVerdicts:
+def _verdicts(
+    results: xarray.Dataset, scenario: Mapping[str, Any], level: int, cadence: Cadence, alarms_a_day: float
+) -> LevelVerdicts:
     processor = scenario["processor"]
-    budget = false_alarm_budget(level, cadence, kappa=processor["kappa"], pd=_mean_pd(results, scenario))
+    budget = false_alarm_budget(
+        level, cadence, alarms_a_day=alarms_a_day, kappa=processor["kappa"], pd=_mean_pd(results, scenario)
+    )
     status = results["status"].transpose("epoch", "satellite").values
     available = status != _position(Status.NOT_AVAILABLE)
     failed = {name: status == _position(one) for name, one in _MINIMUM.items()}
@@ -159,7 +174,9 @@ def _verdicts(results: xarray.Dataset, scenario: Mapping[str, Any], level: int, 
         failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
     combined = combine_block(level, failed, available)
     state = state_block(combined, results["time_s"].values)
-    error_m, earlier = _ranges(results, failed, state, recs, searched)
+    error_m, earlier = _ranges(
+        results, failed, state, recs, searched, processor["kappa"] * ErrorBudget(**processor["budget"]).sigma_m
+    )
     return LevelVerdicts(
         level=level,
         status=combined,
@@ -217,13 +234,14 @@ def _ranges(
     state: Int8[np.ndarray, "n m"],
     recs: Bool[np.ndarray, " n"],
     searched: Bool[np.ndarray, " n"],
+    limit_m: float,
 ) -> tuple[Float[np.ndarray, "n m"], Bool[np.ndarray, "n m"]]:
     """Return the error of the ranges in use with every RECS, and which of them are the earliest of several signals."""
     error_m = np.where(state == _position(Status.AUTHENTIC), _e1_error_m(results, recs), np.nan)
     earlier = np.zeros(state.shape, np.bool_)
     sources = []
     if "E6 second signal" in failed:
-        agrees = _of_satellites(results["status"]) == _position(Status.AUTHENTIC)  # of steps 1 and 2
+        agrees = np.abs(earlier_of_two_m(results)) <= limit_m
         error_m = np.where(failed["E6 second signal"] & agrees, _e1_error_m(results, recs), error_m)
     if "E1 vestigial search" in failed:
         sources.append((recs[:, None], _of_satellites(results["handover_error_m"])))

@@ -25,15 +25,15 @@ from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitors.vestigial_search import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.campaign.track import Track
 from vestige.receiver.elevation import ray_amplitude
-from vestige.receiver.search_outcome import E1_P_FA, EXHAUSTIVE_P_FA
+from vestige.receiver.search_outcome import P_FA
 from vestige.records import Band
 
 if TYPE_CHECKING:
     import xarray
 
 _SEARCHES: tuple[tuple[str, Monitor, float], ...] = (
-    ("handover_signals", E1VestigialSearch(), 2 * E1_P_FA),
-    ("exhaustive_signals", E6ExhaustiveSearch(), EXHAUSTIVE_P_FA),
+    ("handover_signals", E1VestigialSearch(), 2 * P_FA),
+    ("exhaustive_signals", E6ExhaustiveSearch(), P_FA),
 )
 
 
@@ -98,22 +98,31 @@ def _second_signal(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: C
     rays = scenario["receiver"]["multipath"]
     known = {} if rays is None else {"ray_power_db": float(rays["power_db"])}
     monitor = SecondSignalMonitor(p_fa=p_fa("E6 second signal"), **known)
-    taps = results["taps"].transpose("epoch", "satellite", "tap").values.astype(np.complex128)
-    power = results["noise_power"].transpose("epoch", "satellite").values.astype(np.float64)
-    offsets_m = results["tap_offset_m"].values.astype(np.float64)
-    statistic, threshold = np.full(power.shape, np.nan), np.full(power.shape, np.nan)
-    correlated = np.isfinite(power)
-    statistic[correlated], amplitude = monitor.statistic(taps[correlated], power[correlated], offsets_m)
+    statistic, amplitude, _ = _two_signals(results, monitor)
     # low satellites have stronger rays, high ones weaker
-    relative = (
-        np.ones(power.shape)
-        if "elevation_deg" not in results
-        else ray_amplitude(np.nan_to_num(_elevation_rad(results)))
-    )
-    threshold[correlated] = monitor.threshold(amplitude * relative[correlated], offsets_m)
+    relative = 1.0 if "elevation_deg" not in results else ray_amplitude(np.nan_to_num(_elevation_rad(results)))
+    threshold = monitor.threshold(amplitude * relative, results["tap_offset_m"].values.astype(np.float64))
     return Track(
         name=monitor.name, unit=monitor.unit, p_fa=monitor.p_fa, statistic=statistic, threshold=threshold, exact=False
     )
+
+
+def earlier_of_two_m(results: xarray.Dataset) -> Float[np.ndarray, "n m"]:
+    """Return where the earlier of two signals in a bank is, in m after the prediction; NaN without a bank."""
+    return _two_signals(results, SecondSignalMonitor())[2]
+
+
+def _two_signals(results: xarray.Dataset, monitor: SecondSignalMonitor) -> tuple[Float[np.ndarray, "n m"], ...]:
+    """Return statistic, amplitude and place of the earlier signal; NaN where nothing was correlated."""
+    taps = results["taps"].transpose("epoch", "satellite", "tap").values.astype(np.complex128)
+    power = results["noise_power"].transpose("epoch", "satellite").values.astype(np.float64)
+    offsets_m = results["tap_offset_m"].values.astype(np.float64)
+    correlated = np.isfinite(power)
+    found = []
+    for values in monitor.statistic(taps[correlated], power[correlated], offsets_m):
+        found.append(np.full(power.shape, np.nan))
+        found[-1][correlated] = values
+    return tuple(found)
 
 
 def _power(

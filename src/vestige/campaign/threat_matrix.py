@@ -85,7 +85,7 @@ def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
             scene=scene.name,
             scenario=_scenarios(threat, scene),
             row=threat,
-            notes=tuple(scene.notes.get(str(level), "") for level in LEVELS),  # type: ignore[arg-type]
+            notes=(scene.notes.get("1", ""), scene.notes.get("2", ""), scene.notes.get("3", "")),
         )
         for threat in threats
         for scene in threat.scene

@@ -19,7 +19,7 @@ lies above one half. Where the interval holds one half, nothing is said. An expe
     pass         alarms without an attack are not more frequent than the level's budget of them
     detect       detected
     mitigate     mitigated
-    miss         missed, and not detected
+    miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
     partial      detected, and not: the interval holds one half
 
@@ -125,16 +125,14 @@ def run_outcome(
         Error of the position in use; NaN where there is none.
     """
     alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
-    stands = found.alarm.any(axis=1)
-    begins = stands & ~np.concatenate([[False], stands[:-1]])
     here = np.flatnonzero(attacked)
     with_recs = attacked & found.recs
     error_m = found.range_error_m[with_recs]
     harmful = np.abs(error_m) > _HARMFUL * limit_m
     last = max(1, round(_LAST * error_m.shape[0]))
     seen = found.seen[with_recs]
-    use = np.isfinite(error_m[-last:])[seen[-last:]]
-    none = (found.status[with_recs] == position(Status.NOT_AVAILABLE))[seen]
+    use = np.isfinite(error_m[-last:][seen[-last:]])
+    none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
     first = np.flatnonzero(alarm & attacked)
     begin_s = float(time_s[here[0]]) if here.size else nan
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
@@ -142,7 +140,7 @@ def run_outcome(
     protected = not harmful[-last:].any()
     return RunOutcome(
         duration_s=duration_s,
-        alarms=int(np.count_nonzero(begins & attacked)),
+        alarms=int(np.count_nonzero(found.begins & attacked)),
         budget_alarms=duration_s / DAY_S * sum(share.alarms_a_day for share in found.budget.values()),
         failures=sum(int(np.count_nonzero(found.failed[name][attacked])) for name in chosen),
         budget_failures=float(
@@ -179,6 +177,8 @@ class SceneOutcome:
     ----------
     detected, mitigated, protected, missed, denied
         Runs of which it is true.
+    succeeded
+        Runs that are missed or denied.
     by_chance
         Runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack.
     checks
@@ -196,6 +196,7 @@ class SceneOutcome:
     protected: Proportion
     missed: Proportion
     denied: Proportion
+    succeeded: Proportion
     by_chance: Proportion
     checks: tuple[CheckShare, ...]
     alarms: int
@@ -211,6 +212,18 @@ class SceneOutcome:
     def alarms_a_day(self) -> tuple[float, float, float]:
         """Alarms in a day, and the ends of the exact interval of their mean."""
         return tuple(one * DAY_S / self.duration_s for one in count_interval(self.alarms))  # type: ignore[return-value]
+
+    @property
+    def word(self) -> str:
+        """What came of it in most runs, in one or two words."""
+        wrong, seen = self.missed.value > _HALF, self.detected.value > _HALF
+        if self.mitigated.value > _HALF:
+            return "mitigated late" if wrong else "mitigated"
+        if wrong:
+            return "detected, missed" if seen else "missed"
+        if seen:
+            return "detected"
+        return "no verdict" if self.denied.value > _HALF else "no alarm, no harm"
 
     @property
     def failures_a_day(self) -> tuple[float, float, float]:
@@ -234,6 +247,7 @@ def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> S
     times_s = [run.time_to_detect_s for run in runs if isfinite(run.time_to_detect_s)]
     return SceneOutcome(
         **{name: share(name) for name in ("detected", "mitigated", "protected", "missed", "denied")},
+        succeeded=proportion(sum(run.missed or run.denied for run in runs), len(runs)),
         by_chance=proportion(sum(run.detected for run in chance), len(chance)),
         checks=_check_shares(runs),
         alarms=sum(run.alarms for run in runs),
@@ -281,7 +295,7 @@ def agreement(expected: str, found: SceneOutcome) -> Agreement:
         "pass": (not more, more),
         "detect": (often(found.detected), seldom(found.detected)),
         "mitigate": (often(found.mitigated), seldom(found.mitigated)),
-        "miss": (often(found.missed) and seldom(found.detected), seldom(found.missed) or often(found.detected)),
+        "miss": (often(found.succeeded) and seldom(found.detected), seldom(found.succeeded) or often(found.detected)),
         "deny": (often(found.denied) and seldom(found.missed), seldom(found.denied) or often(found.missed)),
         "partial": (
             not often(found.detected) and not seldom(found.detected),

@@ -2,8 +2,7 @@
 
 In the CSV file a column that belongs to a level ends with it: `detected_level_2`; `expected_level_2` is what was
 expected of it, with the reason, and `level_2` how the measurement compares. In the store the same statistics are
-variables over `scene` and `level`, the seventeen words and counts of a cell by their names, and shares and intervals
-beside them.
+variables over `scene` and `level`.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import numpy as np
 import xarray
 
 from vestige.campaign.threat_matrix import Cell
+from vestige.errors import InputFileError
 from vestige.scenario.threats import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
@@ -66,6 +66,7 @@ def statistics_of(cell: Cell) -> dict[str, object]:
     }
     days = found.duration_s / 86_400.0
     return {
+        "word": found.word if cell.attacked else "",
         **shares,
         "alarms": found.alarms,
         **a_day,
@@ -102,6 +103,20 @@ def write_table(folder: Path, cells: Sequence[Cell]) -> None:
     store.replace(folder / STORE)
 
 
+def read_threat_dataset(folder: Path) -> xarray.Dataset:
+    """Return the table in a folder of `vestige threats`.
+
+    Raises
+    ------
+    InputFileError
+        If there is none.
+    """
+    try:
+        return xarray.open_zarr(folder / STORE, consolidated=False).load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputFileError(folder, STORE, error, "the folder that `vestige threats -o` writes") from error
+
+
 def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
     """Return the table over scene and level."""
     scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
@@ -124,13 +139,18 @@ def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
     ]
     return xarray.Dataset(
         {
-            name: (("scene", "level"), values.astype(str) if values.dtype == object else values)
+            name: (("scene", "level"), values.astype(np.dtypes.StringDType()) if values.dtype == object else values)
             for name, values in columns.items()
         },
         coords={
-            "scene": [name for _, name in scenes],
-            "threat": ("scene", [name for name, _ in scenes]),
-            "attack": ("scene", attack),
+            "scene": ("scene", _text([name for _, name in scenes])),
+            "threat": ("scene", _text([name for name, _ in scenes])),
+            "attack": ("scene", _text(attack)),
             "level": list(LEVELS),
         },
     )
+
+
+def _text(words: Sequence[str]) -> np.ndarray:
+    """Return words as an array of variable length, which stores keep."""
+    return np.array(words, dtype=np.dtypes.StringDType())

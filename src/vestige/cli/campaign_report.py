@@ -15,6 +15,7 @@ from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
+from vestige.cli.level_report import level_lines, level_of, level_values
 
 
 def campaign_json(results: xarray.Dataset) -> str:
@@ -30,6 +31,7 @@ def campaign_json(results: xarray.Dataset) -> str:
             "p_d_theory": _theory(results),
             "false_alarms": asdict(false_alarms(results)),
             "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
+            **({"verdicts": level_values(results)} if level_of(results) > 1 else {}),
         }
     )
 
@@ -49,6 +51,8 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
+    if level_of(results) > 1:
+        lines += level_lines(results)
     return "\n".join(lines)
 
 

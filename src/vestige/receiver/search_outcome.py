@@ -49,7 +49,7 @@ from vestige.signals.pulse import BOC11, BPSK, autocorrelation, band_limited_aut
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
-E1_P_FA, EXHAUSTIVE_P_FA = 1e-6, 1e-4  # of one search of one satellite: one each RECS, and one an hour
+P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
 WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
@@ -215,8 +215,8 @@ def outcome(
     *,
     shift_m: Float[np.ndarray, " n"],
     integration_s: float,
-    e1_p_fa: float = E1_P_FA,
-    exhaustive_p_fa: float = EXHAUSTIVE_P_FA,
+    e1_p_fa: float = P_FA,
+    exhaustive_p_fa: float = P_FA,
     window_s: float = WINDOW_S,
     periods: int = MAX_STRETCHES,
 ) -> SearchOutcome:

@@ -14,6 +14,7 @@ from vestige.acas_processor.mitigation import LEVELS
 from vestige.campaign.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts, search_schedule
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import binomial_test
 from vestige.errors import VestigeError
 from vestige.records import Status
 
@@ -79,7 +80,15 @@ def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
 
 
 def test_a_single_line_of_sight_says_what_it_cannot_run() -> None:
-    settings = ("epochs=60", "constellation=none", "trajectory=none", "position=none", "recs.every=1", "interval_s=30")
+    settings = (
+        "epochs=60",
+        "receiver.accelerometers=none",
+        "constellation=none",
+        "trajectory=none",
+        "position=none",
+        "recs.every=1",
+        "interval_s=30",
+    )
     scenario = sky_scenario(*CLEAN, *settings, "processor.level=3")
     found = {one.level: one for one in level_verdicts(direct_results(ScenarioPlan(scenario=scenario)))}
     assert {"clock slope", "RAIM", "solution separation"} <= set(found[2].not_run)
@@ -88,6 +97,23 @@ def test_a_single_line_of_sight_says_what_it_cannot_run() -> None:
     plain = sky_scenario(*CLEAN, *settings)
     with pytest.raises(VestigeError, match="level 2 or 3"):
         level_verdicts(direct_results(ScenarioPlan(scenario=plain)))
+
+
+def test_a_level_keeps_its_budget_of_false_alarms() -> None:
+    """Two-sided where a check is exact: the hour of a clean world, 6000 false alarms a day over twelve checks."""
+    scenario = sky_scenario(*CLEAN, "epochs=3600")
+    (found,) = level_verdicts(direct_results(ScenarioPlan(scenario=scenario)), (2,), alarms_a_day=6000.0)
+    for name in ("clock innovation", "clock consistency", "clock slope", "RAIM"):
+        share, tests = found.budget[name], int(np.count_nonzero(found.tests[name]))
+        assert tests > 3500
+        assert share.p_fa == pytest.approx(6000 / 12 / 86_400)
+        failed = int(np.count_nonzero(found.failed[name]))
+        # neighbouring epochs share a drift: half as many independent trials
+        assert binomial_test(failed // 2, tests // 2, share.p_fa) > 1e-4, name
+    for name, failed in found.failed.items():
+        share = found.budget[name]
+        bound = share.p_fa * np.count_nonzero(found.tests[name])
+        assert np.count_nonzero(failed) <= bound + 5 * np.sqrt(bound) + 1, name
 
 
 @given(st.data())

@@ -38,9 +38,18 @@ _APART_CHIPS = 0.5
 _BLOCK = 20_000  # epochs at once, so that memory does not grow
 
 
+class TwoSignals(NamedTuple):
+    """What two signals explain: √G, amplitude s of the stronger (σ per dimension), place of the earlier one in m."""
+
+    statistic: Float[np.ndarray, " n"]
+    amplitude: Float[np.ndarray, " n"]
+    earlier_m: Float[np.ndarray, " n"]
+
+
 class _Places(NamedTuple):
     """What does not depend on the taps: places, r(τ) over √⟨r, r⟩, and that of r₂⊥ for each pair (0 if too near)."""
 
+    at_m: Float[np.ndarray, " places"]
     whitened: Float[np.ndarray, "places n_taps"]
     beside: Float[np.ndarray, "places places n_taps"]
 
@@ -78,8 +87,8 @@ class SecondSignalMonitor:
         taps: Complex128[np.ndarray, "n n_taps"],
         noise_power: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return √G, and the amplitude s of the strongest signal, both in standard deviations per dimension.
+    ) -> TwoSignals:
+        """Return what two signals explain.
 
         Parameters
         ----------
@@ -90,18 +99,19 @@ class SecondSignalMonitor:
         """
         places = _places(tuple(np.round(offsets_m, 6).tolist()))
         scaled = taps / np.sqrt(noise_power / 2)[:, None]
-        found = np.empty((2, noise_power.size))
+        found = np.empty((3, noise_power.size))
         for low in range(0, noise_power.size, _BLOCK):
             part = slice(low, low + _BLOCK)
             alone = np.abs(scaled[part] @ places.whitened.T)
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
-            found[:, part] = np.max(further, axis=1), alone[np.arange(first.size), first]
-        return found[0], found[1]
+            second, row = np.argmax(further, axis=1), np.arange(first.size)
+            found[:, part] = further[row, second], alone[row, first], places.at_m[np.minimum(first, second)]
+        return TwoSignals(*found)
 
     def threshold(
-        self, amplitude: Float[np.ndarray, " n"], offsets_m: Float[np.ndarray, " n_taps"]
-    ) -> Float[np.ndarray, " n"]:
+        self, amplitude: Float[np.ndarray, "*n"], offsets_m: Float[np.ndarray, " n_taps"]
+    ) -> Float[np.ndarray, "*n"]:
         """Return the largest √G that passes beside a signal of an amplitude s."""
         tried = _places(tuple(np.round(offsets_m, 6).tolist())).whitened.shape[0]
         variance = 1 + amplitude**2 * 10 ** (self.ray_power_db / 10) / 2
@@ -111,7 +121,7 @@ class SecondSignalMonitor:
         """Return the check of one satellite."""
         if bank is None or not bank.noise_power > 0:
             return not_run(self, "nothing was correlated on E6")
-        statistic, amplitude = self.statistic(bank.taps[None], np.array([bank.noise_power]), bank.offsets_m)
+        statistic, amplitude, _ = self.statistic(bank.taps[None], np.array([bank.noise_power]), bank.offsets_m)
         limit = float(self.threshold(amplitude, bank.offsets_m)[0])
         return judged(self, float(statistic[0]), limit, "there is a second signal beside the one that E1 predicts")
 
@@ -134,4 +144,4 @@ def _places(offsets_m: tuple[float, ...]) -> _Places:
         (weighted[None] - share[..., None] * weighted[:, None]) / np.sqrt(np.where(apart, left, 1.0))[..., None],
         0.0,
     )
-    return _Places(whitened=weighted / np.sqrt(own)[:, None], beside=beside)
+    return _Places(at_m=at / _CHIPS_A_METRE, whitened=weighted / np.sqrt(own)[:, None], beside=beside)
