@@ -11,7 +11,7 @@ import pytest
 
 from report_builder import LIFT_OFF, QUICK, SKY, made, threat_folder
 from vestige.campaign.store import open_results
-from vestige.campaign.threat_matrix import TABLE
+from vestige.campaign.threat_table import TABLE
 from vestige.report import run_page, threat_page, write_page
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium, of the extra dev")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from vestige.cli.plot import command as plot
 from vestige.cli.threats import command
 from vestige.errors import VestigeError
 
@@ -34,57 +35,70 @@ def threats(*arguments: object) -> Result:
 
 
 def test_a_row_with_its_expectation_and_what_differs() -> None:
-    result = threats("--only", "A14", "--seeds", 7)
+    result = threats("--only", "A14", "--seeds", 6, "--level", 1)
     assert result.exit_code == 0
     lines = result.stdout.splitlines()
     (row,) = (line for line in lines if "E6 a chip behind E1" in line and "miss" in line)
     assert "DIFFERS" in row
-    assert "7 (59–100)" in row
-    assert float(row.split()[-1]) < 53  # worst accepted, the last column
-    assert any("A14 E6 a chip behind E1: differs: an attacker" in line for line in lines)
-    assert result.stdout.count("not measured yet") == 2
+    assert "6 (54–100)" in row
+    assert any("A14 E6 a chip behind E1, level 1: differs: an attacker" in line for line in lines)
 
 
 def test_nominal_scenes_have_false_alarms_a_day() -> None:
-    result = threats("--only", "A0", "--seeds", 1, "--level", 1)
+    result = threats("--only", "A0", "--seeds", 1, "--level", 2)
     assert result.exit_code == 0
-    assert "A0 harsh: " in result.stdout
-    assert result.stdout.count("false alarms a day (95 %") == 5
-    assert "not measured yet" not in result.stdout
+    assert "False alarms a day without an attack" in result.stdout
+    assert result.stdout.count("as expected") == 5
+    assert "ionosphere 2014" in result.stdout
 
 
-@pytest.mark.parametrize("level", [2, 3])
-def test_other_levels_are_expectations(level: int) -> None:
-    result = threats("--level", level)
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_expectations_can_be_read_without_a_measurement(level: int) -> None:
+    result = threats("--level", level, "--expected")
     assert result.exit_code == 0
-    assert f"Mitigation level {level}: expected, not measured yet" in result.stdout
+    assert f"Mitigation level {level}: expected" in result.stdout
     assert all(f"A{number} " in result.stdout for number in range(15))
     assert "[WFO, Sec. VI-B]" in result.stdout
 
 
-def test_what_single_satellite_runs_cannot_show_is_said() -> None:
-    result = threats("--only", "A12", "--seeds", 2, "--level", 1)
-    assert "A12: shown by one line of sight" in result.stdout
-
-
 def test_one_json_object(tmp_path: Path) -> None:
-    result = threats("--only", "A1", "--seeds", 2, "-o", tmp_path / "out", "--json")
+    result = threats("--only", "A1", "--seeds", 1, "-o", tmp_path / "out", "--json")
     found = json.loads(result.stdout)
     assert found["threats"][0]["expected"] == {"1": "detect", "2": "detect", "3": "detect"}
-    (row,) = found["level_1"]
-    assert (row["threat"], row["detected"], row["detected_of"]) == ("A1", 2, 2)
-    assert row["worst_accepted_m"] is None
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"runs.csv", "threats.csv"}
+    first, second, third = found["cells"]
+    assert (first["threat"], first["level"], first["detected"], first["detected_of"]) == ("A1", 1, 1, 1)
+    assert first["worst_accepted_m"] is None
+    assert second["word"] == third["word"] == "mitigated"
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "runs.csv",
+        "threats.csv",
+        "threats.zarr",
+        "threats.png",
+    }
+    drawn = CliRunner().invoke(plot, ["threats", str(tmp_path / "out"), "-o", str(tmp_path / "map.svg")])
+    assert drawn.exit_code == 0
+    assert (tmp_path / "map.svg").stat().st_size > 1000
+
+
+def test_a_folder_without_a_table_has_no_figure(tmp_path: Path) -> None:
+    with pytest.raises(VestigeError, match=r"threats\.zarr: found .*, expected the folder that"):
+        CliRunner().invoke(
+            plot,
+            ["threats", str(tmp_path), "-o", str(tmp_path / "x.png")],
+            standalone_mode=False,
+            catch_exceptions=False,
+        )
 
 
 def test_an_attack_of_ones_own(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(MINE)
     result = threats("--attack", tmp_path / "mine.toml", "--quick", "-o", tmp_path / "out")
     assert result.exit_code == 0
-    (row,) = (line for line in result.stdout.splitlines() if " mine " in line)
-    assert "20 (83–100)" in row  # missed
-    assert "A1" not in result.stdout
-    assert f"table: {tmp_path / 'out' / 'threats.csv'}" in result.stdout
+    rows = [line for line in result.stdout.splitlines() if "(54–100)" in line]
+    assert [row.split()[-12:][0] for row in rows if "mine" in row]
+    assert "missed" in rows[0]  # level 1
+    assert "A1 " not in result.stdout
+    assert f"written: {tmp_path / 'out' / 'threats.csv'}" in result.stdout
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
@@ -107,7 +121,8 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
         ("--seeds", "0"),
         ("--only", "A99"),
         ("--only", "A1", "--attack", "x.toml"),
-        ("--level", "2", "--attack", "x.toml"),
+        ("--expected", "--attack", "x.toml"),
+        ("--scheduler", "tcp://x:1", "-j", "2"),
         ("-j", "0"),
     ],
 )

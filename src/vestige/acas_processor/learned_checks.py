@@ -14,6 +14,7 @@ from statistics import median
 from typing import Any
 
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
+from vestige.acas_processor.monitors.e6_strength import E6StrengthMonitor
 from vestige.acas_processor.monitors.judgement import Monitor, not_run
 from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
@@ -51,10 +52,11 @@ class Usual:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedReferences:
-    """What is usual of each band, and of E1 and E6 of each satellite."""
+    """What is usual of each band, and of each satellite: C/N0 on E1 and E6, noise floor."""
 
     power: Mapping[Band, Usual] = field(default_factory=dict)
     cn0: Mapping[int, Usual] = field(default_factory=dict)
+    cn0_e6: Mapping[int, Usual] = field(default_factory=dict)
     floor: Mapping[int, Usual] = field(default_factory=dict)
 
     def learn(self, snapshot: Snapshot, measurement: Measurement) -> LearnedReferences:
@@ -63,6 +65,7 @@ class LearnedReferences:
         return LearnedReferences(
             power={band: _at(self.power, band).learn(_power_db(snapshot, band)) for band in Band},
             cn0={**self.cn0} | {k: _at(self.cn0, k).learn(_cn0_dbhz(snapshot, one)) for k, one in satellites.items()},
+            cn0_e6={**self.cn0_e6} | {k: _at(self.cn0_e6, k).learn(_cn0_e6_dbhz(one)) for k, one in satellites.items()},
             floor={**self.floor}
             | {k: _at(self.floor, k).learn(_floor_db(snapshot, one)) for k, one in satellites.items()},
         )
@@ -74,12 +77,21 @@ class LearnedReferences:
     def of_satellite(
         self, snapshot: Snapshot, one: SatelliteMeasurement, p_fa: Mapping[str, float]
     ) -> tuple[CheckResult, ...]:
-        """Return the checks of a satellite: C/N0 on E1, noise floor behind its E6 correlators."""
+        """Return the checks of a satellite: C/N0 on both bands, noise floor behind its E6 correlators."""
         usual, monitor = _at(self.cn0, one.svid), Cn0Monitor(p_fa=p_fa["C/N0"])
         cn0_dbhz = _cn0_dbhz(snapshot, one)
         known = usual.known or math.isnan(cn0_dbhz)
         cn0 = monitor.check(cn0_dbhz, usual.value) if known else usual.learning(monitor)
-        return cn0, self._floor(snapshot, one, p_fa["wrong-code floor"])
+        return (
+            cn0,
+            self._strength(one, p_fa["E6 C/N0"]),
+            self._floor(snapshot, one, p_fa["wrong-code floor"]),
+        )
+
+    def _strength(self, one: SatelliteMeasurement, p_fa: float) -> CheckResult:
+        usual, monitor = _at(self.cn0_e6, one.svid), E6StrengthMonitor(p_fa=p_fa)
+        known = usual.known or one.bank is None
+        return monitor.check(one.bank, usual.value) if known else usual.learning(monitor)
 
     def _power(self, snapshot: Snapshot, band: Band, p_fa: float) -> CheckResult:
         usual, status = _at(self.power, band), snapshot.front_end.get(band)
@@ -113,6 +125,14 @@ def _power_db(snapshot: Snapshot, band: Band) -> float:
 def _cn0_dbhz(snapshot: Snapshot, one: SatelliteMeasurement) -> float:
     seen = snapshot.observations.get(one.svid)
     return math.nan if seen is None else seen.cn0_dbhz
+
+
+def _cn0_e6_dbhz(one: SatelliteMeasurement) -> float:
+    """Return the C/N0 that the largest correlator speaks for; NaN where nothing was correlated."""
+    if one.bank is None or not one.bank.noise_power > 0:
+        return math.nan
+    snr = max(float(abs(one.bank.taps).max()) ** 2 / one.bank.noise_power - 1, 1e-3)
+    return 10 * math.log10(snr / one.bank.integration_s)
 
 
 def _floor_db(snapshot: Snapshot, one: SatelliteMeasurement) -> float:

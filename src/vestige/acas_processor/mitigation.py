@@ -91,9 +91,11 @@ _POWER = (
     Row(step=3, name="E1 received power", failure=Status.SUSPECT, scope=Scope.RECEIVER),
     Row(step=3, name="E6 received power", failure=Status.SUSPECT, scope=Scope.RECEIVER, occasion=Occasion.RECS),
     Row(step=3, name="C/N0", failure=Status.SUSPECT),
+    Row(step=3, name="E6 C/N0", failure=Status.SUSPECT, occasion=Occasion.RECS),
     Row(step=3, name="wrong-code floor", failure=Status.SUSPECT, occasion=Occasion.RECS),
 )
 _HANDOVER_SEARCH = (
+    Row(step=4, name="E6 second signal", failure=Status.SPOOFED, occasion=Occasion.RECS),
     Row(step=4, name="E1 vestigial search", failure=Status.SPOOFED, occasion=Occasion.RECS, spreads=True),
 )
 _FIX = tuple(

@@ -33,6 +33,7 @@ from vestige.acas_processor.monitors.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.monitors.inertial import InertialMonitor
 from vestige.acas_processor.monitors.judgement import not_run
 from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor, OsnmaField
+from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitors.vestigial_search import (
     FIXED_S,
     E1VestigialSearch,
@@ -160,6 +161,7 @@ class Watch:
         checks = {
             one.svid: (
                 *state.usual.of_satellite(snapshot, one, p_fa),
+                SecondSignalMonitor(p_fa=p_fa["E6 second signal"]).check(one.bank),
                 *(search.check for search in searches.get(one.svid, ())),
                 *of_receiver,
             )

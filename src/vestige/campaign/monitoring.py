@@ -1,4 +1,4 @@
-"""The checks of a receiver over the results of a campaign of a sky: statistic, threshold and outcome of every epoch.
+"""The checks of a receiver over the results of a campaign: statistic, threshold and outcome of every epoch.
 
 Each `Track` is one check. Those that look at satellites have a second axis. What the receiver knows beforehand comes
 from the scenario in the results: its oscillator, its antenna's C/N0 against elevation, its error budget.
@@ -13,6 +13,7 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 | clock innovation, consistency, slope | of the fix with all satellites | each a third |
 | RAIM, solution separation | of the fix with all satellites | χ², a bound |
 | OSNMA availability, reception | keys and pages of a subframe that are missing | binomial, bounds |
+| of one RECS (`snapshot_tracks.py`) | E6 power and strength, second signals, searches | normal, bounds |
 | inertial range rate | change between two RECS, against accelerometers | normal; satellites share clock and sensor |
 """
 
@@ -38,6 +39,7 @@ from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonit
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.sky_columns import SKY_COLUMNS
+from vestige.campaign.snapshot_tracks import expected_cn0_dbhz, snapshot_tracks
 from vestige.campaign.track import Track, oscillator, values
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
@@ -56,48 +58,69 @@ __all__ = ["P_FA", "Track", "tracks"]
 
 P_FA = 1e-5
 _EARLY, _PROMPT, _LATE = TAP_CHIPS.index(-0.15), TAP_CHIPS.index(0.0), TAP_CHIPS.index(0.15)
-_CALIBRATION = 20  # RECS whose median is the usual floor of a satellite
+_CALIBRATION = 10  # RECS whose median is the usual floor of a satellite
 _LEAST, _GRID_DB = 1e-3, 0.1
 _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
 
 
 def tracks(
-    results: xarray.Dataset, *, p_fa: float = P_FA, cn0_model_sigma_db: float = Cn0Monitor().sigma_model_db
+    results: xarray.Dataset,
+    *,
+    p_fa: float | Mapping[str, float] = P_FA,
+    cn0_model_sigma_db: float = Cn0Monitor().sigma_model_db,
+    sigma_system_db: float = 0.0,
 ) -> tuple[Track, ...]:
-    """Return every check over the results of a campaign of a sky.
+    """Return every check over the results of a campaign; what the results hold nothing for is left out.
+
+    On a single line of sight there is no position fix, no OSNMA of several satellites, nor what is made of them.
 
     Parameters
     ----------
     results
-        As `run` returns them.
+        As `run` returns them, of a sky or with a processor of level 2 or 3.
     p_fa
-        Budget of one test of each check whose budget is free.
+        Budget of one test of each check whose budget is free; or by name of the check, where a name that is not there
+        has the default. As a number it is that of the three checks of the clock together.
     cn0_model_sigma_db
         What the C/N0 may differ from that of the elevation, 1σ.
+    sigma_system_db
+        Drift of a real front end that the thresholds of power and floor allow for, 1σ; the simulated one does not
+        drift.
 
     Raises
     ------
     VestigeError
-        If the results are not those of a sky.
+        If the results hold no observations of E1.
     """
+    if "e1_taps" not in results:
+        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
+    scenario = json.loads(results.attrs["scenario"])
+
+    def share(name: str) -> float:
+        return p_fa if isinstance(p_fa, float) else p_fa.get(name, P_FA)
+
+    found = (
+        _received_power(results, share("E1 received power"), sigma_system_db),
+        *_of_taps(results, scenario, share("C/N0"), cn0_model_sigma_db),
+        _floor(results, scenario, share("wrong-code floor"), sigma_system_db),
+        _range(results, scenario),
+        *snapshot_tracks(results, scenario, share, sigma_system_db),
+    )
     missing = set(SKY_COLUMNS) - set(results.variables)
     if missing:
-        raise VestigeError(f"results of a campaign: found no {min(missing)}, expected those of a [constellation]")
-    scenario = json.loads(results.attrs["scenario"])
+        return found
+    second_s = GalileoTime.parse(scenario["start"]).second + values(results, "time_s")
     return (
-        _received_power(results, p_fa),
-        *_of_taps(results, scenario, p_fa, cn0_model_sigma_db),
-        _floor(results, scenario, p_fa),
-        _range(results, scenario),
-        *_clock(results, scenario, p_fa),
-        *_consistency(results, scenario, p_fa),
-        *osnma_tracks(results, GalileoTime.parse(scenario["start"]).second + values(results, "time_s"), p_fa),
-        inertial_track(results, scenario, p_fa),
+        *found,
+        *_clock(results, scenario, share("clock slope") * (1 if isinstance(p_fa, Mapping) else 1 / 3)),
+        *_consistency(results, scenario, share("RAIM")),
+        *osnma_tracks(results, second_s, share("OSNMA availability")),
+        inertial_track(results, scenario, share("inertial range rate")),
     )
 
 
-def _received_power(results: xarray.Dataset, p_fa: float) -> Track:
-    monitor = ReceivedPowerMonitor(band=Band.E1, sigma_system_db=0.0, p_fa=p_fa)
+def _received_power(results: xarray.Dataset, p_fa: float, sigma_system_db: float) -> Track:
+    monitor = ReceivedPowerMonitor(band=Band.E1, sigma_system_db=sigma_system_db, p_fa=p_fa)
     statistic = monitor.statistic(values(results, "e1_power_db"))
     return Track(
         name=monitor.name,
@@ -105,6 +128,7 @@ def _received_power(results: xarray.Dataset, p_fa: float) -> Track:
         p_fa=p_fa,
         statistic=statistic,
         threshold=np.full(statistic.shape, monitor.threshold_db),
+        exact=not sigma_system_db,
     )
 
 
@@ -112,8 +136,7 @@ def _of_taps(
     results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float
 ) -> tuple[Track, Track]:
     """Return C/N0 and power–distortion of each satellite."""
-    elevation = np.radians(values(results, "elevation_deg"))
-    expected_dbhz = scenario["receiver"]["cn0_e1_dbhz"] - _fall_db(results, scenario)
+    expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_e1_dbhz")
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
     change_db, limit_db = _cn0(np.abs(taps[..., _PROMPT]), expected_dbhz, p_fa)
     cn0 = Track(
@@ -131,13 +154,13 @@ def _of_taps(
             sky_cn0_dbhz=float(np.nanmean(expected_dbhz)),
             integration_s=INTEGRATION_S,
             bandwidth_hz=POWER_BANDWIDTH_HZ,
-            n_satellites=max(1, round(float(np.mean(np.sum(np.isfinite(elevation), axis=1))))),
+            n_satellites=max(1, round(float(np.mean(np.sum(np.isfinite(expected_dbhz), axis=1))))),
             sigma_power_db=_POWER_SIGMA_DB,
         )
     )
-    rise_db = np.broadcast_to(values(results, "e1_power_db")[:, None], elevation.shape)
+    rise_db = np.broadcast_to(values(results, "e1_power_db")[:, None], expected_dbhz.shape)
     distortion = np.abs(taps[..., _EARLY] - taps[..., _LATE])
-    found = np.full(elevation.shape, np.nan)
+    found = np.full(expected_dbhz.shape, np.nan)
     step = np.round(expected_dbhz / monitor.cn0_step_db) * monitor.cn0_step_db
     for level in np.unique(step[np.isfinite(step)]).tolist():
         here = (step == level) & np.isfinite(distortion)
@@ -171,12 +194,12 @@ def _cn0(
     return change_db, np.where(change_db < 0, -below, above)
 
 
-def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> Track:
+def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, sigma_system_db: float) -> Track:
     """Return the floor against its median in a satellite's first RECS, less what the signal has in it by itself."""
     power = values(results, "noise_power", "epoch", "satellite")
     gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
     n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
-    monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=0.0, p_fa=p_fa)
+    monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=sigma_system_db, p_fa=p_fa)
     floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
     floor_db = floor_db - 10 * np.log10(1 + _own_share(results, scenario))
     usual_db = [_usual(column) for column in floor_db.T]
@@ -187,6 +210,7 @@ def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) ->
         p_fa=p_fa,
         statistic=floor_db - np.array(usual_db),
         threshold=np.full(floor_db.shape, monitor.threshold_db * growth),
+        exact=not sigma_system_db,
     )
 
 
@@ -198,17 +222,11 @@ def _usual(floor_db: Float[np.ndarray, " n"]) -> float:
 
 def _own_share(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:
     """Return what the signal itself adds to the floor of wrong codes, Ec/N0 where it meets two chips of the replica."""
-    zenith_dbhz = scenario["receiver"]["cn0_dbhz"] if scenario["receiver"]["signal"] else -np.inf
-    expected_dbhz = zenith_dbhz - _fall_db(results, scenario)
+    signal = scenario["receiver"]["signal"]
+    expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_dbhz") if signal else np.full((1, 1), -np.inf)
     offset_m = values(results.sel(detector=scenario["processor"]["detector"]), "range_offset_m", "epoch", "satellite")
     between = np.nan_to_num(offset_m) * E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS % 1.0
     return 10 ** (expected_dbhz / 10) / E6C.chip_rate_hz * ((1 - between) ** 2 + between**2)
-
-
-def _fall_db(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:
-    """Return by how much the C/N0 is below that at the zenith, which the receiver knows of its antenna."""
-    elevation = np.radians(values(results, "elevation_deg", "epoch", "satellite"))
-    return scenario["constellation"]["cn0_fall_db"] * (1 - np.sin(elevation))
 
 
 def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
@@ -226,12 +244,12 @@ def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
 
 
 def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, ...]:
-    """Return the three clock checks, with the errors of the fix as they are in each epoch."""
+    """Return the three clock checks, each of this p_fa, with the errors of the fix as they are in each epoch."""
     fix = results.sel(fix="all")
     bias, drift = values(fix, "fix_sigma_clock_m") ** 2, values(fix, "fix_sigma_drift_mps") ** 2
     clock = oscillator(scenario)
     monitor = ClockDriftMonitor(
-        white_s=clock.white_s, walk_hz=clock.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=p_fa
+        white_s=clock.white_s, walk_hz=clock.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=3 * p_fa
     )
     time_s = values(results, "time_s")
     found = monitor.statistics(time_s, values(fix, "fix_clock_m"), values(fix, "fix_drift_mps"))
@@ -252,7 +270,7 @@ def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) ->
         Track(
             name=f"clock {name}",
             unit=unit,
-            p_fa=p_fa / 3,
+            p_fa=p_fa,
             statistic=statistic,
             threshold=np.hypot(of_oscillator, monitor.factor * np.sqrt(of_fix)),
             exact=_normal_errors(scenario),

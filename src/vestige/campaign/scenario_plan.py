@@ -15,10 +15,11 @@ from vestige.acas_processor.minimum_defence import Limits, minimum_block
 from vestige.acas_processor.mitigation import combine_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
+from vestige.campaign.level_columns import LEVEL_COLUMNS, level_columns
 from vestige.campaign.origin import PROCESSOR, processor_name
 from vestige.campaign.osnma_columns import keys_received
 from vestige.campaign.plan import Column, Coord
-from vestige.campaign.sky_columns import SKY_COLUMNS, sky_columns, sky_coords
+from vestige.campaign.sky_columns import E1_COLUMNS, SKY_COLUMNS, e1_columns, e1_coords, sky_columns, sky_coords
 from vestige.receiver.simulation import NOT_RECEIVED, Banks, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
 from vestige.records import FrontEndStatus, Status
@@ -89,7 +90,9 @@ class ScenarioPlan:
     def columns(self) -> Mapping[str, Column]:
         """The variables of the results."""
         attack = ATTACK_COLUMNS if self.scenario.attack else {}
-        return COLUMNS | attack | (SKY_COLUMNS if self.scenario.constellation else {})
+        if self.scenario.constellation:
+            return COLUMNS | attack | SKY_COLUMNS | LEVEL_COLUMNS
+        return COLUMNS | attack | (E1_COLUMNS | LEVEL_COLUMNS if self.scenario.processor.level > 1 else {})
 
     @property
     def coords(self) -> Mapping[str, Coord]:
@@ -107,6 +110,7 @@ class ScenarioPlan:
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})
+            | ({} if "e1_taps" not in self.columns else e1_coords())
         )
 
     @property
@@ -152,6 +156,18 @@ class ScenarioPlan:
         together |= _one_front_end(each)
         if self.scenario.constellation:
             together |= sky_columns(self.scenario, first, truths, together) | {"osnma_key": with_key}
+        elif self.scenario.processor.level > 1:
+            cn0_dbhz = e1_cn0_dbhz(self.simulations[0], truths[0])[:, None]
+            e1 = e1_columns(self.scenario, first, truths, truths[0].view.in_view[:, None])
+            together |= {"e1_cn0_dbhz": cn0_dbhz} | e1
+        if "e6_power_db" in self.columns:
+            together |= level_columns(
+                self.simulations,
+                first,
+                truths,
+                every=self.scenario.recs.every,
+                total_power_db=together["e6_total_power_db"],
+            )
         return {name: np.ascontiguousarray(together[name], dtype=column.dtype) for name, column in self.columns.items()}
 
     def _satellite(

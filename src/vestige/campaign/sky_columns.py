@@ -89,13 +89,20 @@ SKY_COLUMNS = {
     )
 }
 
+E1_COLUMNS = {name: SKY_COLUMNS[name] for name in ("e1_cn0_dbhz", "e1_taps", "e1_power_db")}
+
+
+def e1_coords() -> dict[str, Coord]:
+    """Return the axis of the E1 correlators."""
+    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), units="1", long_name="chips of E1 after where it is tracked")
+    return {"e1_tap_chips": taps}
+
 
 def sky_coords() -> dict[str, Coord]:
     """Return the axes of the fixes."""
     labels = {"fix": FIXES, "axis": ("x", "y", "z"), "local_axis": _AXES, "dilution": _DILUTIONS}
     texts = {"fix": "satellites of a fix", "axis": "ECEF axis", "local_axis": "local axis", "dilution": "dilution"}
-    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), units="1", long_name="chips of E1 after where it is tracked")
-    return {"e1_tap_chips": taps} | {
+    return {
         name: Coord(dim=name, values=np.array(values), units="1", long_name=texts[name])
         for name, values in labels.items()
     }
@@ -139,7 +146,7 @@ def sky_columns(
     return {
         "recs": recs,
         **seen,
-        **_e1_columns(scenario, first, truth, view),
+        **e1_columns(scenario, first, truth, view),
         **osnma,
         **columns,
         "e1_standing_rate_mps": columns["e1_standing_rate_mps"][0],
@@ -189,7 +196,7 @@ def _observations(
     return {name: _stacked(values) for name, values in columns.items()}
 
 
-def _e1_columns(
+def e1_columns(
     scenario: CampaignScenario, first: int, truth: Sequence[TruthBlock], view: Bool[np.ndarray, "n m"]
 ) -> dict[str, np.ndarray]:
     """Return correlators and power of E1, behind the gain control."""

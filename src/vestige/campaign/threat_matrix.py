@@ -1,13 +1,13 @@
 """The threat table, measured: every scene with many seeds, run by run into a file that a later run continues.
 
-A run is short (some hundredths of a second), so it is not kept as a store: one line of `runs.csv` says what came of it.
-A line is known again by threat, scene, seed and a digest of the scenario; lines of another scenario or version are
-measured anew. Each attacked run is measured a second time without its attack: alarms there are chance.
+A run is short (a second), so it is not kept as a store: for each mitigation level one line of `runs.csv` says what came
+of it. A line is known again by threat, scene, seed, level and a digest of the scenario; lines of another scenario or
+version are measured anew. All levels are judged on the same results. Each attacked run is measured a second time
+without its attack: alarms there are chance. Scenes that differ in their attack alone share that second run.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -19,15 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
+from vestige.campaign.direct import direct_results
+from vestige.campaign.level_positions import position_error_m
+from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.threat_outcome import Agreement, RunOutcome, SceneOutcome, agreement, run_outcome, scene_outcome
 from vestige.campaign.threat_runs import RUNS, Key, line_of, read_runs, write_runs
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import LEVELS, Scene, Threat, scenario_of
 
-TABLE = "threats.csv"
-LEVEL = 1  # what the processor of a campaign does
 _IN_FLIGHT = 3  # runs for each worker
+Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,25 +44,37 @@ class Case:
         Gives the campaign of a seed, with or without its attack.
     row
         The row of the table it belongs to; None for a scenario of the user's.
-    note
-        Why it may differ.
+    notes
+        Why it may differ, by level.
     """
 
     threat: str
     scene: str
     scenario: Callable[[int, bool], CampaignScenario]
     row: Threat | None = None
-    note: str = ""
+    notes: tuple[str, str, str] = ("", "", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A case, what came of it at level 1, and how that compares with what was expected."""
+    """A case at a level, what came of it, and how that compares with what was expected."""
 
     case: Case
+    level: int
     found: SceneOutcome
     attacked: bool
     agreement: Agreement
+
+    @property
+    def expected(self) -> str:
+        """The expected outcome; empty for a scenario of the user's."""
+        return self.case.row.outcome(self.level)[0] if self.case.row else ""
+
+    @property
+    def note(self) -> str:
+        """Why it differs; empty if it does not."""
+        differs = self.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED)
+        return self.case.notes[self.level - 1] if differs else ""
 
 
 def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
@@ -71,7 +85,7 @@ def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
             scene=scene.name,
             scenario=_scenarios(threat, scene),
             row=threat,
-            note=scene.note or threat.note,
+            notes=(scene.notes.get("1", ""), scene.notes.get("2", ""), scene.notes.get("3", "")),
         )
         for threat in threats
         for scene in threat.scene
@@ -84,20 +98,39 @@ def _scenarios(threat: Threat, scene: Scene) -> Callable[[int, bool], CampaignSc
 
 def case_of(name: str, scenario: CampaignScenario) -> Case:
     """Return a scenario as a case; its seeds are those of the others."""
+    all_columns = scenario.processor.model_copy(update={"level": max(LEVELS)})
 
     def seeded(seed: int, attacked: bool) -> CampaignScenario:
-        return scenario.model_copy(update={"seed": seed} | ({} if attacked else {"attack": ()}))
+        return scenario.replaced(seed=seed, processor=all_columns, **({} if attacked else {"attack": ()}))
 
     return Case(threat="–", scene=name, scenario=seeded)
 
 
-def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> RunOutcome:
-    """Return what came of one campaign in a window of time: of the attack, or, without any, of chance."""
-    plan = ScenarioPlan(scenario=scenario)
-    results = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
-    time_s = results["time_s"]
+def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
+    """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
+
+    Parameters
+    ----------
+    scenario
+        Of a sky, or with a processor of level 3.
+    window_s
+        First time that counts, and the first that does not any more.
+    """
+    results = direct_results(ScenarioPlan(scenario=scenario))
+    time_s = results["time_s"].values
+    counted = (time_s >= window_s[0]) & (time_s < window_s[1])
     limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
-    return run_outcome(results, (time_s >= window_s[0]) & (time_s < window_s[1]), limit_m)
+    nowhere = np.full(time_s.size, np.nan)
+    return tuple(
+        run_outcome(
+            found,
+            time_s,
+            counted,
+            limit_m,
+            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
+        )
+        for found in level_verdicts(results, LEVELS)
+    )
 
 
 def window_of(scenario: CampaignScenario) -> tuple[float, float]:
@@ -116,7 +149,7 @@ def measure_threats(
     folder: Path | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Iterator[Cell]:
-    """Yield one cell for each case as soon as all its runs are measured.
+    """Yield the cells of each case, a level each, as soon as all its runs are measured.
 
     Parameters
     ----------
@@ -140,19 +173,23 @@ def measure_threats(
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         write_runs(folder / RUNS, known)
+    shared: dict[str, Future[Outcomes]] = {}
     total, done = len(chosen) * len(seeds), 0
     for case in chosen:
-        first = case.scenario(seeds[0], True)
-        found: dict[bool, list[RunOutcome]] = {True: [], False: []}
-        for attacked, outcome in _runs(case, seeds, pool, workers, known, folder):
-            found[attacked].append(outcome)
+        found: dict[bool, list[Outcomes]] = {True: [], False: []}
+        for attacked, outcomes in _runs(case, seeds, pool, workers, known, shared, folder):
+            found[attacked].append(outcomes)
             done += attacked
             if progress is not None:
                 progress("attacked runs", done, total)
-        measured = scene_outcome(found[True], found[False], interval_s=first.interval_s, kappa=first.processor.kappa)
-        expected = case.row.outcome(LEVEL)[0] if case.row else ""
-        attacked = bool(first.attack)
-        yield Cell(case=case, found=measured, attacked=attacked, agreement=agreement(expected, measured))
+        yield from _cells(case, found, attacked=bool(case.scenario(seeds[0], True).attack))
+
+
+def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[Cell]:
+    for place, level in enumerate(LEVELS):
+        measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
+        expected = case.row.outcome(level)[0] if case.row else ""
+        yield Cell(case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured))
 
 
 def _runs(
@@ -161,31 +198,40 @@ def _runs(
     pool: Executor,
     workers: int,
     known: dict[Key, RunOutcome],
+    shared: dict[str, Future[Outcomes]],
     folder: Path | None,
-) -> Iterator[tuple[bool, RunOutcome]]:
-    """Yield whether attacked, and outcome, of each run of a case in order; new ones go into the file."""
+) -> Iterator[tuple[bool, Outcomes]]:
+    """Yield whether attacked, and outcomes, of each run of a case in order; new ones go into the file."""
 
-    def submitted() -> Iterator[tuple[bool, Key, Future[RunOutcome] | None]]:
+    def submitted() -> Iterator[tuple[bool, tuple[Key, ...], Future[Outcomes] | None]]:
         for seed in seeds:
             scenario = case.scenario(seed, True)
             window_s = window_of(scenario)
             both = {True: scenario} | ({False: case.scenario(seed, False)} if scenario.attack else {})
             for attacked, one in both.items():
-                key = (case.threat, case.scene, str(seed), str(int(attacked)), _digest(one, window_s))
-                yield attacked, key, None if key in known else pool.submit(measure, one, window_s)
+                digest = _digest(one, window_s)
+                keys = tuple(
+                    (case.threat, case.scene, str(seed), str(int(attacked)), str(level), digest) for level in LEVELS
+                )
+                future = None
+                if not all(key in known for key in keys):
+                    future = shared.get(digest) or pool.submit(measure, one, window_s)
+                    if not attacked:
+                        shared[digest] = future
+                yield attacked, keys, future
 
     runs = submitted()
     pending = deque(islice(runs, _IN_FLIGHT * workers))
     try:
         while pending:
-            attacked, key, future = pending.popleft()
+            attacked, keys, future = pending.popleft()
             if future is not None:
-                known[key] = future.result()
+                known.update(zip(keys, future.result(), strict=True))
                 if folder is not None:
                     with (folder / RUNS).open("a", encoding="utf-8", newline="") as file:
-                        file.write(line_of(key, known[key]))
+                        file.write("".join(line_of(key, known[key]) for key in keys))
             pending.extend(islice(runs, 1))
-            yield attacked, known[key]
+            yield attacked, tuple(known[key] for key in keys)
     finally:
         for _, _, future in pending:
             if future is not None:
@@ -195,45 +241,3 @@ def _runs(
 def _digest(scenario: CampaignScenario, window_s: tuple[float, float]) -> str:
     text = f"{version('vestige')} {window_s} {scenario.model_dump_json()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def write_table(path: Path, cells: Sequence[Cell]) -> None:
-    """Write the table as CSV, one row a cell; the file is there as a whole or not at all."""
-    rows = [row_of(cell) for cell in cells]
-    part = path.with_name(f".{path.name}")
-    with part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
-        writer.writeheader()
-        writer.writerows(rows)
-    part.replace(path)
-
-
-def row_of(cell: Cell) -> dict[str, object]:
-    """Return everything about a cell under the names of the table's columns."""
-    row, found = cell.case.row, cell.found
-    expected = {f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVELS}  # type: ignore[index]
-    counts = {
-        name: getattr(found, name) for name in ("detected", "mitigated", "missed", "denied", "by_chance", "alarms")
-    }
-    intervals = {
-        f"{name}{part}": value
-        for name, one in counts.items()
-        for part, value in (("", one.successes), ("_of", one.trials), ("_low", one.low), ("_high", one.high))
-    }
-    a_day = dict(zip(("alarms_a_day", "alarms_a_day_low", "alarms_a_day_high"), found.alarms_a_day, strict=True))
-    return {
-        "threat": cell.case.threat,
-        "attack": row.name if row else "",
-        "scene": cell.case.scene,
-        "e1": row.e1 if row else "",
-        "e6": row.e6 if row else "",
-        "source": row.source if row else "",
-        **expected,
-        "level_1": cell.agreement.value,
-        **intervals,
-        **a_day,
-        "time_to_detect_s": found.time_to_detect_s,
-        "worst_accepted_m": found.worst_accepted_m,
-        "shows": row.shows if row else "",
-        "note": cell.case.note if cell.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED) else "",
-    }

@@ -2,25 +2,30 @@
 
 Theory of operation
 -------------------
-A run is one campaign with one attack; *attacked* are its epochs from the attack's start to its stop. With every verdict
-AUTHENTIC the user takes over the range of E1, and with it the largest error that the attack made since the verdict
-before, which the truth says. An error is *harmful* beyond twice what the range test allows, 2κσ: smaller ones may pass
-because the noise of E6 makes up for them. Of a run is said, and more than one may be true,
+A run is one campaign with one attack; *attacked* are its epochs from the attack's start to its stop. `levels.py` says
+what a level makes of it: statuses, and with every RECS the ranges that are in use, with the largest error that the
+attack made of them since the RECS before. An error is *harmful* beyond twice what the range test allows, 2κσ: smaller
+ones may pass because the noise of E6 makes up for them. Of a run is said, and more than one may be true,
 
-    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) while the attack acts
-    missed       a harmful error was accepted at any time
-    mitigated    none was in the last quarter of the attack: the true signal is used, or an alarm stands
-    denied       more than half of the attack's epochs have no verdict (NOT_AVAILABLE)
+    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts
+    missed       a harmful range was in use at any time
+    protected    none was in the last quarter of the attack
+    mitigated    protected, and in the last quarter more than half of the ranges were in use: the receiver goes on
+    denied       in more than half of the attacked RECS of a satellite there was no verdict (NOT_AVAILABLE)
 
 A statement about an attack is made of many runs with other seeds, and holds if the exact interval of its probability
 lies above one half. Where the interval holds one half, nothing is said. An expectation is such a statement:
 
-    pass         alarms without an attack are not more frequent than the range test's own, erfc(κ/√2)
+    pass         alarms without an attack are not more frequent than the level's budget of them
     detect       detected
     mitigate     mitigated
-    miss         missed, and not detected
+    miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
     partial      detected, and not: the interval holds one half
+
+**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound.
+Beside them the failures of single tests are counted, of the checks whose probability is the budget's choice, against
+the number that the budget gives them.
 
 All functions are pure.
 """
@@ -30,20 +35,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from math import erfc, isfinite, nan, sqrt
+from math import isfinite, nan
 from statistics import median
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
+from scipy.special import chdtri
 
 from vestige.acas_processor.mitigation import ALARMS
+from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.outcomes import position
-from vestige.campaign.statistics import Proportion, proportion
+from vestige.campaign.statistics import CONFIDENCE, Proportion, proportion
 from vestige.records import Status
 
 DAY_S = 86_400.0
 _HALF = 0.5
-_LAST = 0.25  # of the attack's epochs: how it ends
+_LAST = 0.25  # of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
 
 
@@ -58,120 +65,218 @@ class Agreement(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """What came of one run.
+    """What came of one run at one level.
 
     Attributes
     ----------
-    epochs, alarms
-        Epochs that count, and alarms in them: those of the attack, or all if there is none.
-    detected, mitigated, missed, denied
+    duration_s
+        How long the epochs that count are: those of the attack, or all if there is none.
+    alarms, budget_alarms
+        Alarms that began in them, and how many the budget allows.
+    failures, budget_failures
+        Tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them.
+    detected, mitigated, protected, missed, denied
         See the top of this module; without an attack only `detected` can be true, by chance.
     time_to_detect_s
-        From the first attacked epoch to the first alarm; NaN if there is none.
-    worst_accepted_m
-        Error of largest magnitude that was accepted; NaN if nothing was.
+        From the first attacked epoch to the first with an alarm; NaN if there is none.
+    checks
+        Each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
+        first: `C/N0 0; RAIM 31`.
+    worst_range_m, worst_position_m
+        Errors of largest magnitude of a range and of a position that were in use; NaN if nothing was.
     """
 
-    epochs: int
+    duration_s: float
     alarms: int
+    budget_alarms: float
+    failures: int
+    budget_failures: float
     detected: bool
     mitigated: bool
+    protected: bool
     missed: bool
     denied: bool
     time_to_detect_s: float
-    worst_accepted_m: float
+    checks: str
+    worst_range_m: float
+    worst_position_m: float
 
 
-def run_outcome(results: Mapping[str, np.ndarray], attacked: Bool[np.ndarray, " n"], limit_m: float) -> RunOutcome:
-    """Return what came of one run.
+def run_outcome(
+    found: LevelVerdicts,
+    time_s: Float[np.ndarray, " n"],
+    attacked: Bool[np.ndarray, " n"],
+    limit_m: float,
+    position_m: Float[np.ndarray, " n"],
+) -> RunOutcome:
+    """Return what came of one run at one level.
 
     Parameters
     ----------
-    results
-        Columns of a campaign with one satellite: `time_s`, `status`, and under attack `truth_e1_worst_error_m`.
+    found
+        What the level makes of the results.
+    time_s
+        Of the epochs.
     attacked
         Which epochs count.
     limit_m
         What the range test allows, κσ.
+    position_m
+        Error of the position in use; NaN where there is none.
     """
-    time_s, status = results["time_s"][attacked], results["status"][attacked, 0]
-    alarm = np.isin(status, [position(one) for one in ALARMS])
-    accepted = status == position(Status.AUTHENTIC)
-    error_m = results["truth_e1_worst_error_m"][attacked, 0] if "truth_e1_worst_error_m" in results else 0.0 * time_s
-    harmful = accepted & (np.abs(error_m) > _HARMFUL * limit_m)
-    accepted_m = error_m[accepted]
-    last = max(1, round(_LAST * time_s.size))
+    alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
+    here = np.flatnonzero(attacked)
+    with_recs = attacked & found.recs
+    error_m = found.range_error_m[with_recs]
+    harmful = np.abs(error_m) > _HARMFUL * limit_m
+    last = max(1, round(_LAST * error_m.shape[0]))
+    seen = found.seen[with_recs]
+    use = np.isfinite(error_m[-last:][seen[-last:]])
+    none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
+    first = np.flatnonzero(alarm & attacked)
+    begin_s = float(time_s[here[0]]) if here.size else nan
+    duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    chosen = {name: share for name, share in found.budget.items() if share.chosen and name in found.failed}
+    protected = not harmful[-last:].any()
     return RunOutcome(
-        epochs=int(time_s.size),
-        alarms=int(np.count_nonzero(alarm)),
-        detected=bool(alarm.any()),
-        mitigated=not harmful[-last:].any(),
+        duration_s=duration_s,
+        alarms=int(np.count_nonzero(found.begins & attacked)),
+        budget_alarms=duration_s / DAY_S * sum(share.alarms_a_day for share in found.budget.values()),
+        failures=sum(int(np.count_nonzero(found.failed[name][attacked])) for name in chosen),
+        budget_failures=float(
+            sum(share.p_fa * np.count_nonzero(found.tests[name][attacked]) for name, share in chosen.items())
+        ),
+        detected=bool(first.size),
+        mitigated=bool(protected and use.size and np.mean(use) > _HALF),
+        protected=bool(protected),
         missed=bool(harmful.any()),
-        denied=bool(np.mean(status == position(Status.NOT_AVAILABLE)) > _HALF) if time_s.size else False,
-        time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else nan,
-        worst_accepted_m=float(accepted_m[np.argmax(np.abs(accepted_m))]) if accepted_m.size else nan,
+        denied=bool(none.size and np.mean(none) > _HALF),
+        time_to_detect_s=float(time_s[first[0]]) - begin_s if first.size else nan,
+        checks="; ".join(
+            f"{name} {float(time_s[place]) - begin_s:g}" for name, place in found.first_failures(attacked)
+        ),
+        worst_range_m=_worst(error_m),
+        worst_position_m=_worst(position_m[attacked]),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CheckShare:
+    """In how many runs a check failed, and the median time of its first failure in those."""
+
+    name: str
+    failed: Proportion
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOutcome:
-    """What came of an attack in many runs.
+    """What came of an attack in many runs at one level.
 
     Attributes
     ----------
-    detected, mitigated, missed, denied
+    detected, mitigated, protected, missed, denied
         Runs of which it is true.
+    succeeded
+        Runs that are missed or denied.
     by_chance
         Runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack.
-    alarms
-        Epochs with an alarm.
+    checks
+        Those that failed in any run, the most frequent and then the earliest first.
+    alarms, budget_alarms, failures, budget_failures, duration_s
+        Sums over all runs.
     time_to_detect_s
         Median of the runs with an alarm; NaN without any.
-    worst_accepted_m
+    worst_range_m, worst_position_m
         Of all runs.
-    interval_s
-        Between RECS.
-    kappa
-        Factor of the range test.
     """
 
     detected: Proportion
     mitigated: Proportion
+    protected: Proportion
     missed: Proportion
     denied: Proportion
+    succeeded: Proportion
     by_chance: Proportion
-    alarms: Proportion
+    checks: tuple[CheckShare, ...]
+    alarms: int
+    budget_alarms: float
+    failures: int
+    budget_failures: float
+    duration_s: float
     time_to_detect_s: float
-    worst_accepted_m: float
-    interval_s: float
-    kappa: float
+    worst_range_m: float
+    worst_position_m: float
 
     @property
     def alarms_a_day(self) -> tuple[float, float, float]:
-        """Alarms in a day, and the ends of the interval."""
-        a_day = DAY_S / self.interval_s
-        return self.alarms.value * a_day, self.alarms.low * a_day, self.alarms.high * a_day
+        """Alarms in a day, and the ends of the exact interval of their mean."""
+        return tuple(one * DAY_S / self.duration_s for one in count_interval(self.alarms))  # type: ignore[return-value]
+
+    @property
+    def word(self) -> str:
+        """What came of it in most runs, in one or two words."""
+        wrong, seen = self.missed.value > _HALF, self.detected.value > _HALF
+        if self.mitigated.value > _HALF:
+            return "mitigated late" if wrong else "mitigated"
+        if wrong:
+            return "detected, missed" if seen else "missed"
+        if seen:
+            return "detected"
+        return "no verdict" if self.denied.value > _HALF else "no alarm, no harm"
+
+    @property
+    def failures_a_day(self) -> tuple[float, float, float]:
+        """Failures of single tests in a day, and the ends of the exact interval of their mean."""
+        return tuple(one * DAY_S / self.duration_s for one in count_interval(self.failures))  # type: ignore[return-value]
 
 
-def scene_outcome(
-    runs: Sequence[RunOutcome], chance: Sequence[RunOutcome], *, interval_s: float, kappa: float
-) -> SceneOutcome:
-    """Return what came of the runs of a scene, and of those without its attack."""
-    n = len(runs)
+def count_interval(count: int, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
+    """Return a count and the ends of the exact interval of its mean, if it is a Poisson count."""
+    tail = (1 - confidence) / 2
+    low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
+    return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
+
+
+def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
+    """Return what came of the runs of a scene at one level, and of those without its attack."""
+
+    def share(name: str) -> Proportion:
+        return proportion(sum(getattr(run, name) for run in runs), len(runs))
+
     times_s = [run.time_to_detect_s for run in runs if isfinite(run.time_to_detect_s)]
-    errors_m = [run.worst_accepted_m for run in runs if isfinite(run.worst_accepted_m)]
     return SceneOutcome(
-        detected=proportion(sum(run.detected for run in runs), n),
-        mitigated=proportion(sum(run.mitigated for run in runs), n),
-        missed=proportion(sum(run.missed for run in runs), n),
-        denied=proportion(sum(run.denied for run in runs), n),
+        **{name: share(name) for name in ("detected", "mitigated", "protected", "missed", "denied")},
+        succeeded=proportion(sum(run.missed or run.denied for run in runs), len(runs)),
         by_chance=proportion(sum(run.detected for run in chance), len(chance)),
-        alarms=proportion(sum(run.alarms for run in runs), sum(run.epochs for run in runs)),
+        checks=_check_shares(runs),
+        alarms=sum(run.alarms for run in runs),
+        budget_alarms=sum(run.budget_alarms for run in runs),
+        failures=sum(run.failures for run in runs),
+        budget_failures=sum(run.budget_failures for run in runs),
+        duration_s=sum(run.duration_s for run in runs),
         time_to_detect_s=median(times_s) if times_s else nan,
-        worst_accepted_m=max(errors_m, key=abs, default=nan),
-        interval_s=interval_s,
-        kappa=kappa,
+        worst_range_m=_worst(np.array([run.worst_range_m for run in runs])),
+        worst_position_m=_worst(np.array([run.worst_position_m for run in runs])),
     )
+
+
+def _check_shares(runs: Sequence[RunOutcome]) -> tuple[CheckShare, ...]:
+    times_s: dict[str, list[float]] = {}
+    for run in runs:
+        for entry in filter(None, run.checks.split("; ")):
+            name, _, time = entry.rpartition(" ")
+            times_s.setdefault(name, []).append(float(time))
+    shares = [
+        CheckShare(name=name, failed=proportion(len(times), len(runs)), time_s=median(times))
+        for name, times in times_s.items()
+    ]
+    return tuple(sorted(shares, key=lambda one: (-one.failed.successes, one.time_s)))
+
+
+def _worst(values: Float[np.ndarray, "..."]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if known.size else nan
 
 
 def agreement(expected: str, found: SceneOutcome) -> Agreement:
@@ -185,11 +290,12 @@ def agreement(expected: str, found: SceneOutcome) -> Agreement:
     if not expected:
         return Agreement.NOT_EXPECTED
     often, seldom = _often, _seldom
-    rules = {
-        "pass": (found.alarms.low <= erfc(found.kappa / sqrt(2)), found.alarms.low > erfc(found.kappa / sqrt(2))),
+    more = count_interval(found.alarms)[1] > found.budget_alarms
+    rules: Mapping[str, tuple[bool, bool]] = {
+        "pass": (not more, more),
         "detect": (often(found.detected), seldom(found.detected)),
         "mitigate": (often(found.mitigated), seldom(found.mitigated)),
-        "miss": (often(found.missed) and seldom(found.detected), seldom(found.missed) or often(found.detected)),
+        "miss": (often(found.succeeded) and seldom(found.detected), seldom(found.succeeded) or often(found.detected)),
         "deny": (often(found.denied) and seldom(found.missed), seldom(found.denied) or often(found.missed)),
         "partial": (
             not often(found.detected) and not seldom(found.detected),

@@ -1,4 +1,4 @@
-"""The file in which the runs of the threat table are kept: one line a run, appended as it ends."""
+"""The file in which the runs of the threat table are kept: one line a run and level, appended as it ends."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from vestige.campaign.threat_outcome import RunOutcome
 from vestige.errors import InputFileError
 
 RUNS = "runs.csv"
-Key = tuple[str, ...]  # threat, scene, seed, whether attacked, digest of the scenario
+Key = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
 
-_KEY = ("threat", "scene", "seed", "attacked", "digest")
+_KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
 _COLUMNS = tuple(field.name for field in fields(RunOutcome))
 _HEADER = ",".join((*_KEY, *_COLUMNS))
-_READ: dict[str, Callable[[str], object]] = {"int": int, "bool": lambda text: bool(int(text)), "float": float}
+_READ: dict[str, Callable[[str], object]] = {
+    "int": int,
+    "bool": lambda text: bool(int(text)),
+    "float": float,
+    "str": str,
+}
 
 
 def read_runs(path: Path) -> dict[Key, RunOutcome]:

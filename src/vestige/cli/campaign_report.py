@@ -16,6 +16,7 @@ from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
 from vestige.cli.attack_report import attack_lines, attack_values
+from vestige.cli.level_report import level_lines, level_of, level_values
 
 
 def campaign_json(results: xarray.Dataset) -> str:
@@ -32,6 +33,7 @@ def campaign_json(results: xarray.Dataset) -> str:
             "false_alarms": asdict(false_alarms(results)),
             "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
             "attack": attack_values(results),
+            **({"verdicts": level_values(results)} if level_of(results) > 1 else {}),
         }
     )
 
@@ -51,6 +53,8 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
+    if level_of(results) > 1:
+        lines += level_lines(results)
     return "\n".join([*lines, *attack_lines(results)])
 
 

@@ -23,6 +23,7 @@ class Kind:
     help: str
     of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
     of_attack: bool = False  # of a campaign with an attack
+    of_threats: bool = False  # of the folder that `vestige threats` writes
     of_sky: bool = False  # of a campaign with a constellation; shows all its satellites
     with_detector: bool = True
     compared: bool = False  # drawn for each detector if there is an attack, which they see differently
@@ -48,6 +49,7 @@ KINDS = {
     "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
+    "threats": Kind(help="attack by mitigation level, of the folder of `vestige threats`", of_threats=True),
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"
@@ -62,10 +64,12 @@ def _finite(_context: click.Context, parameter: click.Parameter, value: float | 
 
 
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
-    [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep]
+    [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_threats]
     + [f"  {_ALL:21} all but the animation and those of a sky as PNG, into a folder; under attack for both detectors"]
     + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
     + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
+    + ["KINDs of a threat table:"]
+    + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_threats]
 )
 
 
@@ -113,6 +117,9 @@ def command(
     if chosen is not None and output.suffix.lower().lstrip(".") not in chosen.formats:
         allowed = ", .".join(chosen.formats)
         raise click.BadParameter(f"{output}: the suffix of a figure of this kind is one of .{allowed}", param_hint="-o")
+    if chosen is not None and chosen.of_threats:
+        _draw_threats(results, output)
+        return
     if chosen is None or not chosen.of_sweep:
         if len(results) > 1:
             raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
@@ -124,6 +131,17 @@ def command(
 
     sweep = _read_sweep(results, detector, svid, start_s, stop_s)
     plots.write(plots.detection_curve(sweep, count=_COUNT[kind]), output, width_cm=width_cm)
+    click.echo(str(output))
+
+
+def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
+    """Draw the map of a threat table and print the name of the file."""
+    from vestige import plots
+    from vestige.campaign.threat_table import read_threat_dataset
+
+    if len(folders) > 1:
+        raise click.UsageError(f"threats is of one table, found {len(folders)}")
+    plots.write(plots.threat_map(read_threat_dataset(folders[0])), output)
     click.echo(str(output))
 
 
@@ -163,7 +181,13 @@ def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Pa
     other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
-        if kind.of_sweep or kind.of_sky or "png" not in kind.formats or (kind.of_attack and not attacked):
+        if (
+            kind.of_sweep
+            or kind.of_sky
+            or kind.of_threats
+            or "png" not in kind.formats
+            or (kind.of_attack and not attacked)
+        ):
             continue
         figures.append((name, folder / f"{name}.png", choice))
         if kind.compared and attacked:

@@ -37,7 +37,7 @@ def _page(path: Path, question: str) -> Page:
     from vestige.campaign.origin import vestige_version
     from vestige.campaign.store import open_results
     from vestige.campaign.sweep import TABLE as SWEEP
-    from vestige.campaign.threat_matrix import TABLE as THREATS
+    from vestige.campaign.threat_table import TABLE as THREATS
     from vestige.errors import InputFileError, VestigeError
     from vestige.report import run_page, threat_page
 

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from vestige.cli.options import WidthType
+from vestige.cli.pool import MAX_THREADS, pool
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from vestige.scenario.campaign import CampaignScenario
-
-MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the kernels; processes take 200 MB each
 
 
 @click.command()
@@ -82,7 +77,7 @@ def command(
         from vestige.campaign.sweep_axes import store_name
 
         _caution_chunks([output / store_name(values) for values, _ in campaigns], chunk_epochs)
-        with _pool(workers, threads, scheduler) as (executor, calls):
+        with pool(workers, threads, scheduler) as (executor, calls):
             _run_sweep(campaigns, output, width, as_json, {**how, "executor": executor, "workers": calls})
         return
 
@@ -94,7 +89,7 @@ def command(
     plan = ScenarioPlan(scenario=_load(scenario, (*settings, *own)))
     _caution(scenario, [plan.scenario])
     _caution_chunks([output], chunk_epochs)
-    with _pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
+    with pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
         results = run(
             plan,
             output,
@@ -104,24 +99,6 @@ def command(
             **how,  # type: ignore[arg-type]
         )
     click.echo(campaign_json(results) if as_json else campaign_text(results, output))
-
-
-@contextmanager
-def _pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    """Give an executor and how many calls it runs at the same time."""
-    if scheduler is not None:
-        from vestige.campaign.cluster import connect
-
-        with connect(scheduler) as cluster:
-            yield cluster, cluster.workers
-        return
-
-    from vestige.campaign.executors import local_executor
-
-    workers = workers or 1
-    kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
-    with local_executor(kind, workers) as executor:
-        yield executor, workers
 
 
 def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:

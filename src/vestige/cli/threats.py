@@ -1,4 +1,4 @@
-"""`vestige threats`: the threat table, its expectations beside what is measured."""
+"""`vestige threats`: attack by mitigation level, measured, beside what is expected."""
 
 from __future__ import annotations
 
@@ -8,20 +8,26 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.pool import pool
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from concurrent.futures import Executor
 
     from vestige.campaign.threat_matrix import Case, Cell
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.threats import Threat
 
-QUICK_SEEDS, SEEDS = 20, 100
+QUICK_SEEDS, SEEDS = 6, 100  # six of six are the fewest that say more than a half
+FIGURE = "threats.png"
 
 
 @click.command()
-@click.option("--level", type=click.IntRange(1, 3), help="Mitigation level to show.  [default: all]")
 @click.option(
-    "--quick", is_flag=True, help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: less than a minute."
+    "--level", "levels", multiple=True, type=click.IntRange(1, 3), help="Mitigation level to show.  [default: all]"
+)
+@click.option(
+    "--quick", is_flag=True, help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: less than three minutes."
 )
 @click.option("--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Runs of each scene.")
 @click.option("--only", "ids", multiple=True, metavar="ID", help="Rows to measure: A5. Several times for several.")
@@ -32,52 +38,61 @@ QUICK_SEEDS, SEEDS = 20, 100
     type=click.Path(path_type=Path),
     help="A campaign scenario of your own, in place of the table.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for runs.csv and threats.csv.")
-@click.option("-j", "--workers", type=click.IntRange(1, 1024), default=1, show_default=True)
+@click.option("--expected", is_flag=True, help="Print what is expected, and why; measure nothing.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder: runs.csv, threats.csv, threats.zarr, threats.png."
+)
+@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
+@click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(
-    level: int | None,
+    levels: tuple[int, ...],
     quick: bool,
     n_seeds: int | None,
     ids: tuple[str, ...],
     files: tuple[Path, ...],
+    expected: bool,
     output: Path | None,
-    workers: int,
+    workers: int | None,
+    scheduler: str | None,
     as_json: bool,
 ) -> None:
-    """Measure what comes of each attack of the threat table, and print it beside what is expected.
+    """Measure what comes of each attack of the threat table at each mitigation level, beside what is expected.
 
-    Level 1 is measured, with exact intervals over many seeds; of levels 2 and 3 the expectation is shown. With -o a
-    run that was stopped is continued by the same command.
+    All levels are judged on the same runs, with exact intervals over many seeds. With -o a table that was stopped is
+    continued by the same command.
     """
     if quick and n_seeds is not None:
         raise click.UsageError("--quick and --seeds say different numbers of runs")
     if ids and files:
         raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
-    if level in (2, 3) and files:
-        raise click.UsageError(f"level {level} is not measured yet")
+    if expected and files:
+        raise click.UsageError("nothing is expected of a scenario of your own")
+    if scheduler is not None and workers is not None:
+        raise click.UsageError("--scheduler has the cluster's workers: -j chooses nothing")
 
     from vestige.campaign.executors import ONE_THREAD
 
     os.environ.update(ONE_THREAD)  # before numpy is loaded: runs are what is parallel
 
-    from vestige.campaign.threat_matrix import TABLE, case_of, cases, write_table
+    from vestige.campaign.threat_matrix import case_of, cases
     from vestige.cli.threats_report import expectations_text, threats_json, threats_text
-    from vestige.scenario.threats import read_threats
+    from vestige.scenario.threats import LEVELS, read_threats
 
-    threats = _chosen(read_threats(), ids)
-    if level in (2, 3):
-        click.echo(threats_json([], threats) if as_json else expectations_text(threats, level))
+    threats, shown = _chosen(read_threats(), ids), levels or LEVELS
+    if expected:
+        click.echo(
+            threats_json([], threats) if as_json else "\n".join(expectations_text(threats, one) for one in shown)
+        )
         return
     chosen = tuple(case_of(path.stem, _load(path, quick)) for path in files) or cases(threats)
     seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
-    cells = list(_measured(chosen, seeds, output, workers))
+    with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
+        cells = list(_measured(chosen, seeds, output, executor, calls))
+    click.echo(threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown))
     if output is not None:
-        write_table(output / TABLE, cells)
-    rows = () if files else threats
-    click.echo(threats_json(cells, rows) if as_json else threats_text(cells, rows, level))
-    if output is not None and not as_json:
-        click.echo(f"table: {output / TABLE}")
+        for path in _written(output, cells):
+            click.echo(f"written: {path}", err=as_json)
 
 
 def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:
@@ -99,16 +114,29 @@ def _load(path: Path, quick: bool) -> CampaignScenario:
     return scenario
 
 
-def _measured(chosen: tuple[Case, ...], seeds: range, output: Path | None, workers: int) -> Iterator[Cell]:
+def _measured(
+    chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
+) -> Iterator[Cell]:
     """Yield the cells; runs are kept as they end."""
-    from vestige.campaign.executors import local_executor
     from vestige.campaign.threat_matrix import measure_threats
     from vestige.cli.progress import progress
 
     try:
-        with local_executor("processes" if workers > 1 else "threads", workers) as pool, progress() as report:
-            yield from measure_threats(chosen, seeds, pool, workers=workers, folder=output, progress=report)
+        with progress() as report:
+            yield from measure_threats(chosen, seeds, executor, workers=calls, folder=output, progress=report)
     except KeyboardInterrupt as stop:
         if output is not None:
             stop.add_note(f"what was measured is stored in {output}; the same command again continues there")
         raise
+
+
+def _written(folder: Path, cells: list[Cell]) -> Iterator[Path]:
+    """Yield the files of the table and its figure as they are written."""
+    from vestige import plots
+    from vestige.campaign.threat_table import STORE, TABLE, threat_dataset, write_table
+
+    write_table(folder, cells)
+    yield folder / TABLE
+    yield folder / STORE
+    plots.write(plots.threat_map(threat_dataset(cells)), folder / FIGURE)
+    yield folder / FIGURE

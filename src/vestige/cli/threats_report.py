@@ -11,67 +11,128 @@ from rich.console import Console
 from rich.table import Table
 
 from vestige.campaign.statistics import Proportion
-from vestige.campaign.threat_matrix import LEVEL, Cell, row_of
+from vestige.campaign.threat_matrix import Cell
 from vestige.campaign.threat_outcome import Agreement
+from vestige.campaign.threat_table import statistics_of
 from vestige.cli.campaign_report import as_json
 from vestige.scenario.threats import LEVELS, Threat
 
 _LONG = 1e6
-WIDTH = 160  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off
+WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
-def threats_json(cells: Sequence[Cell], threats: Sequence[Threat]) -> str:
-    """Return the table, and the expectations of all levels."""
+def threats_json(cells: Sequence[Cell], threats: Sequence[Threat], levels: Sequence[int] = LEVELS) -> str:
+    """Return every cell, and the expectations of all levels."""
     expected = [
         {
             "threat": threat.id,
             "attack": threat.name,
             "source": threat.source,
             "expected": {level: threat.outcome(level)[0] for level in LEVELS},
-            "measured_levels": [LEVEL] if cells else [],
         }
         for threat in threats
     ]
-    return as_json({"threats": expected, "level_1": [row_of(cell) for cell in cells]})
-
-
-def threats_text(cells: Sequence[Cell], threats: Sequence[Threat], level: int | None) -> str:
-    """Return the table of level 1, and below it what it cannot show, why it differs, and the other levels."""
-    runs = max((cell.found.detected.trials for cell in cells), default=0)
-    table = Table(
-        title=f"Mitigation level 1, {runs} runs of each scene, 95 % intervals in %",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("")
-    table.add_column("attack", min_width=34)
-    for name in ("expected", "measured", "detected", "mitigated", "missed", "no verdict"):
-        table.add_column(name, no_wrap=True)
-    for name in ("by\nchance", "alarm\nafter (s)", "worst\naccepted (m)"):
-        table.add_column(name, justify="right")
-    shown = ""
-    for cell in cells:
-        if cell.case.row and cell.case.threat != shown:
-            shown = cell.case.threat
-            table.add_row(f"[bold]{shown}[/]", f"[bold]{cell.case.row.name}[/]")
-        table.add_row(*_cells(cell))
-    notes = [_alarms(cell) for cell in cells if not cell.attacked]
-    notes += [
-        f"{cell.case.threat} {cell.case.scene}: {cell.agreement.value.lower()}: {cell.case.note}"
+    found = [
+        {
+            "threat": cell.case.threat,
+            "scene": cell.case.scene,
+            "level": cell.level,
+            "expected": cell.expected,
+            "agreement": cell.agreement.value,
+            **statistics_of(cell),
+        }
         for cell in cells
-        if cell.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED) and cell.case.note
+        if cell.level in levels
     ]
-    notes += [f"{threat.id}: shown by {threat.shows}" for threat in threats if threat.shows]
-    parts = [_rendered(table), *notes]
-    if level is None and threats:
-        parts += ["", *(expectations_text(threats, other) for other in LEVELS if other != LEVEL)]
+    return as_json({"threats": expected, "cells": found})
+
+
+def threats_text(cells: Sequence[Cell], levels: Sequence[int] = LEVELS) -> str:
+    """Return a table of attacks by level, one of false alarms, and why what differs does so."""
+    shown = [cell for cell in cells if cell.level in levels]
+    attacked = [cell for cell in shown if cell.attacked]
+    quiet = [cell for cell in shown if not cell.attacked]
+    parts = [_rendered(_attacks(attacked))] if attacked else []
+    parts += [_rendered(_false_alarms(quiet))] if quiet else []
+    parts += [
+        f"{cell.case.threat} {cell.case.scene}, level {cell.level}: {cell.agreement.value.lower()}: {cell.note}"
+        for cell in shown
+        if cell.note
+    ]
     return "\n".join(parts)
 
 
+def _attacks(cells: Sequence[Cell]) -> Table:
+    runs = max(cell.found.detected.trials for cell in cells)
+    title = f"{runs} runs of each scene; runs in which it is so, and 95 % intervals in %"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for name in ("attack", "level", "expected", "measured", "", "detected", "mitigated", "missed"):
+        table.add_column(name, no_wrap=True)
+    for name in ("by\nchance", "alarm\nafter (s)", "worst\nrange (m)", "worst\nposition (m)"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("first check", no_wrap=True)
+    before: tuple[str, str] = ("", "")
+    for cell in cells:
+        case = cell.case
+        if case.row and case.threat != before[0]:
+            table.add_row(f"[bold]{case.threat} {case.row.name}[/]")
+        table.add_row(f"  {case.scene}" if (case.threat, case.scene) != before else "", *_values(cell))
+        before = case.threat, case.scene
+    return table
+
+
+def _values(cell: Cell) -> list[str]:
+    found = cell.found
+    agrees = f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else ""
+    first = min(found.checks, key=lambda one: (one.time_s, -one.failed.successes), default=None)
+    return [
+        str(cell.level),
+        cell.expected or "–",
+        found.word,
+        agrees,
+        *(_share(one) for one in (found.detected, found.mitigated, found.missed)),
+        f"{found.by_chance.successes}",
+        _number(found.time_to_detect_s),
+        _number(found.worst_range_m),
+        _number(found.worst_position_m),
+        first.name if first else "",
+    ]
+
+
+def _false_alarms(cells: Sequence[Cell]) -> Table:
+    table = Table(title="False alarms a day without an attack, 95 %", box=SIMPLE_HEAD, padding=(0, 2, 0, 0))
+    for name in (
+        "scene",
+        "level",
+        "days",
+        "alarms that a user sees",
+        "at most",
+        "single failures",
+        "budget",
+        "",
+        "checks",
+    ):
+        table.add_column(name)
+    for cell in cells:
+        found, values = cell.found, statistics_of(cell)
+        table.add_row(
+            cell.case.scene,
+            str(cell.level),
+            f"{values['days']:.2g}",
+            _a_day(found.alarms_a_day),
+            f"{values['budget_alarms_a_day']:.2g}",
+            _a_day(found.failures_a_day),
+            f"{values['budget_failures_a_day']:.2g}",
+            f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else "",
+            ", ".join(one.name for one in found.checks),
+        )
+    return table
+
+
 def expectations_text(threats: Sequence[Threat], level: int) -> str:
-    """Return what is expected of a level that is not measured yet."""
-    table = Table(title=f"Mitigation level {level}: expected, not measured yet", box=SIMPLE_HEAD)
+    """Return what is expected of a level, and why."""
+    table = Table(title=f"Mitigation level {level}: expected", box=SIMPLE_HEAD)
     for name in ("", "attack", "expected", "by", "source"):
         table.add_column(name, overflow="fold")
     for threat in threats:
@@ -79,31 +140,9 @@ def expectations_text(threats: Sequence[Threat], level: int) -> str:
     return _rendered(table)
 
 
-def _cells(cell: Cell) -> list[str]:
-    row, found = cell.case.row, cell.found
-    expected = row.outcome(LEVEL)[0] if row else "–"
-    agrees = f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else "–"
-    name = f"  {cell.case.scene}" if row else cell.case.scene
-    if not cell.attacked:
-        return ["", name, expected, agrees, f"{found.alarms.successes} of {found.alarms.trials}", *6 * ["–"]]
-    return [
-        "",
-        name,
-        expected,
-        agrees,
-        *(_share(one) for one in (found.detected, found.mitigated, found.missed, found.denied)),
-        f"{found.by_chance.successes}",
-        _number(found.time_to_detect_s),
-        _number(found.worst_accepted_m),
-    ]
-
-
-def _alarms(cell: Cell) -> str:
-    a_day, low, high = cell.found.alarms_a_day
-    return (
-        f"{cell.case.threat} {cell.case.scene}: {a_day:.2g} false alarms a day (95 %: {low:.2g} to {high:.2g}), "
-        f"one RECS each {cell.found.interval_s:g} s"
-    )
+def _a_day(found: tuple[float, float, float]) -> str:
+    value, low, high = found
+    return f"{value:.2g} ({low:.2g} to {high:.2g})"
 
 
 def _share(found: Proportion) -> str:

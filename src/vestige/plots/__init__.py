@@ -15,6 +15,7 @@ from vestige.plots.range_offset import range_offset
 from vestige.plots.roc import roc_curves
 from vestige.plots.sky import MonitorLine, monitor_timeline, position_error, sky_plot
 from vestige.plots.sweep import read_sweep, sweep_of
+from vestige.plots.threat_map import threat_map
 from vestige.plots.vestigial_search import SearchTrace, code_phases, vestigial_search
 from vestige.plots.waterfall import waterfall, waterfall_map
 
@@ -39,6 +40,7 @@ __all__ = [
     "roc_curves",
     "sky_plot",
     "sweep_of",
+    "threat_map",
     "vestigial_search",
     "waterfall",
     "waterfall_map",

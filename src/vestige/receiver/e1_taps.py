@@ -35,6 +35,7 @@ from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, autocorrelation
+from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
 TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # of power–distortion, of the loop, prompt
@@ -103,8 +104,10 @@ def e1_taps(
     return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals + noise
 
 
-def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
-    """Return by how much the power of the band is above that without attack, −20 log₁₀ g, in dB.
+def power_rise_db(
+    truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float = POWER_BANDWIDTH_HZ
+) -> Float[np.ndarray, " n"]:
+    """Return by how much the power of E1 is above that without attack, −20 log₁₀ g, in dB.
 
     Parameters
     ----------
@@ -112,12 +115,31 @@ def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"
         Of each satellite.
     cn0_dbhz
         C/N0 of the true signals; NaN out of view.
+    bandwidth_hz
+        W.
     """
-    share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     heard = np.stack([_power(one) for one in truth], axis=1)
-    added = truth[0].e1_attack.white.copy()
-    for jamming in truth[0].e1_attack.jammers:
-        added += jamming.j_over_n * jamming.noise_bandwidth_hz / POWER_BANDWIDTH_HZ
+    return _rise_db(truth[0].e1_attack, cn0_dbhz, heard, bandwidth_hz)
+
+
+def e6_power_rise_db(
+    truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float
+) -> Float[np.ndarray, " n"]:
+    """Return the same of E6, where signals that overlap are far below the noise: without their beat."""
+    heard = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
+    return _rise_db(truth[0].e6, cn0_dbhz, heard, bandwidth_hz)
+
+
+def _rise_db(
+    effects: BandEffects,
+    cn0_dbhz: Float[np.ndarray, "n m"],
+    heard: Float[np.ndarray, "n m"],
+    bandwidth_hz: float,
+) -> Float[np.ndarray, " n"]:
+    share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / bandwidth_hz
+    added = effects.white.copy()
+    for jamming in effects.jammers:
+        added += jamming.j_over_n * jamming.noise_bandwidth_hz / bandwidth_hz
     return 10 * np.log10((1 + np.sum(share * heard, axis=1) + added) / (1 + share.sum(axis=1)))
 
 
@@ -136,11 +158,19 @@ def _power(truth: TruthBlock) -> Float[np.ndarray, " n"]:
     return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 
-def power_noise_db(seed: int, first: int, n: int) -> Float[np.ndarray, " n"]:
+def power_noise_db(
+    seed: int,
+    first: int,
+    n: int,
+    *,
+    band: Band = Band.E1,
+    bandwidth_hz: float = POWER_BANDWIDTH_HZ,
+    averaging_s: float = POWER_AVERAGING_S,
+) -> Float[np.ndarray, " n"]:
     """Return the scatter of the power reading of n epochs in dB."""
-    sigma_db = _DB_PER_NEPER / np.sqrt(POWER_BANDWIDTH_HZ * POWER_AVERAGING_S)
+    sigma_db = _DB_PER_NEPER / np.sqrt(bandwidth_hz * averaging_s)
     blocks, mine = _blocks(first, n)
-    drawn = [stream(seed, "E1 power", block).standard_normal(_DRAW_BLOCK) for block in blocks]
+    drawn = [stream(seed, f"{band.value} power", block).standard_normal(_DRAW_BLOCK) for block in blocks]
     return sigma_db * np.concatenate(drawn)[mine]
 
 

@@ -178,7 +178,7 @@ class ElevationEffects:
         )
 
 
-def ray_amplitude(elevation_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Return the amplitude of rays over that at 16.25°, where the model has the paper's power."""
     power_db = np.array([LmsLiteMultipath.at_elevation(max(float(one), 5.0)).power_db for one in _GRID_DEG])
     place = np.clip(np.round(np.degrees(elevation_rad) * 2), 0, power_db.size - 1).astype(np.int64)

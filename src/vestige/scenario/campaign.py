@@ -127,9 +127,12 @@ class RecsTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing; both detectors are evaluated, `detector` gives the status."""
+    """The processing; both detectors are evaluated, `detector` gives the status.
 
-    level: Literal[1] = 1
+    `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious.
+    """
+
+    level: Literal[1, 2, 3] = 1
     detector: Literal["early", "maximum"] = "early"
     spacing: Annotated[int, Field(ge=1, le=20)] = 1
     p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
@@ -138,6 +141,7 @@ class ProcessorTable(Section):
     budget: ErrorBudget = ErrorBudget.uncorrected()
     kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
     min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
+    search_s: Annotated[float, Field(ge=1, le=1e7)] = 3600.0
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -275,6 +279,12 @@ class CampaignScenario(Section):
             )
             for effects in sky
         )
+
+    def replaced(self, **values: object) -> Self:
+        """Return the scenario with some values replaced, which are not checked again."""
+        other = self.model_copy(update=values)
+        other.__dict__.pop("simulations", None)  # made from the values before
+        return other
 
     def simulation(self) -> Simulation:
         """Return the receiver on its single line of sight.

@@ -57,15 +57,15 @@ class Scene(Section):
         Its `[[attack]]` tables.
     draw
         Dotted keys, and what is drawn for them.
-    note
-        Why a measurement differs from what is expected, if it does.
+    notes
+        Why a measurement differs from what is expected of a level, if it does.
     """
 
     name: str
     settings: tuple[str, ...] = ()
     attack: tuple[dict[str, Any], ...] = ()
     draw: dict[str, Draw] = Field(default_factory=dict)
-    note: str = ""
+    notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
 
 
 class Threat(Section):
@@ -81,10 +81,6 @@ class Threat(Section):
         Where attack and parameters come from.
     expected
         Level to outcome, one of `OUTCOMES`, with a reason behind a colon.
-    shows
-        What a simulation of a single line of sight can show of it; empty for everything.
-    note
-        See `Scene`; of all scenes.
     """
 
     id: Annotated[str, Field(pattern=r"^A\d+$")]
@@ -93,8 +89,6 @@ class Threat(Section):
     e6: str
     source: str
     expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
-    shows: str = ""
-    note: str = ""
     scene: Annotated[tuple[Scene, ...], Field(min_length=1)]
 
     def outcome(self, level: int) -> tuple[str, str]:

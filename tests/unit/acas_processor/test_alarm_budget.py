@@ -20,7 +20,7 @@ def test_chosen_shares_add_up_to_the_budget(level: int) -> None:
 def test_a_share_is_spread_over_the_tests_of_a_day() -> None:
     """Eight satellites: 8 × 86,400 C/N0s, 8 × 2880 hand-over searches, and the receiver's clock 86,400 times a day."""
     shares = false_alarm_budget(2, EIGHT)
-    share = 1 / 10  # of ten checks: twelve of the level without the two of level 1
+    share = 1 / 12  # of twelve checks: fourteen of the level without the two of level 1
     assert shares["C/N0"].p_fa == pytest.approx(share / 691_200)
     assert shares["E1 vestigial search"].p_fa == pytest.approx(share / 23_040)
     assert shares["clock slope"].p_fa == pytest.approx(share / 86_400)

@@ -19,11 +19,17 @@ from vestige.records import (
     Snapshot,
 )
 
-P_FA = {"E1 received power": 1e-6, "E6 received power": 1e-6, "C/N0": 1e-6, "wrong-code floor": 1e-6}
+P_FA = dict.fromkeys(("E1 received power", "E6 received power", "C/N0", "E6 C/N0", "wrong-code floor"), 1e-6)
 
 
 def _observed(
-    *, power_db: float = 3.0, cn0_dbhz: float = 40.0, floor: float = 2.0, saturated: bool = False, gain_db: float = -1.0
+    *,
+    power_db: float = 3.0,
+    cn0_dbhz: float = 40.0,
+    tap: float = 25.0,
+    floor: float = 2.0,
+    saturated: bool = False,
+    gain_db: float = -1.0,
 ) -> tuple[Snapshot, Measurement]:
     status = FrontEndStatus(agc_gain_db=gain_db, total_power_db=power_db, saturated=saturated)
     seen = E1Observation(
@@ -43,9 +49,7 @@ def _observed(
         e6=None,
         front_end=dict.fromkeys(Band, status),
     )
-    bank = CorrelatorBank(
-        offsets_m=np.zeros(1), taps=np.zeros(1, np.complex128), noise_power=floor, integration_s=0.016
-    )
+    bank = CorrelatorBank(offsets_m=np.zeros(1), taps=np.full(1, tap + 0j), noise_power=floor, integration_s=0.016)
     satellite = SatelliteMeasurement(svid=7, bank=bank)
     return snapshot, Measurement(
         index=0, time=START, satellites=(satellite,), observations={7: seen}, front_end=snapshot.front_end
@@ -81,7 +85,8 @@ def test_nothing_is_said_while_it_learns() -> None:
         ({"power_db": 6.0}, {"E1 received power", "E6 received power"}, 3.0),
         ({"power_db": 0.0}, {"E1 received power", "E6 received power"}, -3.0),
         ({"cn0_dbhz": 30.0}, {"C/N0"}, -10.0),
-        ({"floor": 4.0}, {"wrong-code floor"}, 10 * math.log10(2)),
+        ({"tap": 60.0}, {"E6 C/N0"}, 60.0 - math.sqrt(25.0**2 - 1)),  # (60² − …)/(2/2) σ², s² = 25² − 2
+        ({"floor": 4.0, "tap": 35.0}, {"wrong-code floor"}, 10 * math.log10(2)),
         ({"gain_db": -4.0}, {"wrong-code floor"}, 3.0),  # the same floor behind less gain
         ({"power_db": 3.2, "cn0_dbhz": 41.0, "floor": 2.05}, set(), 0.0),
     ],
@@ -118,6 +123,7 @@ def test_what_is_not_known_is_said(learned: LearnedReferences) -> None:
         "no status of the E1 front end",
         "no status of the E6 front end",
         "C/N0 on E1 is not known",
+        "nothing was correlated on E6",
         "nothing was correlated on E6",
     ]
     floor = _checks(learned, snapshot, _observed()[1])["wrong-code floor"]

@@ -45,10 +45,11 @@ def chance(track: Track, share: int = 1) -> float:
 
 def test_false_alarms_meet_their_budget_in_a_clean_world() -> None:
     found = tracks_of(*CLEAN, *HOUR)
-    assert len(found) == 13
+    assert len(found) == 18
     for name, track in found.items():
         alarms = track.alarms
-        assert alarms.trials > (100 if name.startswith("OSNMA") else 3500), name
+        trials = 100 if name.startswith("OSNMA") else 700 if name == "E6 received power" else 3500
+        assert alarms.trials > trials, name
         if track.exact:  # neighbouring epochs share a drift: half as many independent trials
             assert chance(track, 2 if name.startswith("clock") else 1) > 1e-6, name
         elif name != "inertial range rate":  # whose satellites share the oscillator, and all epochs the sensors' bias
@@ -100,5 +101,5 @@ def test_a_time_push_is_seen_by_the_clock_and_by_power_and_not_by_raim() -> None
 
 
 def test_other_results_are_refused() -> None:
-    with pytest.raises(VestigeError, match="constellation"):
+    with pytest.raises(VestigeError, match="e1_taps"):
         tracks(xarray.Dataset({"time_s": ("epoch", np.zeros(3))}))

@@ -15,12 +15,11 @@ from vestige.campaign.threat_matrix import (
     cases,
     measure,
     measure_threats,
-    row_of,
     window_of,
-    write_table,
 )
-from vestige.campaign.threat_outcome import Agreement
+from vestige.campaign.threat_outcome import Agreement, RunOutcome
 from vestige.campaign.threat_runs import RUNS, read_runs
+from vestige.campaign.threat_table import read_threat_dataset, rows_of, write_table
 from vestige.errors import InputFileError
 from vestige.scenario.threats import read_threats
 
@@ -46,41 +45,83 @@ def table(pool: Executor, folder: Path | None = None, seeds: Sequence[int] = ran
     return list(measure_threats(SOME, seeds, pool, folder=folder))
 
 
-def found(cells: Sequence[Cell]) -> list[dict[str, object]]:
-    return [{name: str(value) for name, value in row_of(cell).items()} for cell in cells]
+def found(cells: Sequence[Cell]) -> list[dict[str, str]]:
+    return [{name: str(value) for name, value in row.items()} for row in rows_of(cells)]
 
 
-def test_level_1_detects_a_spoofer_on_e1_and_misses_a_meaconer() -> None:
-    e1, meaconer = table(Counting(), seeds=range(8))
+@pytest.fixture(scope="module")
+def six() -> list[Cell]:
+    return table(Counting(), seeds=range(6))
+
+
+def test_level_1_detects_a_spoofer_on_e1_and_misses_a_meaconer(six: list[Cell]) -> None:
+    e1, meaconer = (cell for cell in six if cell.level == 1)
     assert (e1.agreement, meaconer.agreement) == (Agreement.AGREES, Agreement.AGREES)
-    assert (e1.found.detected.successes, e1.found.missed.successes) == (8, 0)
-    assert (meaconer.found.detected.successes, meaconer.found.missed.successes) == (0, 8)
+    assert (e1.found.detected.successes, e1.found.missed.successes) == (6, 0)
+    assert (meaconer.found.detected.successes, meaconer.found.missed.successes) == (0, 6)
     assert e1.found.by_chance.successes == 0
-    assert e1.found.by_chance.trials == 8
+    assert e1.found.by_chance.trials == 6
+
+
+@pytest.mark.parametrize("level", [2, 3])
+def test_levels_2_and_3_detect_both_and_use_no_wrong_range(six: list[Cell], level: int) -> None:
+    for cell in six:
+        if cell.level == level:
+            assert cell.agreement is Agreement.AGREES
+            assert cell.found.detected.successes == 6
+            assert cell.found.missed.successes == 0
+            assert abs(cell.found.worst_range_m) < 53
+
+
+def _run(threat: str, scene: int) -> dict[int, RunOutcome]:
+    (row,) = (one for one in read_threats() if one.id == threat)
+    scenario = cases([row])[scene].scenario(0, True)
+    return dict(enumerate(measure(scenario, window_of(scenario)), start=1))
+
+
+def _after_s(outcome: RunOutcome) -> dict[str, float]:
+    return {name: float(after) for name, _, after in (one.rpartition(" ") for one in outcome.checks.split("; "))}
+
+
+def test_barely_enough_noise_is_seen_by_osnma_alone() -> None:
+    found = _run("A9", 1)
+    assert not found[2].detected
+    assert found[2].denied
+    assert set(_after_s(found[3])) == {"OSNMA reception", "OSNMA availability"}
+    assert found[3].denied
+    assert not found[3].mitigated
+
+
+def test_an_attack_between_recs_is_seen_by_power_and_distortion() -> None:
+    found = _run("A11", 1)
+    assert found[1].missed
+    assert not found[1].detected
+    assert _after_s(found[3])["power-distortion"] < 30
+    assert not found[3].missed
 
 
 def test_nothing_is_measured_twice(tmp_path: Path) -> None:
     pool = Counting()
     first = table(pool, tmp_path)
-    assert pool.calls == 2 * 3 * 2  # cases, seeds, with attack and without
+    assert pool.calls == 2 * 3 + 3  # cases and seeds; without the attack they are the same
     again = Counting()
     assert found(table(again, tmp_path)) == found(first)
     assert again.calls == 0
     more = Counting()
     table(more, tmp_path, range(4))
-    assert more.calls == 4
+    assert more.calls == 3
 
 
 def test_an_interrupted_table_goes_on_where_it_was(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        table(Counting(limit=7), tmp_path)
-    kept = len(read_runs(tmp_path / RUNS))
-    assert 0 < kept <= 7
+        table(Counting(limit=6), tmp_path)
+    kept = len(read_runs(tmp_path / RUNS)) // 3  # levels
+    assert 0 < kept <= 6
     with (tmp_path / RUNS).open("a") as file:
         file.write("A1,while E1")  # cut off in the middle of a line
     pool = Counting()
     assert found(table(pool, tmp_path)) == found(table(Counting()))
-    assert pool.calls == 12 - kept
+    assert 0 < pool.calls <= 9 - kept + 3
 
 
 def test_workers_change_nothing() -> None:
@@ -90,43 +131,54 @@ def test_workers_change_nothing() -> None:
 
 def test_another_scenario_is_measured_anew(tmp_path: Path) -> None:
     scenario = SOME[1].scenario(0, True)
-    for changed in (scenario, scenario.model_copy(update={"epochs": 35})):
+    for changed in (scenario, scenario.replaced(epochs=850)):
         pool = Counting()
         list(measure_threats([case_of("mine", changed)], range(2), pool, folder=tmp_path))
         assert pool.calls == 4
 
 
 def test_a_scenario_of_ones_own_has_no_expectation() -> None:
-    (cell,) = measure_threats([case_of("mine", SOME[0].scenario(0, True))], range(3), Counting())
-    assert cell.agreement is Agreement.NOT_EXPECTED
-    assert cell.found.detected.successes == 3
+    cells = list(measure_threats([case_of("mine", SOME[0].scenario(0, True))], range(3), Counting()))
+    assert {cell.agreement for cell in cells} == {Agreement.NOT_EXPECTED}
+    assert all(cell.found.detected.successes == 3 for cell in cells)
     mine = case_of("mine", SOME[0].scenario(0, True))
     assert [mine.scenario(seed, attacked).seed for seed in (3, 4) for attacked in (True, False)] == [3, 3, 4, 4]
     assert not mine.scenario(3, False).attack
     quiet = SOME[0].scenario(0, False)
-    (cell,) = measure_threats([case_of("quiet", quiet)], range(3), Counting())
+    cell, *_ = measure_threats([case_of("quiet", quiet)], range(3), Counting())
     assert not cell.attacked
-    assert cell.found.alarms.trials == 3 * quiet.epochs
+    assert cell.found.duration_s == 3 * quiet.epochs
     assert cell.found.by_chance.trials == 0
+
+
+def test_the_seeds_of_a_sky_of_ones_own_differ() -> None:
+    """What a scenario derives from its seed must not be that of the scenario it was made from."""
+    mine = case_of("mine", SOME[0].scenario(0, True))
+    assert [mine.scenario(seed, True).simulations[0].seed for seed in (3, 4)] == [3, 4]
 
 
 def test_windows() -> None:
     assert window_of(SOME[0].scenario(0, True)) == (300.0, float("inf"))
     assert window_of(SOME[0].scenario(0, False)) == (0.0, float("inf"))
-    outcome = measure(SOME[0].scenario(0, True), (300.0, 360.0))
-    assert outcome.epochs == 2
+    outcomes = measure(SOME[0].scenario(0, True), (300.0, 360.0))
+    assert [one.duration_s for one in outcomes] == [60.0] * 3
 
 
-def test_the_table_as_csv(tmp_path: Path) -> None:
-    cells = table(Counting(), seeds=range(8))
-    write_table(tmp_path / "threats.csv", cells)
+def test_the_table_as_csv_and_as_a_store(tmp_path: Path, six: list[Cell]) -> None:
+    write_table(tmp_path, six)
     with (tmp_path / "threats.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["threat"] for row in rows] == ["A1", "A3"]
     assert rows[0]["expected_level_1"] == "detect"
-    assert rows[0]["level_1"] == "as expected"
-    assert (rows[0]["detected"], rows[0]["detected_of"]) == ("8", "8")
-    assert float(rows[1]["worst_accepted_m"]) > 80.0
+    assert rows[0]["level_1"] == rows[1]["level_2"] == "as expected"
+    assert (rows[0]["detected_level_1"], rows[0]["detected_of_level_1"]) == ("6", "6")
+    assert float(rows[1]["worst_accepted_m_level_1"]) > 80.0
+    store = read_threat_dataset(tmp_path)
+    assert dict(store.sizes) == {"scene": 2, "level": 3}
+    meaconer = store.isel(scene=1)
+    assert meaconer["missed"].values.tolist() == [6, 0, 0]
+    assert meaconer["threat"].item() == "A3"
+    assert meaconer.sel(level=1)["word"].item() == "missed"
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,15 @@ from math import isnan, nan
 import numpy as np
 import pytest
 
+from vestige.acas_processor.alarm_budget import Share
+from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.statistics import proportion
 from vestige.campaign.threat_outcome import (
     Agreement,
     RunOutcome,
     SceneOutcome,
     agreement,
+    count_interval,
     run_outcome,
     scene_outcome,
 )
@@ -23,28 +26,49 @@ A, P, S, D, N = (
 LIMIT_M = 26.0
 
 
-def of(status: list[int], error_m: list[float] | None = None, first: int = 0) -> RunOutcome:
-    """Return what came of a run with a RECS each 30 s, attacked from `first` on."""
-    results = {"time_s": 30.0 * np.arange(len(status)), "status": np.array(status, np.int8)[:, None]}
-    if error_m is not None:
-        results["truth_e1_worst_error_m"] = np.array(error_m)[:, None]
-    return run_outcome(results, np.arange(len(status)) >= first, LIMIT_M)
+def of(status: list[int], used_m: list[float] | None = None, first: int = 0) -> RunOutcome:
+    """Return what came of a run with a RECS each 30 s, attacked from `first` on; `used_m` are ranges in use."""
+    column = np.array(status, np.int8)[:, None]
+    n, everywhere = len(status), np.ones((len(status), 1), np.bool_)
+    found = LevelVerdicts(
+        level=2,
+        status=column,
+        state=column,
+        tests={"C/N0": everywhere},
+        failed={"C/N0": column == P},
+        budget={"C/N0": Share(p_fa=0.01, alarms_a_day=28.8, chosen=True)},
+        not_run=(),
+        recs=np.ones(n, np.bool_),
+        seen=everywhere,
+        searched=np.zeros(n, np.bool_),
+        range_error_m=np.array([0.0] * n if used_m is None else used_m)[:, None],
+        earlier=~everywhere,
+    )
+    position_m = np.abs(found.range_error_m[:, 0]) / 2
+    return run_outcome(found, 30.0 * np.arange(n), np.arange(n) >= first, LIMIT_M, position_m)
 
 
-def test_an_attack_that_is_accepted_is_missed() -> None:
+def test_a_wrong_range_in_use_without_an_alarm_is_missed() -> None:
     found = of([A] * 8, [0, 0, 10, 40, -60, 80, 100, 120])
-    assert (found.detected, found.missed, found.mitigated, found.denied) == (False, True, False, False)
-    assert found.worst_accepted_m == 120
+    assert (found.detected, found.missed, found.protected, found.mitigated) == (False, True, False, False)
+    assert (found.worst_range_m, found.worst_position_m) == (120, 60)
     assert isnan(found.time_to_detect_s)
 
 
 @pytest.mark.parametrize("alarm", [P, S, D])
-def test_an_alarm_before_any_harm(alarm: int) -> None:
-    found = of([alarm, A, A, A, alarm, alarm, alarm, alarm], [0, 0, 0, 51.9, 80, 100, 120, 140], first=1)
-    assert (found.detected, found.missed, found.mitigated) == (True, False, True)
+def test_an_alarm_with_nothing_in_use_protects_and_does_not_mitigate(alarm: int) -> None:
+    found = of([alarm, A, A, A, *[alarm] * 4], [0, 0, 0, 51.9, nan, nan, nan, nan], first=1)
+    assert (found.detected, found.missed, found.protected, found.mitigated) == (True, False, True, False)
     assert found.time_to_detect_s == 90.0  # of the epochs from the first attacked one on
-    assert (found.epochs, found.alarms) == (7, 4)
-    assert found.worst_accepted_m == 51.9
+    assert found.duration_s == 210.0
+    assert found.worst_range_m == 51.9
+
+
+def test_right_ranges_at_the_end_mitigate() -> None:
+    found = of([S] * 8, [nan, nan, 90, nan, 2, 2, nan, 2])
+    assert (found.detected, found.missed, found.protected, found.mitigated) == (True, True, True, False)
+    assert of([S] * 8, [nan, nan, 90, nan, 2, 2, 2, 2]).mitigated
+    assert not of([S] * 8, [2, 2, 2, 2, 2, 2, 2, 90]).protected
 
 
 def test_harmful_is_beyond_twice_what_the_range_test_allows() -> None:
@@ -52,56 +76,71 @@ def test_harmful_is_beyond_twice_what_the_range_test_allows() -> None:
     assert of([A] * 4, [0, 0, 0, -2.001 * LIMIT_M]).missed
 
 
-def test_harm_that_ends_in_an_alarm_was_missed_and_is_mitigated() -> None:
-    found = of([A, A, A, S, S, S, S, S], [0, 60, 100, 200, 300, 300, 300, 300])
-    assert (found.detected, found.missed, found.mitigated) == (True, True, True)
+def test_no_verdict_is_denial() -> None:
+    assert of([N, N, N, A], [nan, nan, nan, 0]).denied
+    assert not of([N, N, A, A], [nan, nan, 0, 0]).denied  # more than half
 
 
-def test_an_alarm_that_ends_in_harm_is_not_mitigated() -> None:
-    found = of([A, S, S, A, A, A, A, A], [0, 60, 100, 200, 300, 300, 300, 300])
-    assert (found.detected, found.missed, found.mitigated) == (True, True, False)
+def test_alarms_and_failures_are_counted_against_their_budget() -> None:
+    found = of([A, P, P, A, S, A, A, A])
+    assert (found.alarms, found.failures) == (2, 2)
+    assert found.budget_alarms == pytest.approx(28.8 * 240 / 86_400)
+    assert found.budget_failures == pytest.approx(0.08)
+    assert found.checks == "C/N0 30"
+    assert of([A, P, P, A], first=2).alarms == 0  # that one stood before
 
 
-def test_no_verdict_does_no_harm() -> None:
-    found = of([N, N, N, A], [500, 500, 500, 0])
-    assert (found.detected, found.missed, found.mitigated, found.denied) == (False, False, True, True)
-    assert not of([N, N, A, A], [0, 0, 0, 0]).denied  # more than half
-
-
-def test_without_an_attack_and_without_epochs() -> None:
-    assert of([A, A, D]) == RunOutcome(
-        epochs=3, alarms=1, detected=True, mitigated=True, missed=False, denied=False,
-        time_to_detect_s=60.0, worst_accepted_m=0.0,
-    )  # fmt: skip
+def test_without_epochs() -> None:
     none = of([A, A], [0, 0], first=5)
-    assert (none.epochs, none.detected, none.missed, none.denied) == (0, False, False, False)
+    assert (none.duration_s, none.detected, none.missed, none.denied, none.mitigated) == (
+        0.0,
+        False,
+        False,
+        False,
+        False,
+    )
 
 
-def _run(**what: bool | int | float) -> RunOutcome:
-    usual = {"epochs": 10, "alarms": 0, "detected": False, "mitigated": True, "missed": False, "denied": False}
-    return RunOutcome(**({"time_to_detect_s": nan, "worst_accepted_m": nan} | usual | what))  # type: ignore[arg-type]
+def _run(**what: bool | int | float | str) -> RunOutcome:
+    usual = {
+        "duration_s": 86_400.0, "alarms": 0, "budget_alarms": 3.0, "failures": 0, "budget_failures": 1.0,
+        "detected": False, "mitigated": True, "protected": True, "missed": False, "denied": False, "checks": "",
+        "time_to_detect_s": nan, "worst_range_m": nan, "worst_position_m": nan,
+    }  # fmt: skip
+    return RunOutcome(**(usual | what))  # type: ignore[arg-type]
 
 
 def test_a_scene_counts_its_runs() -> None:
     runs = [
-        _run(detected=True, alarms=4, time_to_detect_s=30.0, worst_accepted_m=-90.0),
-        _run(detected=True, alarms=1, time_to_detect_s=90.0, worst_accepted_m=20.0, missed=True, mitigated=False),
+        _run(detected=True, alarms=4, time_to_detect_s=30.0, worst_range_m=-90.0, checks="C/N0 2; RAIM 30"),
+        _run(detected=True, alarms=1, time_to_detect_s=90.0, worst_range_m=20.0, missed=True, checks="C/N0 4"),
         _run(denied=True),
     ]
-    found = scene_outcome(runs, [_run(detected=True), _run(), _run()], interval_s=30.0, kappa=3.0)
-    assert (found.detected, found.mitigated) == (proportion(2, 3), proportion(2, 3))
-    assert (found.missed, found.denied, found.by_chance) == (proportion(1, 3), proportion(1, 3), proportion(1, 3))
-    assert found.alarms == proportion(5, 30)
-    assert (found.time_to_detect_s, found.worst_accepted_m) == (60.0, -90.0)
-    assert found.alarms_a_day[0] == pytest.approx(2880 * 5 / 30)
+    found = scene_outcome(runs, [_run(detected=True), _run(), _run()])
+    assert (found.detected, found.mitigated) == (proportion(2, 3), proportion(3, 3))
+    assert (found.missed, found.denied, found.succeeded) == (proportion(1, 3), proportion(1, 3), proportion(2, 3))
+    assert found.by_chance == proportion(1, 3)
+    assert (found.alarms, found.budget_alarms, found.duration_s) == (5, 9.0, 3 * 86_400)
+    assert (found.time_to_detect_s, found.worst_range_m) == (60.0, -90.0)
+    assert found.alarms_a_day[0] == pytest.approx(5 / 3)
+    assert [(one.name, one.failed, one.time_s) for one in found.checks] == [
+        ("C/N0", proportion(2, 3), 3.0),
+        ("RAIM", proportion(1, 3), 30.0),
+    ]
+
+
+def test_the_interval_of_a_count() -> None:
+    """Textbook: none seen, 3.689 at 95 %; five seen, 1.623 to 11.668."""
+    assert count_interval(0) == pytest.approx((0, 0, 3.6889), abs=1e-4)
+    assert count_interval(5) == pytest.approx((5, 1.6235, 11.6683), abs=1e-4)
 
 
 def _scene(n: int = 20, **counts: int) -> SceneOutcome:
-    usual = {"detected": 0, "mitigated": n, "missed": 0, "denied": 0, "by_chance": 0}
+    usual = {"detected": 0, "mitigated": 0, "protected": n, "missed": 0, "denied": 0, "succeeded": 0, "by_chance": 0}
     shares = {name: proportion(count, n) for name, count in (usual | counts).items() if name != "alarms"}
     return SceneOutcome(
-        **shares, alarms=proportion(counts.get("alarms", 0), 1000), time_to_detect_s=nan, worst_accepted_m=nan,
-        interval_s=30.0, kappa=3.0,
+        **shares, checks=(), alarms=counts.get("alarms", 0), budget_alarms=3.0, failures=0, budget_failures=1.0,
+        duration_s=86_400.0, time_to_detect_s=nan, worst_range_m=nan, worst_position_m=nan,
     )  # fmt: skip
 
 
@@ -114,11 +153,11 @@ YES, NO, MAYBE = Agreement.AGREES, Agreement.DIFFERS, Agreement.UNDECIDED
         ("detect", {"detected": 20}, YES),
         ("detect", {"detected": 10}, MAYBE),
         ("detect", {"detected": 0}, NO),
-        ("miss", {"missed": 20}, YES),
-        ("miss", {"missed": 20, "detected": 20}, NO),
-        ("miss", {"missed": 20, "detected": 10}, MAYBE),
+        ("miss", {"succeeded": 20}, YES),
+        ("miss", {"succeeded": 20, "detected": 20}, NO),
+        ("miss", {"succeeded": 20, "detected": 10}, MAYBE),
         ("miss", {}, NO),
-        ("mitigate", {"detected": 20}, YES),
+        ("mitigate", {"mitigated": 20}, YES),
         ("mitigate", {"mitigated": 1}, NO),
         ("deny", {"denied": 20}, YES),
         ("deny", {"denied": 20, "missed": 20}, NO),
@@ -126,13 +165,29 @@ YES, NO, MAYBE = Agreement.AGREES, Agreement.DIFFERS, Agreement.UNDECIDED
         ("partial", {"detected": 10}, YES),
         ("partial", {"detected": 20}, NO),
         ("pass", {"alarms": 0}, YES),
-        ("pass", {"alarms": 3}, YES),  # of 1000, 2.7 are allowed
-        ("pass", {"alarms": 30}, NO),
+        ("pass", {"alarms": 7}, YES),  # of 3; the interval of 7 begins at 2.81
+        ("pass", {"alarms": 12}, NO),
         ("", {}, Agreement.NOT_EXPECTED),
     ],
 )
 def test_agreement(expected: str, counts: dict[str, int], how: Agreement) -> None:
     assert agreement(expected, _scene(**counts)) is how
+
+
+@pytest.mark.parametrize(
+    ("counts", "word"),
+    [
+        ({"detected": 20, "mitigated": 20}, "mitigated"),
+        ({"detected": 20, "mitigated": 20, "missed": 20}, "mitigated late"),
+        ({"detected": 20}, "detected"),
+        ({"detected": 20, "missed": 20}, "detected, missed"),
+        ({"missed": 20}, "missed"),
+        ({"denied": 20}, "no verdict"),
+        ({}, "no alarm, no harm"),
+    ],
+)
+def test_the_word_of_a_cell(counts: dict[str, int], word: str) -> None:
+    assert _scene(**counts).word == word
 
 
 def test_agreement_with_nothing_known() -> None:

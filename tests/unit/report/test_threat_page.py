@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from report_builder import rows_of, threat_folder
-from vestige.campaign.threat_matrix import TABLE
+from vestige.campaign.threat_table import TABLE
 from vestige.report.threat_page import QUESTION, threat_page
 
 NOMINAL = {"threat": "A0", "attack": "none", "scene": "clean", "expected_level_1": "pass", "by_chance_of": "0"}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from report_builder import THREAT_ROW, threat_folder
-from vestige.campaign.threat_matrix import TABLE
+from vestige.campaign.threat_table import TABLE
 from vestige.errors import InputFileError
 from vestige.report.threat_table import read_threat_table
 

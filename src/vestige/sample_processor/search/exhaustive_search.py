@@ -44,6 +44,7 @@ from vestige.time import GalileoTime
 SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference of the two sums, at the threshold of 30 s
 _CLUSTER_CHIPS = 2.0  # offsets over the screen that are nearer belong together
 _CELLS_OF_CLUSTER = 4  # that are tried: the strongest may be one that the exact sum puts just below the threshold
+_TRIANGLE_CHIPS = 1.25  # beyond a cell the signal next to it is over: ¼ chip off, and a chip wide
 _AHEAD = 2  # blocks for each worker that are read before they are asked for
 
 ENGINES: dict[str, type[SegmentEngine] | type[FftEngine]] = {"segment": SegmentEngine, "fft": FftEngine}
@@ -254,23 +255,30 @@ class _Block:
         for code, powers in zip(codes, engine.powers(chips, self.count), strict=True):
             strongest = max(strongest, float(np.max(powers)))
             for cluster in _clusters(powers, screen):
-                peak = self._decide(source, code, cluster, threshold)
-                if peak is not None:
-                    found.append(peak)
+                found.extend(self._decide(source, code, cluster, threshold))
         return found, float(np.sqrt(strongest / noise))
 
-    def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> Peak | None:
-        """Return the peak of the first cell of a cluster, strongest first, whose exact value is above the threshold."""
-        for offset in offsets[:_CELLS_OF_CLUSTER]:
+    def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
+        """Return the peaks of a cluster: of its cells, strongest first, those whose exact value is above the threshold.
+
+        What lies on the triangle of a peak is not looked at again; beyond it there may be another signal.
+        """
+        peaks: list[Peak] = []
+        rest, tries = offsets, _CELLS_OF_CLUSTER
+        while rest and tries:
+            offset, *rest = rest
             cell = Cell(
                 code=code,
                 start_time=self.begin + (self.first + offset) / self._code_rate(source),
                 middle_hz=self.middle_hz,
             )
             peak = exact_peak(source, cell, self.search.bins_hz, threshold)
-            if peak is not None:
-                return peak
-        return None
+            if peak is None:
+                tries -= 1
+                continue
+            peaks.append(peak)
+            rest, tries = [one for one in rest if abs(one - offset) > _TRIANGLE_CHIPS], _CELLS_OF_CLUSTER
+        return peaks
 
     def _code_rate(self, source: SampleSource) -> float:
         return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])

@@ -1,0 +1,156 @@
+"""The threat table as files: `threats.csv` with a row for each scene, `threats.zarr` over scene and level.
+
+In the CSV file a column that belongs to a level ends with it: `detected_level_2`; `expected_level_2` is what was
+expected of it, with the reason, and `level_2` how the measurement compares. In the store the same statistics are
+variables over `scene` and `level`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import shutil
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+from vestige.campaign.threat_matrix import Cell
+from vestige.errors import InputFileError
+from vestige.scenario.threats import LEVELS
+
+TABLE, STORE = "threats.csv", "threats.zarr"
+_SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
+
+
+def rows_of(cells: Sequence[Cell]) -> list[dict[str, object]]:
+    """Return the rows of the table, one a scene, under the names of its columns."""
+    rows = []
+    for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
+        levels = list(of_scene)
+        row, case = levels[0].case.row, levels[0].case
+        rows.append(
+            {
+                "threat": case.threat,
+                "attack": row.name if row else "",
+                "scene": case.scene,
+                "e1": row.e1 if row else "",
+                "e6": row.e6 if row else "",
+                "source": row.source if row else "",
+                **{f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVELS},  # type: ignore[index]
+                **{f"level_{cell.level}": cell.agreement.value for cell in levels},
+                **{
+                    f"{name}_level_{cell.level}": value
+                    for cell in levels
+                    for name, value in statistics_of(cell).items()
+                },
+            }
+        )
+    return rows
+
+
+def statistics_of(cell: Cell) -> dict[str, object]:
+    """Return every number of a cell by name, with the checks that spoke and why it differs."""
+    found = cell.found
+    shares = {
+        f"{name}{part}": value
+        for name in _SHARES
+        for part, value in zip(("", "_of", "_low", "_high"), _parts(getattr(found, name)), strict=True)
+    }
+    a_day = {
+        f"{name}{part}": value
+        for name, three in (("alarms_a_day", found.alarms_a_day), ("failures_a_day", found.failures_a_day))
+        for part, value in zip(("", "_low", "_high"), three, strict=True)
+    }
+    days = found.duration_s / 86_400.0
+    return {
+        "word": found.word if cell.attacked else "",
+        **shares,
+        "alarms": found.alarms,
+        **a_day,
+        "budget_alarms_a_day": found.budget_alarms / days if days else math.nan,
+        "budget_failures_a_day": found.budget_failures / days if days else math.nan,
+        "days": days,
+        "time_to_detect_s": found.time_to_detect_s,
+        "worst_accepted_m": found.worst_range_m,
+        "worst_position_m": found.worst_position_m,
+        "checks": "; ".join(
+            f"{one.name} {one.failed.successes}/{one.failed.trials} after {one.time_s:g} s" for one in found.checks
+        ),
+        "note": cell.note,
+    }
+
+
+def _parts(found: object) -> tuple[object, ...]:
+    return tuple(getattr(found, name) for name in ("successes", "trials", "low", "high"))
+
+
+def write_table(folder: Path, cells: Sequence[Cell]) -> None:
+    """Write the table as CSV and as a store; each is there as a whole or not at all."""
+    rows = rows_of(cells)
+    part = folder / f".{TABLE}"
+    with part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
+        writer.writeheader()
+        writer.writerows(rows)
+    part.replace(folder / TABLE)
+    store = folder / f".{STORE}"
+    shutil.rmtree(store, ignore_errors=True)
+    threat_dataset(cells).to_zarr(store, mode="w", consolidated=False)
+    shutil.rmtree(folder / STORE, ignore_errors=True)
+    store.replace(folder / STORE)
+
+
+def read_threat_dataset(folder: Path) -> xarray.Dataset:
+    """Return the table in a folder of `vestige threats`.
+
+    Raises
+    ------
+    InputFileError
+        If there is none.
+    """
+    try:
+        return xarray.open_zarr(folder / STORE, consolidated=False).load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputFileError(folder, STORE, error, "the folder that `vestige threats -o` writes") from error
+
+
+def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
+    """Return the table over scene and level."""
+    scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
+    shape = (len(scenes), len(LEVELS))
+    place = {scene: number for number, scene in enumerate(scenes)}
+    names = statistics_of(cells[0]) if cells else {}
+    columns: dict[str, np.ndarray] = {
+        name: np.full(shape, "", dtype=object) if isinstance(value, str) else np.full(shape, np.nan)
+        for name, value in (names | {"expected": "", "agreement": ""}).items()
+    }
+    for cell in cells:
+        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        for name, value in (
+            statistics_of(cell) | {"expected": cell.expected, "agreement": cell.agreement.value}
+        ).items():
+            columns[name][at] = value
+    attack = [
+        next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
+        for one in scenes
+    ]
+    return xarray.Dataset(
+        {
+            name: (("scene", "level"), values.astype(np.dtypes.StringDType()) if values.dtype == object else values)
+            for name, values in columns.items()
+        },
+        coords={
+            "scene": ("scene", _text([name for _, name in scenes])),
+            "threat": ("scene", _text([name for name, _ in scenes])),
+            "attack": ("scene", _text(attack)),
+            "level": list(LEVELS),
+        },
+    )
+
+
+def _text(words: Sequence[str]) -> np.ndarray:
+    """Return words as an array of variable length, which stores keep."""
+    return np.array(words, dtype=np.dtypes.StringDType())

@@ -1,0 +1,59 @@
+"""What `vestige run` says of a campaign whose processor has level 2 or 3: which check failed when, what is in use."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import xarray
+
+from vestige.campaign.levels import level_verdicts
+from vestige.records import Status
+
+
+def level_of(results: xarray.Dataset) -> int:
+    """Return the mitigation level that the scenario of a campaign asks for."""
+    return int(json.loads(results.attrs["scenario"])["processor"]["level"])
+
+
+def level_values(results: xarray.Dataset) -> dict[str, Any]:
+    """Return what the level of the scenario makes of a campaign."""
+    (found,) = level_verdicts(results, (level_of(results),))
+    time_s = results["time_s"].values
+    error_m = found.range_error_m[np.isfinite(found.range_error_m)]
+    due = found.recs[:, None] & found.seen
+    return {
+        "level": found.level,
+        "first_failures": {
+            name: float(time_s[place]) for name, place in found.first_failures(np.ones(time_s.size, np.bool_))
+        },
+        "failures": {name: int(np.count_nonzero(failed)) for name, failed in found.failed.items() if failed.any()},
+        "not_run": list(found.not_run),
+        "alarms": int(np.count_nonzero(found.begins)),
+        "state": {
+            status.name: int(np.count_nonzero((found.state == place) & due)) for place, status in enumerate(Status)
+        },
+        "exhaustive_searches": int(np.count_nonzero(found.searched)),
+        "ranges_in_use": int(error_m.size),
+        "ranges_due": int(np.count_nonzero(due)),
+        "ranges_of_the_earlier_signal": int(np.count_nonzero(found.earlier)),
+        "worst_range_in_use_m": float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan"),
+    }
+
+
+def level_lines(results: xarray.Dataset) -> list[str]:
+    """Return the same in a few lines."""
+    values = level_values(results)
+    states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
+    lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]
+    for name, first_s in values["first_failures"].items():
+        lines.append(f"  {name} failed {values['failures'][name]} times, first at T = {first_s:g} s")
+    if values["not_run"]:
+        lines.append(f"  not run, the results hold nothing for it: {', '.join(values['not_run'])}")
+    lines.append(
+        f"  ranges in use: {values['ranges_in_use']} of {values['ranges_due']}, "
+        f"{values['ranges_of_the_earlier_signal']} of them of the earlier of two signals; "
+        f"the attack's largest error in them {values['worst_range_in_use_m']:.1f} m"
+    )
+    return lines

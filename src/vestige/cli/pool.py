@@ -1,0 +1,40 @@
+"""Where a verb's work is done: threads or processes of this machine, or a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the kernels; processes take 200 MB each
+
+
+@contextmanager
+def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+    """Give an executor and how many calls it runs at the same time.
+
+    Parameters
+    ----------
+    workers
+        On this machine; 1 if it is not given.
+    threads
+        Whether they are threads; up to `MAX_THREADS` if it is not given.
+    scheduler
+        Address of a cluster's scheduler, in place of this machine.
+    """
+    if scheduler is not None:
+        from vestige.campaign.cluster import connect
+
+        with connect(scheduler) as cluster:
+            yield cluster, cluster.workers
+        return
+
+    from vestige.campaign.executors import local_executor
+
+    workers = workers or 1
+    kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
+    with local_executor(kind, workers) as executor:
+        yield executor, workers

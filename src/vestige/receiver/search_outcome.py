@@ -1,0 +1,389 @@
+"""What the vestigial searches would find of one satellite, drawn from the theory of their detection, without samples.
+
+Theory of operation
+-------------------
+On air are the true signal and every counterfeit, with amplitudes a_i, delays τ_i and Dopplers f_i. At the place of one
+of them a correlator over T hears them all,
+
+    h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
+
+so a nulled signal is what is left of it. ρ is the noise that an attack adds, and L_i the loss to the next cell of the
+grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
+
+    E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
+    hand-over   |s + z|,  z ~ CN(0, 2), at the tap that is next; only at the places of signals that E1 has
+    exhaustive  |s + z|,  the same samples, so the same z; anywhere
+
+against the threshold of all cells at `p_fa`. That neighbouring cells may win is left out: P_d is low by some 0.02
+where it is one half (docs/vestigial_search.md). Signals closer than the separation rule are one, the stronger: on E1
+two chips modulo 4 ms, in E6 one chip, or as far as the fine place of the weaker, looked for within 1¼ chips of its
+cell, is on the flank of the stronger: 2¼ − s/s' chips. On E1 nothing counts that is 16 dB below the strongest. E1
+counts as a second signal whatever it finds, E6 what carries the chips of the RECS. A false alarm comes with p_fa,
+anywhere in the window.
+
+The earliest in E6 is the true one, and its place less the predicted E6 − E1 delay is the range that a receiver then
+uses: wrong by its delay, by ionosphere and group delay as every hand-over, and by the noise of one snapshot. It is used
+where every signal of E1 was found in E6 or could not have been missed (P_d ≥ 0.9999 at E1's C/N0, a quarter chip off),
+and of the exhaustive search where there are two: one alone may be the counterfeit's, the true one lost in noise.
+
+Rays are no signals of their own here, and a satellite 16 dB below the strongest of the others is not left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float, Int64
+
+from vestige.acas_processor.thermal_noise import MBOC, snapshot_noise_bound_m
+from vestige.acas_processor.thresholds import amplitude, probability_of_detection, threshold
+from vestige.constants import E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band
+from vestige.sample_processor.acquisition import CROSS_CORRELATION_DB, MAX_STRETCHES
+from vestige.sample_processor.search.e1_search import BLIND_CHIPS
+from vestige.signals.definitions import E1C, E6C
+from vestige.signals.pulse import BOC11, BPSK, autocorrelation, band_limited_autocorrelation
+from vestige.spoofer.spoofer import BandEffects
+from vestige.streams import stream
+
+P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
+SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
+_WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
+WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
+TAPS = 5  # of the hand-over search, half a chip apart
+FINE_REACH_CHIPS = 1.25  # of `peak_at` about a cell
+_E1_BAND_HZ = 4.096e6  # of the E1 search: 86 % of BOC(1,1)
+_E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
+_E1_BINS, _E1_BIN_HZ = 81, 125.0
+_E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
+_MEASURE_SIGMA_M = 3.0  # of a code phase out of 100 ms of E1
+_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
+_E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchOutcome:
+    """What the searches of one satellite find, over epochs.
+
+    Attributes
+    ----------
+    e1_signals
+        Signals on E1; 0 if there is none, and then no hand-over.
+    handover_signals
+        What the hand-over search counts: the larger of E1's and E6's number.
+    handover_error_m
+        Error of the range of the earliest in E6, as one of E1; NaN where it was not run or found nothing.
+    exhaustive_signals, exhaustive_error_m
+        The same of the exhaustive search.
+    """
+
+    e1_signals: Float[np.ndarray, " n"]
+    handover_signals: Float[np.ndarray, " n"]
+    handover_error_m: Float[np.ndarray, " n"]
+    exhaustive_signals: Float[np.ndarray, " n"]
+    exhaustive_error_m: Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air:
+    """The signals of one satellite in one band over epochs; the true one is the first.
+
+    Attributes
+    ----------
+    amplitude, delay_m, doppler_hz
+        Relative to the true signal; an amplitude of 0 is none.
+    cn0_dbhz
+        Of the true signal, over the noise that there is.
+    """
+
+    amplitude: Complex128[np.ndarray, "n k"]
+    delay_m: Float[np.ndarray, "n k"]
+    doppler_hz: Float[np.ndarray, "n k"]
+    cn0_dbhz: Float[np.ndarray, " n"]
+
+
+def on_air(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> Air:
+    """Return the signals of a band that carry its chips.
+
+    Parameters
+    ----------
+    effects
+        What the attacks add.
+    band, cn0_dbhz
+        The band, and the C/N0 of the true signal without attack; −∞ or NaN is no signal.
+    """
+    n = cn0_dbhz.size
+    present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
+    added = np.where(effects.own_chips & (band is Band.E6), 0.0, effects.amplitude)
+    zero = np.zeros((n, 1))
+    return Air(
+        amplitude=np.concatenate([present + 0j, added * present], axis=1),
+        delay_m=np.concatenate([zero, effects.delay_m], axis=1),
+        doppler_hz=np.concatenate([zero, effects.doppler_hz], axis=1),
+        cn0_dbhz=np.nan_to_num(cn0_dbhz, nan=0.0, neginf=0.0) - 10 * np.log10(1 + effects.rise(band)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchDraws:
+    """What is random in the searches of a block of epochs, a column for each signal.
+
+    Attributes
+    ----------
+    e1_cell, e6_cell
+        Places between the cells of code and Doppler, in steps, −½ … ½.
+    e1_z, e6_z
+        Noise of unit variance per dimension in the tested cell.
+    e1_rest
+        The other K − 1 squared magnitudes of E1, χ²(2K − 2).
+    measured
+        Errors of E1's code phase and of the range in E6, σ = 1.
+    alarm
+        Uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where.
+    """
+
+    e1_cell: Float[np.ndarray, "n k 2"]
+    e6_cell: Float[np.ndarray, "n k 2"]
+    e1_z: Complex128[np.ndarray, "n k"]
+    e6_z: Complex128[np.ndarray, "n k"]
+    e1_rest: Float[np.ndarray, "n k"]
+    measured: Float[np.ndarray, "n k 2"]
+    alarm: Float[np.ndarray, "n 4"]
+
+
+def search_draws(rng: np.random.Generator, n: int, signals: int, *, periods: int = MAX_STRETCHES) -> SearchDraws:
+    """Return the draws of n searches of so many signals, of so many code periods on E1."""
+    shape = (n, signals)
+    normal = rng.standard_normal((6, *shape))
+    return SearchDraws(
+        e1_cell=rng.random((*shape, 2)) - 0.5,
+        e6_cell=rng.random((*shape, 2)) - 0.5,
+        e1_z=normal[0] + 1j * normal[1],
+        e6_z=normal[2] + 1j * normal[3],
+        e1_rest=2 * rng.standard_gamma(2 * periods - 1, shape),
+        measured=np.stack([normal[4], normal[5]], axis=-1),
+        alarm=rng.random((n, 4)),
+    )
+
+
+def search_outcome(
+    truth: TruthBlock,
+    *,
+    cn0_e1_dbhz: float,
+    cn0_e6_dbhz: float,
+    integration_s: float,
+    seed: int,
+    svid: int,
+    first: int,
+) -> SearchOutcome:
+    """Return what the searches find in the epochs from `first` on; independent of the cut.
+
+    Parameters
+    ----------
+    truth
+        Of the satellite.
+    cn0_e1_dbhz, cn0_e6_dbhz
+        Of its undisturbed pilots, before what its elevation makes of them.
+    integration_s
+        Of E6.
+    seed, svid, first
+        Whose random numbers, and the number of the first epoch.
+    """
+    seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
+    e1 = on_air(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
+    e6 = on_air(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
+    n, signals = e1.amplitude.shape
+    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
+    drawn = [search_draws(stream(seed, "searches", block, svid), _DRAW_BLOCK, signals) for block in blocks]
+    rows = slice(first % _DRAW_BLOCK, first % _DRAW_BLOCK + n)
+    draws = SearchDraws(
+        **{
+            name: np.concatenate([getattr(one, name) for one in drawn])[rows]
+            for name in SearchDraws.__dataclass_fields__
+        }
+    )
+    return outcome(e1, e6, draws, shift_m=truth.iono_diff_m + truth.bias_m, integration_s=integration_s)
+
+
+def outcome(
+    e1: Air,
+    e6: Air,
+    draws: SearchDraws,
+    *,
+    shift_m: Float[np.ndarray, " n"],
+    integration_s: float,
+    e1_p_fa: float = P_FA,
+    exhaustive_p_fa: float = P_FA,
+    window_s: float = WINDOW_S,
+    periods: int = MAX_STRETCHES,
+) -> SearchOutcome:
+    """Return what the searches find.
+
+    Parameters
+    ----------
+    e1, e6
+        The signals of both bands.
+    draws
+        What is random.
+    shift_m
+        By how much E6 is later than E1 in truth and not in the prediction.
+    integration_s
+        Of E6.
+    e1_p_fa, exhaustive_p_fa
+        Of one search of one satellite, on E1 and in E6 at the hand-over each, and of all E6.
+    window_s
+        Time uncertainty either way.
+    periods
+        Of E1's code that are added, as for the draws.
+    """
+    on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
+    e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
+    tried = e1_count >= 2
+    near = np.abs(e6.delay_m) <= window_s * SPEED_OF_LIGHT_MPS
+    heard = _heard(e6, Band.E6, integration_s)
+    strength = amplitude(e6.cn0_dbhz, integration_s)[:, None] * np.sqrt(heard)
+
+    rule = {"blind_m": _metres_a_chip(Band.E6), "fine_m": FINE_REACH_CHIPS * _metres_a_chip(Band.E6)}
+    places = 2 * window_s / E1_CODE_PERIOD_S * np.maximum(e1_count, 1) * TAPS
+    p_fa = (e1_p_fa / places)[:, None]
+    code_chips = _off_tap_chips(e1.delay_m + _MEASURE_SIGMA_M * draws.measured[..., 0], on_e1, e6.delay_m, shift_m)
+    above = np.abs(strength * (1 - np.abs(code_chips)) + draws.e6_z) > threshold(p_fa)
+    handover = _separate(above & near & tried[:, None] & (heard > 0), heard, e6.delay_m, **rule)
+    predicted_dbhz = e1.cn0_dbhz[:, None] + 10 * np.log10(_heard(e1, Band.E1, E1_CODE_PERIOD_S) + 1e-30)
+    pd = probability_of_detection(predicted_dbhz - _WORST_CODE_LOSS_DB, integration_s, float(np.min(p_fa)))
+    sure = (handover.sum(axis=1) >= e1_count) | np.all((pd >= SURE_PD) | ~on_e1, axis=1)
+
+    cells = 4 * window_s * E6C.chip_rate_hz * _E6_BINS
+    loss = (1 - np.abs(draws.e6_cell[..., 0]) / 2) * np.sinc(draws.e6_cell[..., 1] / 2)
+    above = np.abs(strength * loss + draws.e6_z) > threshold(exhaustive_p_fa / cells)
+    exhaustive = _separate(above & near & (heard > 0), heard, e6.delay_m, **rule)
+
+    sigma_m = _fine_sigma_m(integration_s) / np.maximum(strength / np.sqrt(2 * integration_s), 1.0)
+    range_m = e6.delay_m + shift_m[:, None] + sigma_m * draws.measured[..., 1]
+    anywhere_m = (2 * draws.alarm[:, 3] - 1) * window_s * SPEED_OF_LIGHT_MPS
+    of_handover = _counted(handover, range_m, tried & (draws.alarm[:, 1] < e1_p_fa), anywhere_m)
+    of_all = _counted(exhaustive, range_m, draws.alarm[:, 2] < exhaustive_p_fa, anywhere_m)
+    return SearchOutcome(
+        e1_signals=e1_count.astype(np.float64),
+        handover_signals=np.maximum(e1_count, of_handover[0]).astype(np.float64),
+        handover_error_m=np.where(sure, of_handover[1], np.nan),
+        exhaustive_signals=of_all[0].astype(np.float64),
+        exhaustive_error_m=np.where(of_all[0] > 1, of_all[1], np.nan),
+    )
+
+
+def _counted(
+    found: Bool[np.ndarray, "n k"],
+    range_m: Float[np.ndarray, "n k"],
+    false: Bool[np.ndarray, " n"],
+    anywhere_m: Float[np.ndarray, " n"],
+) -> tuple[Int64[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return how many signals there are, with a false one, and where the earliest is; NaN if there is none."""
+    earliest_m = np.min(np.where(found, range_m, np.inf), axis=1)
+    earliest_m = np.where(false, np.minimum(earliest_m, anywhere_m), earliest_m)
+    return found.sum(axis=1) + false, np.where(np.isfinite(earliest_m), earliest_m, np.nan)
+
+
+def _off_tap_chips(
+    lines_m: Float[np.ndarray, "n k"],
+    there: Bool[np.ndarray, "n k"],
+    places_m: Float[np.ndarray, "n l"],
+    shift_m: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, "n l"]:
+    """Return how far each signal in E6 is from the next tap at a place that a signal on E1 allows; 1 at the most."""
+    apart_m = _wrapped(
+        places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
+    )
+    chips = np.min(np.where(there[:, None, :], np.abs(apart_m), np.inf), axis=2) / _metres_a_chip(Band.E6)
+    chips = np.minimum(chips, TAPS)
+    return np.minimum(np.abs(chips - np.clip(np.round(2 * chips) / 2, 0, (TAPS - 1) / 4)), 1.0)
+
+
+def _found_on_e1(air: Air, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
+    """Return which signals the search of E1 takes for one."""
+    heard = _heard(air, Band.E1, E1_CODE_PERIOD_S)
+    step_chips = E1_CODE_PERIOD_S * E1C.chip_rate_hz / _E1_PHASES
+    shape, passed = _e1_shape()
+    code = np.interp(np.abs(draws.e1_cell[..., 0]) * step_chips, *shape)
+    loss = (code * np.sinc(draws.e1_cell[..., 1] * _E1_BIN_HZ * E1_CODE_PERIOD_S)) ** 2 * passed
+    added = 2 * periods
+    mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * heard * loss
+    statistic = np.abs(np.sqrt(mean) + draws.e1_z) ** 2 + draws.e1_rest
+    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # as `CellPowers.acquisition` has it
+    loud = snr > np.max(np.where(heard > 0, snr, 0), axis=1, keepdims=True) * 10 ** (-CROSS_CORRELATION_DB / 10)
+    blind_m = BLIND_CHIPS * _metres_a_chip(Band.E1)
+    limit = threshold(p_fa / (_E1_PHASES * _E1_BINS), added) ** 2
+    found = (statistic > limit) & loud & (heard > 0)
+    return _separate(found, statistic, air.delay_m, blind_m, period_m=E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS)
+
+
+def _heard(air: Air, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
+    """Return |h|² at the place of each signal; 0 where there is none."""
+    apart_m = air.delay_m[:, :, None] - air.delay_m[:, None, :]
+    pulse = BOC11 if band is Band.E1 else BPSK
+    if band is Band.E1:
+        apart_m = _wrapped(apart_m, E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS)
+    shape = autocorrelation(pulse, (apart_m / _metres_a_chip(band)).ravel()).reshape(apart_m.shape)
+    beat = np.sinc((air.doppler_hz[:, :, None] - air.doppler_hz[:, None, :]) * integration_s)
+    heard = np.abs(np.einsum("nij,nj->ni", shape * beat, air.amplitude)) ** 2
+    return np.where(air.amplitude != 0, heard, 0.0)
+
+
+def _separate(
+    found: Bool[np.ndarray, "n k"],
+    strength: Float[np.ndarray, "n k"],
+    delay_m: Float[np.ndarray, "n k"],
+    blind_m: float,
+    *,
+    fine_m: float = 0.0,
+    period_m: float = np.inf,
+) -> Bool[np.ndarray, "n k"]:
+    """Return the signals that are further than the separation rule says from every stronger one that is kept.
+
+    Parameters
+    ----------
+    found
+        Above the threshold.
+    strength
+        Their powers.
+    delay_m, period_m
+        Their places, and modulo what.
+    blind_m, fine_m
+        The rule: `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger).
+    """
+    order = np.argsort(np.where(found, -strength, np.inf), axis=1)
+    rows = np.arange(found.shape[0])
+    kept = np.zeros(found.shape, bool)
+    for rank in range(found.shape[1]):
+        mine = order[:, rank]
+        apart_m = np.abs(_wrapped(delay_m - delay_m[rows, mine][:, None], period_m))
+        weaker = np.sqrt(strength[rows, mine][:, None] / np.where(kept, strength, np.inf))
+        rule_m = np.maximum(blind_m, fine_m + blind_m * (1 - weaker) if fine_m else 0.0)
+        kept[rows, mine] = found[rows, mine] & ~np.any(kept & (apart_m <= rule_m), axis=1)
+    return kept
+
+
+def _wrapped(distance_m: Float[np.ndarray, "*n"], period_m: float) -> Float[np.ndarray, "*n"]:
+    """Return a distance modulo a period, in −½ … ½ of it."""
+    return distance_m if np.isinf(period_m) else distance_m - period_m * np.round(distance_m / period_m)
+
+
+def _metres_a_chip(band: Band) -> float:
+    return SPEED_OF_LIGHT_MPS / (E1C if band is Band.E1 else E6C).chip_rate_hz
+
+
+@cache
+def _e1_shape() -> tuple[tuple[np.ndarray, np.ndarray], float]:
+    """Return R over chips behind the search's filter, R(0) = 1, and the share of CBOC's power that it leaves."""
+    chips = np.linspace(0.0, 0.5, 51)
+    shape = band_limited_autocorrelation(BOC11, chips, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=_E1_BAND_HZ)
+    return (chips, shape / shape[0]), float(shape[0]) * MBOC[BOC11]
+
+
+@cache
+def _fine_sigma_m(integration_s: float) -> float:
+    """Return the noise of an E6 range at 0 dBHz, by which the root of C/N0 is to be divided."""
+    return snapshot_noise_bound_m(0.0, integration_s, _E6_BANDWIDTH_HZ)

@@ -1,0 +1,104 @@
+"""[WFO, Sec. VI-B] at levels 2 and 3 over 20 seeds: which check sees the zero-delay lift-off, when, and what is in use.
+
+scenarios/liftoff.toml: the counterfeit is on air from T = 500 s at −10 dB, on top of the true signal at 600 s, then
+rises to +4.5 dB by 720 s and leaves. A single line of sight: no position, no OSNMA of several satellites.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from vestige.campaign.direct import direct_results
+from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import proportion
+from vestige.scenario.load import load_scenario
+
+SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "liftoff.toml"
+SEEDS = range(600, 620)
+BEFORE, APPROACH, RISE = slice(0, 500), slice(500, 600), slice(600, 720)
+ALARMED_BY_S = 720
+
+
+@cache
+def run_of(seed: int, bands: str) -> tuple[xarray.Dataset, dict[int, LevelVerdicts]]:
+    settings = ('fidelity="correlators"', "processor.level=3", f"seed={seed}", f"attack.0.bands={bands}")
+    results = direct_results(ScenarioPlan(scenario=load_scenario(SCENARIO, settings)))
+    return results, {one.level: one for one in level_verdicts(results, (2, 3))}
+
+
+def first(found: LevelVerdicts, name: str, part: slice) -> int:
+    """Return the first second of a part in which a check failed, −1 if none."""
+    failed = np.flatnonzero(found.failed[name][part].any(axis=1))
+    return part.start + int(failed[0]) if failed.size else -1
+
+
+@pytest.mark.parametrize("level", [2, 3])
+def test_the_rise_is_detected_in_every_run(level: int) -> None:
+    """E6 power sees the fading from 611 s on, E6 C/N0 what fading leaves and what the sum is too strong by."""
+    strength, power = [], []
+    for seed in SEEDS:
+        found = run_of(seed, '["E6"]')[1][level]
+        strength.append(first(found, "E6 C/N0", RISE))
+        power.append(first(found, "E6 power", RISE))
+        assert found.alarm[ALARMED_BY_S:900].all()
+    assert min(power) >= 605
+    assert max(power) <= 650
+    assert min(strength) >= 640
+    assert 680 <= np.median(strength) <= 700
+    assert max(strength) < ALARMED_BY_S
+
+
+def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_level_2() -> None:
+    """At −10 dB it is no stronger than rays: of the harsh conditions they have −15.8 dB in the mean, Rayleigh.
+
+    It fades the true signal by 3.3 dB at the most, which E6 power misses more often than without it, in less than one
+    RECS of a hundred; at 35 dBHz a miss by chance is one in a thousand. No other check of level 2 sees anything.
+    """
+    missed = dict.fromkeys(("before", "approach"), 0)
+    for seed in SEEDS:
+        found = run_of(seed, '["E6"]')[1][3]
+        for name, failed in found.failed.items():
+            if name == "E6 power":
+                missed["before"] += int(np.count_nonzero(failed[BEFORE]))
+                missed["approach"] += int(np.count_nonzero(failed[APPROACH]))
+            else:
+                assert not failed[: APPROACH.stop].any(), name
+    quiet, approach = proportion(missed["before"], 500 * 20), proportion(missed["approach"], 100 * 20)
+    assert quiet.high < 2.5e-3
+    assert quiet.high < approach.value
+    assert approach.high < 1.2e-2
+
+
+def test_no_wrong_range_is_in_use_where_e1_is_left_alone() -> None:
+    for seed in SEEDS:
+        for found in run_of(seed, '["E6"]')[1].values():
+            assert np.nanmax(np.abs(found.range_error_m)) < 53  # 2 κσ
+
+
+def test_with_both_bands_every_wrong_range_that_is_in_use_is_counted() -> None:
+    """E1 goes along, up to 75 m. What is in use is AUTHENTIC or the earlier of two signals, and never far off."""
+    for seed in SEEDS:
+        results, verdicts = run_of(seed, '["E1", "E6"]')
+        assert np.max(results["truth_e1_error_m"].values) > 60
+        for found in verdicts.values():
+            assert first(found, "E1-E6 range", slice(700, 1000)) > 0
+            wrong = np.abs(np.nan_to_num(found.range_error_m)) > 53
+            assert not wrong.any()
+
+
+def test_what_needs_more_than_one_satellite_is_said_not_to_run() -> None:
+    verdicts = run_of(600, '["E6"]')[1]
+    assert set(verdicts[2].not_run) == {
+        "clock innovation",
+        "clock consistency",
+        "clock slope",
+        "RAIM",
+        "solution separation",
+    }
+    assert {"OSNMA availability", "OSNMA reception", "inertial range rate"} < set(verdicts[3].not_run)

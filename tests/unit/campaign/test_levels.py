@@ -1,0 +1,136 @@
+"""Levels over campaigns of a sky and of a single line of sight: which checks speak, and what is in use."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.sky_builder import CLEAN, sky_scenario
+
+from vestige.acas_processor.mitigation import LEVELS
+from vestige.campaign.direct import direct_results
+from vestige.campaign.levels import LevelVerdicts, level_verdicts, search_schedule
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import binomial_test
+from vestige.errors import VestigeError
+from vestige.records import Status
+
+ALL = np.ones(600, bool)
+MEACONER = 'attack=[{kind="meaconing", start_s=330, delay_s=1e-5, power_db=3}]'
+NULLED = (
+    'attack=[{kind="meaconing", start_s=330, delay_s=1e-5, power_db=3, reception_gain_db=20},'
+    '{kind="nulling", start_s=330, gain_db=-0.5, phase_error_rad=0.07}]'
+)
+
+
+def verdicts(*settings: str) -> dict[int, LevelVerdicts]:
+    scenario = sky_scenario(*CLEAN, "epochs=600", *settings)
+    return {one.level: one for one in level_verdicts(direct_results(ScenarioPlan(scenario=scenario)))}
+
+
+@pytest.fixture(scope="module")
+def meaconed() -> dict[int, LevelVerdicts]:
+    return verdicts(MEACONER)
+
+
+def test_without_an_attack_all_is_authentic() -> None:
+    for level, found in verdicts().items():
+        assert not found.first_failures(ALL)
+        assert not found.alarm.any()
+        assert np.all(found.state[30:] == list(Status).index(Status.AUTHENTIC))
+        assert np.all(found.range_error_m[::30] == 0)
+        assert not found.earlier.any()
+        assert set(found.failed) | set(found.not_run) == {row.name for row in LEVELS[level]}
+
+
+def test_level_1_takes_the_meaconer_and_level_2_the_earlier_signal(meaconed: dict[int, LevelVerdicts]) -> None:
+    after = slice(360, None, 30)
+    assert np.all(meaconed[1].range_error_m[after] > 2900)
+    assert not meaconed[1].alarm.any()
+    for level in (2, 3):
+        error_m = meaconed[level].range_error_m[after]
+        assert np.isfinite(error_m).mean() > 0.8
+        assert np.nanmax(np.abs(error_m)) < 30
+        assert np.all(meaconed[level].earlier[after] == np.isfinite(error_m))
+        assert meaconed[level].alarm[331:].all()
+    assert dict(meaconed[2].first_failures(ALL))["E1 vestigial search"] == 330
+
+
+def test_nothing_is_in_use_between_recs(meaconed: dict[int, LevelVerdicts]) -> None:
+    between = np.arange(600) % 30 != 0
+    assert np.all(np.isnan(meaconed[2].range_error_m[between]))
+
+
+def test_nulling_needs_the_exhaustive_search() -> None:
+    found = verdicts(NULLED)
+    assert "E1 vestigial search" not in dict(found[2].first_failures(ALL))
+    assert dict(found[3].first_failures(ALL))["E6 exhaustive search"] >= 330
+    assert found[3].searched[0]
+
+
+def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
+    """A lift-off and return between two RECS: 0 at each RECS, 100 m in between, which level 1 takes."""
+    attack = 'attack=[{kind="between-recs", start_s=300, top_m=100, power_db=3, period_s=30}]'
+    found = verdicts(attack)[1]
+    assert np.all(found.range_error_m[330::30] > 80)
+    assert np.all(found.range_error_m[:300:30] == 0)
+
+
+def test_a_single_line_of_sight_says_what_it_cannot_run() -> None:
+    settings = (
+        "epochs=60",
+        "receiver.accelerometers=none",
+        "constellation=none",
+        "trajectory=none",
+        "position=none",
+        "recs.every=1",
+        "interval_s=30",
+    )
+    scenario = sky_scenario(*CLEAN, *settings, "processor.level=3")
+    found = {one.level: one for one in level_verdicts(direct_results(ScenarioPlan(scenario=scenario)))}
+    assert {"clock slope", "RAIM", "solution separation"} <= set(found[2].not_run)
+    assert not {"E6 C/N0", "E1 vestigial search", "C/N0"} & set(found[2].not_run)
+    assert not found[3].alarm.any()
+    plain = sky_scenario(*CLEAN, *settings)
+    with pytest.raises(VestigeError, match="level 2 or 3"):
+        level_verdicts(direct_results(ScenarioPlan(scenario=plain)))
+
+
+def test_a_level_keeps_its_budget_of_false_alarms() -> None:
+    """Two-sided where a check is exact: the hour of a clean world, 6000 false alarms a day over twelve checks."""
+    scenario = sky_scenario(*CLEAN, "epochs=3600")
+    (found,) = level_verdicts(direct_results(ScenarioPlan(scenario=scenario)), (2,), alarms_a_day=6000.0)
+    for name in ("clock innovation", "clock consistency", "clock slope", "RAIM"):
+        share, tests = found.budget[name], int(np.count_nonzero(found.tests[name]))
+        assert tests > 3500
+        assert share.p_fa == pytest.approx(6000 / 12 / 86_400)
+        failed = int(np.count_nonzero(found.failed[name]))
+        # neighbouring epochs share a drift: half as many independent trials
+        assert binomial_test(failed // 2, tests // 2, share.p_fa) > 1e-4, name
+    for name, failed in found.failed.items():
+        share = found.budget[name]
+        bound = share.p_fa * np.count_nonzero(found.tests[name])
+        assert np.count_nonzero(failed) <= bound + 5 * np.sqrt(bound) + 1, name
+
+
+@given(st.data())
+def test_searches_are_scheduled(data: st.DataObject) -> None:
+    """At the start, after every suspicion at the next RECS, and not longer than the period without."""
+    n = data.draw(st.integers(1, 60))
+    recs = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
+    suspicious = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
+    twice = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
+    every = data.draw(st.integers(1, 20))
+    searched = search_schedule(recs, suspicious, twice, every)
+    assert not np.any(searched & ~recs)
+    places = np.flatnonzero(recs)
+    if places.size:
+        assert searched[places[0]]
+    for before, place in pairwise(places.tolist()):
+        if suspicious[before + 1 : place + 1].any() or (searched[before] and twice[before]):
+            assert searched[place]
+        elif searched[place]:
+            assert not searched[max(0, place - every + 1) : place].any()
