@@ -41,7 +41,7 @@ def of(status: list[int], used_m: list[float] | None = None, first: int = 0) -> 
         recs=np.ones(n, np.bool_),
         seen=everywhere,
         searched=np.zeros(n, np.bool_),
-        range_error_m=np.array([0.0] * n if used_m is None else used_m)[:, None],
+        range_error_m=np.array([0.0] * n if used_m is None else used_m, dtype=np.float64)[:, None],
         earlier=~everywhere,
     )
     position_m = np.abs(found.range_error_m[:, 0]) / 2
