@@ -67,7 +67,8 @@ def _attacks(cells: Sequence[Cell]) -> Table:
     runs = max(cell.found.detected.trials for cell in cells)
     title = f"{runs} runs of each scene; runs in which it is so, and 95 % intervals in %"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for name in ("attack", "level", "expected", "measured", "", "detected", "mitigated", "missed"):
+    table.add_column("attack", width=34)
+    for name in ("level", "expected", "measured", "", "detected", "mitigated", "missed"):
         table.add_column(name, no_wrap=True)
     for name in ("by\nchance", "alarm\nafter (s)", "worst\nrange (m)", "worst\nposition (m)"):
         table.add_column(name, justify="right", no_wrap=True)

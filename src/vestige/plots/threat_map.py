@@ -75,7 +75,7 @@ def _texts(cell: xarray.Dataset) -> tuple[str, str]:
     if not word:
         value, budget = (_short(float(cell[name].item())) for name in ("alarms_a_day", "budget_alarms_a_day"))
         return f"{mark} {value} alarms a day", f"budget {budget}"
-    expected = f" (expected: {cell['expected'].item()})" if how == "DIFFERS" else ""
+    expected = f", not: {cell['expected'].item()}" if how == "DIFFERS" else ""
     shares = [
         round(100 * float(cell[name].item()) / float(cell[f"{name}_of"].item()))
         for name in ("detected", "mitigated", "missed")
