@@ -62,9 +62,11 @@ def main() -> None:
     run("report", FOLDER / "quick.zarr", "-o", FOLDER / "quick.html")
     print("\n7. A replay of both bands, which level 1 cannot see: six runs, at each mitigation level.")
     run("threats", "--quick", "--only", "A3", "-j", "2")
-    print(f"\nFiles: {FOLDER}/, figures: {FOLDER}/figures/, a page to read in a browser: {FOLDER}/quick.html")
+    print(f"\nFiles: {FOLDER}/, figures: {FOLDER}/figures/, a page for a browser: {FOLDER}/quick.html")
     print("Next: all attacks: vestige threats --quick -j 2 -o threats; one of your own: docs/your_own_attack.md")
-    print(f"      vestige inspect {FOLDER}; vestige theory --paper; vestige run scenarios/harsh.toml -o harsh.zarr -j 2")
+    print(
+        f"      vestige inspect {FOLDER}; vestige theory --paper; vestige run scenarios/harsh.toml -o harsh.zarr -j 2"
+    )
 
 
 def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
