@@ -187,13 +187,15 @@ def _false_alarms(found: ThreatTable) -> list[Html]:
         texts = [_a_day(cell) if cell.measured and _without_attack(cell) else markup("") for cell in cells]
         if any(texts):
             rows.append((row["scene"], *(text or "–" for text in texts)))
-    return [table("False alarms of one satellite in a day, and the exact 95 % interval", head, rows)] if rows else []
+    return [table("False alarms that a user sees in a day, and the exact 95 % interval", head, rows)] if rows else []
 
 
 def _a_day(cell: Cell) -> Html:
     rate, low, high = (number(cell.value(f"alarms_a_day{part}"), 3) for part in ("", "_low", "_high"))
-    counted = f"{number(int(cell.value('alarms')))} of {number(int(cell.value('alarms_of')))} RECS"
-    return joined([f"{rate} ({low} to {high})", element("span", counted, class_="detail")])
+    counted = f"{number(int(cell.value('alarms')))} in {number(cell.value('days'), 3)} days"
+    budget = cell.value("budget_alarms_a_day")
+    allowed = f", at most {number(budget, 3)} a day" if budget >= 0 else ""
+    return joined([f"{rate} ({low} to {high})", element("span", counted + allowed, class_="detail")])
 
 
 def _reasons(found: ThreatTable) -> list[Html]:

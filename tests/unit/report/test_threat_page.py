@@ -51,8 +51,8 @@ def test_numbers_have_intervals(tmp_path: Path) -> None:
 
 def test_false_alarms_are_those_of_scenes_without_an_attack(tmp_path: Path) -> None:
     page = page_of(tmp_path, NOMINAL, {})
-    rows = rows_of(page, "False alarms of one satellite in a day, and the exact 95 % interval")
-    assert rows == {"clean": ["216 (166 to 275) 60 of 800 RECS", "–"]}
+    rows = rows_of(page, "False alarms that a user sees in a day, and the exact 95 % interval")
+    assert rows == {"clean": ["216 (166 to 275) 60 in 0.278 days, at most 62 a day", "–"]}
     assert rows_of(page, MATRIX)["clean"][0] == "pass 216 alarms a day"
     assert "False alarms" not in page_of(tmp_path, {})
 
