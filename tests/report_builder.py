@@ -32,7 +32,8 @@ THREAT_ROW = {
     "mitigated": "0", "mitigated_of": "20", "mitigated_low": "0", "mitigated_high": "0.17",
     "missed": "3", "missed_of": "20", "missed_low": "0.03", "missed_high": "0.38",
     "denied": "0", "denied_of": "20", "denied_low": "0", "denied_high": "0.17",
-    "by_chance": "2", "by_chance_of": "20", "alarms": "60", "days": "0.2778", "budget_alarms_a_day": "62", "alarms_a_day": "216",
+    "by_chance": "2", "by_chance_of": "20", "alarms": "60", "days": "0.2778",
+    "budget_alarms_a_day": "62", "alarms_a_day": "216",
     "alarms_a_day_low": "166", "alarms_a_day_high": "275", "time_to_detect_s": "90.0", "worst_accepted_m": "28.3",
     "shows": "", "note": "",
 }  # fmt: skip
