@@ -9,8 +9,10 @@ left in, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. One code o
 
 **Sign tables.** Five chips have 16 sign patterns but for a common sign. So every x(n) ± x(n+1) ± … ± x(n+4) is computed
 once, for all segments, offsets and codes, and a P_k is a sum of 32 or 64 table rows, added or subtracted after the sign
-of the group's first chip. Rows are read at 512 consecutive offsets, sixteen vectors of int16, without a multiplication,
-a branch or a look-up by sample. 320 chips within ±102 stay within int16: the sums are exact.
+of the group's first chip. Rows are read at 512 consecutive offsets, without a multiplication, a branch or a look-up by
+sample. They are bytes, half of a sum and 64: two of them are added in one byte, and only that is widened to int16. So
+less is read and added, and the tables of 4 ms, 1 MB for both parts, stay in the cache. At σ = 12 the halving adds noise
+33 dB below that of the samples, and a sum beyond 4.7 σ is cut; from the table rows on all is exact.
 
 **Doppler transform.** 256 points in two steps of 16: input k = b + 16 j, output m = r + 16 g,
 
@@ -34,22 +36,30 @@ from jaxtyping import Float32, Int8, Int16, Int32, Int64
 from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.segment_kernel import (
     CHIPS_IN_GROUP,
+    PATTERNS,
     SEGMENTS,
     TABLE_ROWS,
+    ZERO,
     fill_sign_table,
     scan,
 )
 from vestige.sample_processor.search.vector_ir import POINTS, SUM_WIDTH
 
-_TABLE_OFFSETS = 8192  # that share one set of tables: 4 ms need 1.8 MB of them
+_TABLE_OFFSETS = 16_384  # that share one set of tables
+
+_HALF_ROUNDED_UP = 0.25  # of a row, in the mean: every second sum is odd
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables: entries of segment k are bounds[k, 0] … bounds[k, 2], minus from [k, 1] on."""
+    """A code as rows of the sign tables: entries of segment k are bounds[k, 0] … bounds[k, 2], minus from [k, 1] on.
+
+    Both signs have an even number of them, if need be with a row of nothing. bounds[k, 3] is what they sum to where the
+    samples are zero.
+    """
 
     entries: Int32[np.ndarray, " groups"]
-    bounds: Int64[np.ndarray, "segments 3"]
+    bounds: Int64[np.ndarray, "segments 4"]
 
 
 class SegmentEngine:
@@ -61,7 +71,7 @@ class SegmentEngine:
         ±1; 1, 2, 4, 8 or 16 ms of chips each.
     """
 
-    block = 16 * _TABLE_OFFSETS
+    block = 8 * _TABLE_OFFSETS
 
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
         grid = GRIDS[codes.shape[1]]
@@ -70,7 +80,7 @@ class SegmentEngine:
         self._table_length = -(-(_TABLE_OFFSETS + codes.shape[1]) // 32) * 32
         self._plans = [_plan(code, grid.segment_chips, self._segments, self._table_length) for code in codes]
         k = np.arange(POINTS)
-        turns = np.exp(-2j * np.pi * np.outer(k, k) / POINTS**2).astype(np.complex64)
+        turns = 2 * np.exp(-2j * np.pi * np.outer(k, k) / POINTS**2).astype(np.complex64)
         self._turns = turns.reshape(-1).view(np.float32)
         segment_s = grid.segment_chips / CHIP_RATE_HZ
         outermost_hz = grid.reach * grid.spacing_hz + grid.sub_bin_hz
@@ -82,7 +92,7 @@ class SegmentEngine:
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset; chips within ±127."""
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
-        tables = np.empty((2, TABLE_ROWS, self._table_length), np.int16)
+        tables = np.empty((2, TABLE_ROWS, self._table_length), np.uint8)
         stretch = np.zeros(self._table_length + CHIPS_IN_GROUP, np.int16)
         for grid in range(chips.shape[0]):
             for first in range(0, n_offsets, _TABLE_OFFSETS):
@@ -104,6 +114,7 @@ class SegmentEngine:
                         self._turns,
                         powers,
                     )
+                    powers = powers.reshape(-1, 2, 32).swapaxes(1, 2).reshape(-1)  # even and odd offsets in turn
                     out[grid, first : first + count] = powers[:count]
         return best
 
@@ -115,10 +126,13 @@ def _plan(code: Int8[np.ndarray, " chips"], segment_chips: int, n_segments: int,
     pattern = ((signs[:, 1:] * first[:, None] > 0) << np.arange(CHIPS_IN_GROUP - 1)).sum(axis=1)
     chip = CHIPS_IN_GROUP * np.arange(first.size)
     segment = chip // segment_chips
-    order = np.lexsort((-first, segment))  # by segment, plus before minus
     total = -(-code.size // (segment_chips * n_segments)) * n_segments
-    count = np.bincount(segment, minlength=total)
-    ends = np.cumsum(count)
-    plus = np.bincount(segment[first > 0], minlength=total)
-    bounds = np.stack([ends - count, ends - count + plus, ends], axis=1)
-    return _Plan((pattern * table_length + chip)[order].astype(np.int32), bounds.astype(np.int64))
+    count = np.stack([np.bincount(segment[first == sign], minlength=total) for sign in (1, -1)], axis=1)
+    odd_segment, odd_minus = np.nonzero(count % 2)  # these get a row of nothing
+    group_of = 2 * np.concatenate([segment, odd_segment]) + np.concatenate([first < 0, odd_minus])
+    entry = np.concatenate([pattern * table_length + chip, np.full(odd_segment.size, PATTERNS * table_length)])
+    plus, minus = (count + count % 2).T
+    ends = np.cumsum(plus + minus)
+    zero = np.rint(ZERO * (plus - minus) + _HALF_ROUNDED_UP * (count[:, 0] - count[:, 1]))
+    bounds = np.stack([ends - minus - plus, ends - minus, ends, zero], axis=1)
+    return _Plan(entry[np.argsort(group_of, kind="stable")].astype(np.int32), bounds.astype(np.int64))

@@ -19,32 +19,46 @@ from vestige.sample_processor.search.vector_ir import (
 
 CHIPS_IN_GROUP = 5
 BINS_STORED = 2 * 27 + 1  # of each of two groups
-TABLE_ROWS = 1 << (CHIPS_IN_GROUP - 1)
+PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
+TABLE_ROWS = PATTERNS + 1  # the last is that of an empty group
+ZERO = 64  # the byte that stands for nothing; two rows stay below 256
 SEGMENTS = 128  # in a group; 64 and 32 for 2 ms and 1 ms
 ROW = SUM_WIDTH + LANES  # of partial sums: padded, so that rows do not fall on the same cache lines
+_STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
 
 
 @njit(cache=True, nogil=True)
 def fill_sign_table(x, table):
-    """Fill int16 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4]: bit j − 1 of the row number set for +x[n+j]."""
-    n = table.shape[1]
-    table[0, :] = x[:n]
-    for j in range(1, CHIPS_IN_GROUP):
-        rows = 1 << (j - 1)
-        later = x[j : j + n]
-        for p in range(rows):
-            low, high = table[p], table[p + rows]
+    """Fill uint8 `table`[17, n] with half of x[n] ± x[n+1] ± … ± x[n+4], and `ZERO`.
+
+    Bit j − 1 of the row is set for +x[n+j]. Halves are rounded up, and what is beyond ±64 is cut.
+    """
+    table[PATTERNS, :] = ZERO
+    wide = np.empty((PATTERNS, _STRETCH), np.int16)
+    for first in range(0, table.shape[1], _STRETCH):
+        n = min(_STRETCH, table.shape[1] - first)
+        wide[0, :n] = x[first : first + n]
+        for j in range(1, CHIPS_IN_GROUP):
+            rows = 1 << (j - 1)
+            later = x[first + j : first + j + n]
+            for p in range(rows):
+                low, high = wide[p], wide[p + rows]
+                for i in range(n):
+                    a, b = low[i], later[i]
+                    high[i] = a + b
+                    low[i] = a - b
+        for p in range(PATTERNS):
+            row, out = wide[p], table[p, first : first + n]
             for i in range(n):
-                a, b = low[i], later[i]
-                high[i] = a + b
-                low[i] = a - b
+                half = np.int16((row[i] + 1 + 2 * ZERO) >> 1)
+                out[i] = np.uint8(min(max(half, np.int16(0)), np.int16(2 * ZERO - 1)))
 
 
 @njit(cache=True, nogil=True)
 def _partial_sums(table, entries, bounds, first_segment, n_segments, base, sums):
     for k in range(n_segments):
-        low, middle, high = bounds[first_segment + k]
-        signed_row_sum(table, entries, low, middle, high, base, sums, k * ROW)
+        low, middle, high, zero = bounds[first_segment + k]
+        signed_row_sum(table, entries, low, middle, high, zero, base, sums, k * ROW)
 
 
 @njit(nogil=True)
@@ -63,18 +77,20 @@ def _first_stage(sums_re, sums_im, lane, n_segments, turns, points):
 def scan(table_re, table_im, entries, bounds, n_segments, stride, turns, out):
     """Raise `out` to the largest power over the Doppler bins at the offsets 0, 1, …; a multiple of SUM_WIDTH of them.
 
+    Of 64 offsets the 32 even ones come first, as `signed_row_sum` leaves them.
+
     Parameters
     ----------
     table_re, table_im
         Flat sign tables.
     entries, bounds
-        Plan of the code: `segment_engine.plan`.
+        Plan of the code: `segment_engine._plan`.
     n_segments
         128, or 64 or 32 for 2 ms and 1 ms.
     stride
         Only every `stride`-th bin is wanted.
     turns
-        float32[16 · 16 · 2], exp(−j2π b r / 256).
+        float32[16 · 16 · 2], 2 exp(−j2π b r / 256): the tables hold halves.
     """
     groups = bounds.shape[0] // n_segments
     sums_re, sums_im = np.zeros(SEGMENTS * ROW, np.int16), np.zeros(SEGMENTS * ROW, np.int16)

@@ -1,4 +1,4 @@
-"""Vector instructions for the segment engine, written as LLVM code: sums of int16 rows, and DFTs of float32 lanes.
+"""Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs of float32 lanes.
 
 numba vectorises simple loops, but it cannot keep eight vectors in registers over a loop, nor unroll a DFT whose lanes
 are search offsets. So three short pieces are emitted here as intrinsics; LLVM legalises the vectors for AVX-512, AVX2
@@ -18,13 +18,13 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 LANES = 16  # float32 numbers of a vector of 512 bit
-SUM_WIDTH = 512  # offsets that `signed_row_sum` adds at once: sixteen vectors of int16
+SUM_WIDTH = 512  # offsets that `signed_row_sum` adds at once: eight vectors of bytes, sixteen of int16
 POINTS = 16  # of one DFT
 
+_BYTES = ir.VectorType(ir.IntType(8), 64)
 _INT16 = ir.VectorType(ir.IntType(16), 32)
 _SHORT = ir.VectorType(ir.IntType(16), LANES)
 _FLOAT = ir.VectorType(ir.FloatType(), LANES)
-_INT32 = ir.VectorType(ir.IntType(32), LANES)
 _FLAGS = ("contract",)  # a product and a sum may become one instruction
 
 
@@ -99,10 +99,10 @@ def _dft(x):
     return [value for pair in zip(even, odd, strict=True) for value in pair]
 
 
-def _splat(builder, value):
-    one = builder.insert_element(ir.Constant(_FLOAT, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    mask = ir.Constant(_INT32, [0] * LANES)
-    return builder.shuffle_vector(one, ir.Constant(_FLOAT, ir.Undefined), mask)
+def _splat(builder, value, vector):
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
+    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
 
 
 def _literal(value):
@@ -112,29 +112,48 @@ def _literal(value):
 
 
 @intrinsic
-def signed_row_sum(typing_context, table, entries, first, middle, last, base, out, out_index):
-    """Store SUM_WIDTH sums of table[entry + base + i] at `out[out_index:]`: entries first … middle less the rest."""
+def signed_row_sum(typing_context, table, entries, first, middle, last, zero, base, out, out_index):
+    """Store SUM_WIDTH sums of table[entry + base + i] at `out[out_index:]`: entries first … middle less the rest.
+
+    `zero` is taken off each sum. The rows are bytes up to 127, and entries come in pairs, so a pair of rows is added
+    byte by byte; then all odd bytes and all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶.
+    Of 64 sums in a row the 32 of even i are stored first, then those of odd i.
+    """
 
     def codegen(context, builder, signature, arguments):
-        n_table, n_entries, low, mid, high, start, n_out, where = arguments
+        n_table, n_entries, low, mid, high, zero, start, n_out, where = arguments
         source = _Lanes(context, builder, signature.args[0], n_table)
         entry = _Lanes(context, builder, signature.args[1], n_entries)
-        target = _Lanes(context, builder, signature.args[6], n_out)
-        width = _INT16.count
-        sums = [cgutils.alloca_once_value(builder, ir.Constant(_INT16, [0] * width)) for _ in range(SUM_WIDTH // width)]
+        target = _Lanes(context, builder, signature.args[7], n_out)
+        width = _BYTES.count
+        eight = ir.Constant(_INT16, [8] * _INT16.count)
+        less = builder.neg(builder.trunc(zero, ir.IntType(16)))
+        odd_less = _splat(builder, less, _INT16)
+        word_less = _splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _INT16)
+        words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // width)]
+        odds = [cgutils.alloca_once_value(builder, odd_less) for _ in words]
         for begin, end, combine in ((low, mid, builder.add), (mid, high, builder.sub)):
-            with cgutils.for_range_slice(builder, begin, end, ir.Constant(begin.type, 1)) as (i, _):
-                offset = builder.sext(builder.load(builder.gep(entry.data, [i])), ir.IntType(64))
-                place = builder.add(offset, start)
-                for v, total in enumerate(sums):
-                    index = builder.add(place, ir.Constant(place.type, v * width))
-                    builder.store(combine(builder.load(total), source.load(index, _INT16, 2)), total)
-        for v, total in enumerate(sums):
-            target.store(builder.load(total), builder.add(where, ir.Constant(where.type, v * width)), 2)
+            with cgutils.for_range_slice(builder, begin, end, ir.Constant(begin.type, 2)) as (i, _):
+                places = []
+                for k in (0, 1):
+                    index = builder.add(i, ir.Constant(i.type, k))
+                    offset = builder.sext(builder.load(builder.gep(entry.data, [index])), ir.IntType(64))
+                    places.append(builder.add(offset, start))
+                for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
+                    shift = ir.Constant(start.type, v * width)
+                    rows = [source.load(builder.add(place, shift), _BYTES, 1) for place in places]
+                    pair = builder.bitcast(builder.add(*rows), _INT16)
+                    builder.store(combine(builder.load(word), pair), word)
+                    builder.store(combine(builder.load(odd), builder.lshr(pair, eight)), odd)
+        for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
+            place = builder.add(where, ir.Constant(where.type, v * width))
+            odd_sum = builder.load(odd)
+            target.store(builder.sub(builder.load(word), builder.shl(odd_sum, eight)), place, 2)
+            target.store(odd_sum, builder.add(place, ir.Constant(place.type, _INT16.count)), 2)
         return context.get_dummy_value()
 
     i64 = types.int64
-    return types.void(table, entries, i64, i64, i64, i64, out, i64), codegen
+    return types.void(table, entries, i64, i64, i64, i64, i64, out, i64), codegen
 
 
 @intrinsic
@@ -158,7 +177,11 @@ def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, turns, tu
             x[j] = _Complex(builder, *(builder.sitofp(part.load(place, _SHORT, 2), _FLOAT) for part in parts))
         for r, y in enumerate(_dft(x)):
             w = [
-                _splat(builder, builder.load(builder.gep(factor.data, [builder.add(turn, ir.Constant(turn.type, k))])))
+                _splat(
+                    builder,
+                    builder.load(builder.gep(factor.data, [builder.add(turn, ir.Constant(turn.type, k))])),
+                    _FLOAT,
+                )
                 for k in (2 * r, 2 * r + 1)
             ]
             z = y.times(*w)
