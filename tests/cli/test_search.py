@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -55,7 +58,9 @@ def test_handover_finds_each_recs_once(night: Path) -> None:
         (3, False, 1),
         (8, False, 1),
     ]
-    text = invoke(search, "handover", night, "--svids", "3", "--uncertainty-s", "0.1").stdout
+    told = invoke(search, "handover", night, "--svids", "3", "--uncertainty-s", "0.1")
+    assert re.search(r"E03  \d+ hypotheses, P_FA 0.001: threshold \d\.\d\d σ, .* dBHz for P_d 0.9", told.stderr)
+    text = told.stdout
     assert "true: the earliest" in text
 
 
@@ -109,10 +114,10 @@ def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypat
     run = ExhaustiveSearch.run
 
     def killed(*arguments: object, **options: object) -> object:
-        states = run(*arguments, **options)  # type: ignore[arg-type]
-        yield next(states)
-        yield next(states)
-        raise SystemError("power cut")
+        with closing(run(*arguments, **options)) as states:  # type: ignore[arg-type]
+            yield next(states)
+            yield next(states)
+            raise SystemError("power cut")
 
     monkeypatch.setattr(ExhaustiveSearch, "run", killed)
     monkeypatch.setattr("vestige.cli.search_report.REPORT_EVERY_S", -1.0)
@@ -128,6 +133,12 @@ def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypat
     other = invoke(search, *command, "-o", cut, "--p-fa-overall", "0.01").exception
     assert isinstance(other, VestigeError)
     assert "search of another P_FA" in str(other)
+    swapped = tmp_path / "swapped"
+    shutil.copytree(night, swapped)
+    samples = swapped / "e6.sigmf-data"
+    samples.write_bytes(samples.read_bytes()[::-1])
+    other = invoke(search, "exhaustive", swapped, *command[2:], "-o", cut).exception
+    assert "search of another recording" in str(other)
 
 
 def test_what_came_when_the_key_may_have_been_known_proves_nothing(night: Path) -> None:

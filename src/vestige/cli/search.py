@@ -40,6 +40,7 @@ _uncertainty = click.option(
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 _plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
+_IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
 
@@ -131,7 +132,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         secret_until,
     )
     from vestige.cli.search_figure import SearchFigure
-    from vestige.cli.search_report import Answer, print_answers
+    from vestige.cli.search_report import Answer, places_line, print_answers
     from vestige.records import Band
     from vestige.sample_processor.search.e1_search import search_e1
 
@@ -161,6 +162,8 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         until = secret_until(assistance, code, around_s)
         decision = decide_vestigial(code.svid, peaks, until)
         answers.append(Answer(decision=decision, budget=budget, secret_until=until))
+        if budget.hypotheses:
+            click.echo(places_line(code.svid, budget), err=True)
     figure.write([(one.decision, one.budget) for one in answers])
     print_answers(answers, as_json=as_json)
 
@@ -248,8 +251,9 @@ def _log(
     if options["output"] is None:
         return None
     secret = sha256(b"".join(code.chips.tobytes() for code in codes)).hexdigest()
+    head = sha256(e6.read(e6.first_sample, min(e6.n_samples, _IDENTIFYING_SAMPLES)).samples.tobytes()).hexdigest()
     of = {
-        "recording": f"{e6.n_samples} samples from {e6.start} at {e6.file.sample_rate_hz} Hz",
+        "recording": f"{e6.n_samples} samples from {e6.start} at {e6.file.sample_rate_hz} Hz, {head[:16]}",
         "RECS": " ".join(f"E{code.svid:02d} {code.transmit_time}" for code in codes) + " " + secret[:16],
         "integration time": search.integration_s,
         "Doppler span": search.doppler_span_hz,

@@ -54,6 +54,14 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
         click.echo(f"{name:26}{value}", err=True)
 
 
+def places_line(svid: int, budget: SearchBudget) -> str:
+    """Return what a hand-over search of one RECS tested, and what it could find."""
+    return (
+        f"E{svid:02d}  {budget.hypotheses:.4g} hypotheses, P_FA {budget.pfa_overall:g}: threshold "
+        f"{budget.threshold:.2f} σ, {budget.required_cn0_dbhz:.2f} dBHz for P_d 0.9 on the grid"
+    )
+
+
 def follow(
     states: Iterable[SearchState],
     *,

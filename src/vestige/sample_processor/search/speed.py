@@ -9,7 +9,7 @@ import numpy as np
 
 from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch
 
-_OFFSETS = 8192  # that are timed: 10 to 60 ms
+_OFFSETS = 16_384  # that are timed: 5 to 60 ms
 
 
 def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
