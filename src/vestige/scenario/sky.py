@@ -24,6 +24,7 @@ from vestige.time import GalileoTime
 
 _GRID_S = 60.0  # a satellite that is above the mask for less than this may be left out
 _MOST_TIMES = 3000
+_LARGEST_SPEED_MPS = 1000.0
 _LARGEST_ACCELERATION_MPS2 = 100.0  # 10 g
 _AFTER_S = 1.0  # signals of the last epoch are under way for less
 
@@ -58,11 +59,11 @@ class Constellation(Section):
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that is to be simulated, by ascending SVID."""
-        found = {one.svid: one for one in self.ephemerides(start) if not self.svids or one.svid in self.svids}
+        found = {one.svid: one for one in self.ephemerides(start)}
         missing = sorted(set(self.svids) - set(found))
         if missing:
             raise MisfitError("constellation.svids", missing[0], f"one of {sorted(found)}")
-        return tuple(found[svid] for svid in sorted(found))
+        return tuple(found[svid] for svid in sorted(set(self.svids) or found))
 
 
 class WalkerConstellation(Constellation):
@@ -76,7 +77,10 @@ class WalkerConstellation(Constellation):
 
 
 class RinexConstellation(Constellation):
-    """The satellites of a RINEX navigation file; a relative path starts at the scenario file."""
+    """The satellites of a RINEX navigation file; a relative path starts at the scenario file.
+
+    Those whose E1-B the file calls out of order are left out: no receiver uses them.
+    """
 
     kind: Literal["rinex"]
     path: Annotated[str, Field(min_length=1)]
@@ -95,9 +99,9 @@ class RinexConstellation(Constellation):
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that there is."""
-        found = tuple(nearest_ephemerides(self._ephemerides, start).values())
+        found = tuple(one for one in nearest_ephemerides(self._ephemerides, start).values() if one.healthy)
         if not found:
-            raise MisfitError("constellation.path", f"no ephemeris that is valid at {start}", "one of its day")
+            raise MisfitError("constellation.path", f"no healthy satellite's ephemeris of {start}", "one of its day")
         return found
 
 
@@ -127,7 +131,7 @@ class CircleTable(Section):
     longitude_deg: Degrees
     height_m: Height = 0.0
     radius_m: Annotated[float, Field(ge=0.1, le=1e6)]
-    speed_mps: Annotated[float, Field(ge=0, le=1000)]
+    speed_mps: Annotated[float, Field(ge=0, le=_LARGEST_SPEED_MPS)]
 
     @field_validator("speed_mps")
     @classmethod
@@ -171,9 +175,22 @@ class WaypointsTable(Section):
         begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
         if begin_s > first_s or end_s < last_s:
             raise MisfitError(
-                "trajectory.path", f"waypoints from {begin_s:g} to {end_s:g} s", f"from {first_s:g} to {last_s:g} s"
+                "trajectory.path",
+                f"waypoints from {begin_s:g} to {end_s:g} s",
+                f"from {first_s + 0.0:g} to {last_s:g} s",
             )
-        return WaypointTrajectory.from_geodetic(self._points)
+        way = WaypointTrajectory.from_geodetic(self._points)
+        middles_s = (way.time_s[1:] + way.time_s[:-1]) / 2
+        for name, value, limit, unit in (
+            ("speed", way.motion(middles_s).velocity_mps, _LARGEST_SPEED_MPS, "m/s"),
+            ("acceleration", way.motion(way.time_s).acceleration_mps2, _LARGEST_ACCELERATION_MPS2, "m/s²"),
+        ):
+            size = np.linalg.norm(value, axis=1)
+            worst = int(np.argmax(size))
+            if size[worst] > limit:
+                found = f"{name} {size[worst]:.3g} {unit} at waypoint {worst + 1}"
+                raise MisfitError("trajectory.path", found, f"at most {limit:g} {unit}")
+        return way
 
 
 class PositionTable(Section):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from datetime import date, time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 LARGEST_NUMBER = 1e15
+_DEEPEST = 20  # tables and lists in each other; the deepest that means anything is 5
 _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
@@ -119,14 +122,17 @@ def _copy(value: Any) -> Any:
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
     """Return what the tables describe, or raise the first thing that is wrong with its place.
 
+    A number is a number only, neither a text nor a truth value that could be taken for one. TOML has lists and tables
+    where the models have tuples and objects, as JSON has: hence the detour.
+
     Raises
     ------
     InputFileError
-        For an unknown key, a missing one, or a value outside its range.
+        For an unknown key, a missing one, or a value of another type or outside its range.
     """
-    _check_numbers(raw, "", path)
+    _check_values(raw, "", path)
     try:
-        return adapter.validate_python(raw, context={"folder": path.parent})
+        return adapter.validate_json(json.dumps(raw), strict=True, context={"folder": path.parent})
     except ValidationError as error:
         first = error.errors()[0]
         place = _place(raw, first["loc"])
@@ -141,6 +147,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         raise InputFileError(path, place or "top level", found, expected) from error
 
 
+_NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
 # type of an error of pydantic: what was expected, in our words
 _EXPECTED = {
     "missing": "a value: the key is needed",
@@ -151,13 +158,10 @@ _EXPECTED = {
     "multiple_of": "a multiple of {multiple_of:g}",
     "finite_number": "a finite number",
     "literal_error": "{expected}",
-    "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "bool_type": "true or false",
-    "bool_parsing": "true or false",
+    "int_type": _WHOLE,
+    "int_from_float": _WHOLE,
+    "float_type": _NUMBER,
+    "bool_type": _TRUTH,
     "string_type": "a text",
     "list_type": "a list",
     "tuple_type": "a list",
@@ -176,6 +180,12 @@ def _found_and_expected(first: ErrorDetails, keys: Iterable[str]) -> tuple[objec
         return f"an unknown key {unknown}", near[0] if near else "one of those in docs/scenarios.md"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
+        if isinstance(found, str) and expected in (
+            _NUMBER,
+            _WHOLE,
+            _TRUTH,
+        ):  # "40" looks like a number without its quotes
+            found = f'the text "{found}"'
         return found, expected.format(**first.get("ctx", {}))
     return found, first["msg"].removeprefix("Value error, ")
 
@@ -187,14 +197,21 @@ def _keys(schema: Any) -> set[str]:
     return set().union(*map(_keys, schema)) if isinstance(schema, list) else set()
 
 
-def _check_numbers(value: Any, place: str, path: Path) -> None:
-    """Raise if a number is not finite or beyond all reason; only the power of an attack may be −inf dB."""
+def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
+    """Raise if a number is not finite or beyond all reason, a value a bare date, or the nesting without end.
+
+    Only the power of an attack may be −inf dB.
+    """
+    if depth > _DEEPEST:
+        raise InputFileError(path, f"{place[:40]}…", "tables and lists in each other", f"at most {_DEEPEST}")
     if isinstance(value, dict):
         for key, inner in value.items():
-            _check_numbers(inner, f"{place}.{key}" if place else key, path)
+            _check_values(inner, f"{place}.{key}" if place else key, path, depth + 1)
     elif isinstance(value, list):
         for index, inner in enumerate(value):
-            _check_numbers(inner, f"{place}.{index}", path)
+            _check_values(inner, f"{place}.{index}", path, depth + 1)
+    elif isinstance(value, date | time):  # a datetime is a date
+        raise InputFileError(path, place, value, "a text in quotes, or a number")
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
         if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
             return  # no power

@@ -18,8 +18,33 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ("receiver.cn0_dbhz=none", "receiver.cn0_dbhz: found nothing, expected a value: the key is needed"),
         ("receiver.cn0_dbhz=90", "receiver.cn0_dbhz: found 90, expected at most 80"),
         ("receiver.cn0_dbhz=-1", "receiver.cn0_dbhz: found -1, expected at least 0"),
-        ('receiver.cn0_dbhz="x"', "receiver.cn0_dbhz: found x, expected a number"),
+        ('receiver.cn0_dbhz="x"', 'receiver.cn0_dbhz: found the text "x", expected a number'),
+        ('receiver.cn0_dbhz="40"', 'receiver.cn0_dbhz: found the text "40", expected a number'),
+        ("receiver.cn0_dbhz=true", "receiver.cn0_dbhz: found True, expected a number"),
         ("epochs=1.5", "epochs: found 1.5, expected a whole number"),
+        ("epochs=12.0", "epochs: found 12.0, expected a whole number"),
+        ('epochs="12"', 'epochs: found the text "12", expected a whole number'),
+        ("epochs=true", "epochs: found True, expected a whole number"),
+        ("receiver.e1_multipath=1", "receiver.e1_multipath: found 1, expected true or false"),
+        ('receiver.e1_multipath="yes"', 'receiver.e1_multipath: found the text "yes", expected true or false'),
+        ("start=12", "start: found 12, expected a text"),
+        (
+            "start=2026-11-21T16:00:00",
+            "start: found datetime.datetime(2026, 11, 21, 16, 0), expected a text in quotes, or a number",
+        ),
+        (
+            'attack=[{kind="osnma-denial", j_over_n_db="10"}]',
+            'attack.0.j_over_n_db: found the text "10", expected a number',
+        ),
+        ('attack=[{kind="osnma-denial", j_over_n_db=true}]', "attack.0.j_over_n_db: found True, expected a number"),
+        (
+            'attack=[{kind="osnma-denial", j_over_n_db=10, start_s=true}]',
+            "attack.0.start_s: found True, expected a number",
+        ),
+        (
+            'attack=[{kind="osnma-denial", j_over_n_db=10, svids=["7"]}]',
+            'attack.0.svids.0: found the text "7", expected a whole number',
+        ),
         ("interval_s=0.15", "interval_s: found 0.15, expected a multiple of 0.1"),
         ("receiver=3", "receiver: found 3, expected a table"),
         ("receiver.multipath=3", "receiver.multipath: found 3, expected a table"),
@@ -33,3 +58,8 @@ def test_errors_in_our_words(setting: str, text: str) -> None:
     with pytest.raises(InputFileError) as caught:
         load_scenario(QUICK, (setting,))
     assert str(caught.value) == f"{QUICK}: {text}"
+
+
+def test_endless_nesting_is_one_line() -> None:
+    with pytest.raises(InputFileError, match=r"expected at most 20$"):
+        load_scenario(QUICK, ("attack=" + 300 * "[" + 300 * "]",))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,10 @@ import pytest
 from tests.sky_builder import SCENARIO, sky_scenario
 
 from vestige.errors import VestigeError
+from vestige.receiver.constellation import walker_ephemerides
 from vestige.receiver.trajectory import WaypointTrajectory
+from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.time import GalileoTime
 
 WAYPOINTS = "time_s,latitude_deg,longitude_deg,height_m\n"
 
@@ -59,6 +63,40 @@ def test_waypoints_reach_over_the_whole_run(tmp_path: Path, last_s: float, fits:
     effects = scenario.simulations[0].elevation
     assert effects is not None
     assert isinstance(effects.path.trajectory, WaypointTrajectory)
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"),
+    [
+        ("-10,48.1,11.6,500\n70,-48.1,11.6,500\n", "speed 1.18e+05 m/s at waypoint 1"),
+        (
+            "-10,48,11,0\n30,48,11,0\n31,48,11.01,0\n32,48,11,0\n70,48,11,0\n",
+            "acceleration 2.28e+03 m/s² at waypoint 3",
+        ),
+    ],
+)
+def test_waypoints_that_no_receiver_passes(tmp_path: Path, rows: str, found: str) -> None:
+    """The first is a chord of nearly 1.5 radii of the Earth in 80 s, the second 746 m to the east for a moment.
+
+    With legs of 40, 1, 1 and 38 s the equations of the natural spline give −12.15/3.975 of that as the middle's bend.
+    """
+    (tmp_path / "way.csv").write_text(WAYPOINTS + rows, encoding="utf-8")
+    (tmp_path / "sky.toml").write_text(SCENARIO.read_text(encoding="utf-8"), encoding="utf-8")
+    with pytest.raises(VestigeError) as caught:
+        sky_scenario("epochs=60", 'trajectory={kind="waypoints", path="way.csv"}', path=tmp_path / "sky.toml")
+    assert f"trajectory.path: found {found}, expected at most" in str(caught.value)
+
+
+def test_a_satellite_out_of_service_is_left_out(tmp_path: Path) -> None:
+    start = GalileoTime.parse("2026-11-21T16:00:00 GST")
+    ephemerides = [replace(one, e1b_health=int(one.svid == 7)) for one in walker_ephemerides(start)]
+    write_rinex_navigation(tmp_path / "sky.rnx", ephemerides)
+    (tmp_path / "sky.toml").write_text(SCENARIO.read_text(encoding="utf-8"), encoding="utf-8")
+    table = 'constellation={kind="rinex", path="sky.rnx", mask_deg=5.0}'
+    scenario = sky_scenario(table, path=tmp_path / "sky.toml")
+    svids = [one.svid for one in scenario.simulations]
+    assert 7 not in svids
+    assert {6, 8, 12, 13, 14, 23, 24} <= set(svids)
 
 
 def test_each_satellite_has_the_strength_of_its_highest_elevation() -> None:
