@@ -47,7 +47,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         for name, settings in RUNS.items()
     }
     table = threat_folder(folder / "threats", {}, {"scene": "two", "level_1": "DIFFERS", "note": "why"}) / TABLE
-    made_pages["threats"] = threat_page(table, "threats", version="1")
+    made_pages["threats"] = threat_page(table, "threats")
     for name, page in made_pages.items():
         write_page(page, folder / f"{name}.html")
     return {name: (folder / f"{name}.html").as_uri() for name in made_pages}

@@ -46,6 +46,9 @@ def test_a_row_with_its_expectation_and_what_differs() -> None:
     assert "DIFFERS" in row
     assert "6 (54–100)" in row
     assert any("A14 E6 a chip behind E1, level 1: differs: an attacker" in line for line in lines)
+    place = next(place for place, line in enumerate(lines) if "Level 1: checks that failed" in line)
+    (row,) = (line for line in lines[place:] if line.startswith(" A14 E6 a chip behind E1"))
+    assert "E1-E6 range 6/6, 60 s" in row
 
 
 def test_nominal_scenes_have_false_alarms_a_day() -> None:
@@ -71,6 +74,8 @@ def test_one_json_object(tmp_path: Path) -> None:
     assert (first["threat"], first["level"], first["detected"], first["detected_of"]) == ("A1", 1, 1, 1)
     assert first["worst_accepted_m"] is None
     assert second["word"] == third["word"] == "mitigated"
+    assert first["checks"][0]["name"] == "E6 power"
+    assert (first["checks"][0]["time_s"], first["checks"][0]["failed"]["successes"]) == (0.0, 1)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "runs.csv",
         "threats.csv",

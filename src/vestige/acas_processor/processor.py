@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.alarm import StateChange
+from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_position
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
@@ -62,6 +63,8 @@ class Step:
         One for each satellite.
     changes
         Satellites of which something else is shown than before.
+    position
+        The one that the snapshot authenticates; None without orbits or with too few ranges.
     state
         What the next snapshot needs.
     """
@@ -69,6 +72,7 @@ class Step:
     measurement: Measurement
     verdicts: tuple[Verdict, ...]
     changes: tuple[StateChange, ...]
+    position: AuthenticPosition | None
     state: WatchState
 
 
@@ -150,7 +154,8 @@ class AcasProcessor:
         state, further = self.watch.step(self.level, state, snapshot, measurement, assistance, failed=failed)
         verdicts = decide(measurement, self.level, self.limits, further.checks, further.true_offset_m)
         state, changes = self.watch.learn(state, snapshot, measurement, verdicts)
-        return Step(measurement=measurement, verdicts=verdicts, changes=changes, state=state)
+        position = authentic_position(self.watch.fix, snapshot.time, snapshot.observations, verdicts, state.alarm.shown)
+        return Step(measurement=measurement, verdicts=verdicts, changes=changes, position=position, state=state)
 
     @property
     def limits(self) -> Limits:

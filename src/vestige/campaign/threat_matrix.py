@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import numpy as np
 from vestige.campaign.direct import direct_results
 from vestige.campaign.level_positions import position_error_m
 from vestige.campaign.levels import level_verdicts
+from vestige.campaign.origin import vestige_version
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.threat_outcome import Agreement, RunOutcome, SceneOutcome, agreement, run_outcome, scene_outcome
 from vestige.campaign.threat_runs import RUNS, Key, line_of, read_runs, write_runs
@@ -239,5 +239,5 @@ def _runs(
 
 
 def _digest(scenario: CampaignScenario, window_s: tuple[float, float]) -> str:
-    text = f"{version('vestige')} {window_s} {scenario.model_dump_json()}"
+    text = f"{vestige_version()} {window_s} {scenario.model_dump_json()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]

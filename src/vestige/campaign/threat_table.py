@@ -2,7 +2,8 @@
 
 In the CSV file a column that belongs to a level ends with it: `detected_level_2`; `expected_level_2` is what was
 expected of it, with the reason, and `level_2` how the measurement compares. In the store the same statistics are
-variables over `scene` and `level`.
+variables over `scene` and `level`; `check_failed` and `check_time_s` say of each check in how many runs it failed, and
+after how long.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ from pathlib import Path
 import numpy as np
 import xarray
 
+from vestige.acas_processor.mitigation import LEVELS as ROWS
+from vestige.campaign.origin import vestige_version
 from vestige.campaign.threat_matrix import Cell
 from vestige.errors import InputFileError
 from vestige.scenario.threats import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
+VERSION = "vestige_version"  # with which all runs were measured
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
@@ -46,6 +50,7 @@ def rows_of(cells: Sequence[Cell]) -> list[dict[str, object]]:
                     for cell in levels
                     for name, value in statistics_of(cell).items()
                 },
+                VERSION: vestige_version(),
             }
         )
     return rows
@@ -137,17 +142,31 @@ def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
         next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
         for one in scenes
     ]
+    checks = list(dict.fromkeys(row.name for level in LEVELS for row in ROWS[level]))
+    failed, time_s = np.zeros((*shape, len(checks))), np.full((*shape, len(checks)), np.nan)
+    for cell in cells:
+        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        for one in cell.found.checks:
+            failed[(*at, checks.index(one.name))] = one.failed.successes
+            time_s[(*at, checks.index(one.name))] = one.time_s
+    over = ("scene", "level", "check")
     return xarray.Dataset(
         {
             name: (("scene", "level"), values.astype(np.dtypes.StringDType()) if values.dtype == object else values)
             for name, values in columns.items()
+        }
+        | {
+            "check_failed": (over, failed, {"long_name": "runs in which the check failed"}),
+            "check_time_s": (over, time_s, {"long_name": "median time of its first failure in those", "units": "s"}),
         },
         coords={
+            "check": ("check", _text(checks)),
             "scene": ("scene", _text([name for _, name in scenes])),
             "threat": ("scene", _text([name for name, _ in scenes])),
             "attack": ("scene", _text(attack)),
             "level": list(LEVELS),
         },
+        attrs={VERSION: vestige_version()},
     )
 
 

@@ -34,7 +34,6 @@ def command(result: Path, output: Path, question: str) -> None:
 
 
 def _page(path: Path, question: str) -> Page:
-    from vestige.campaign.origin import vestige_version
     from vestige.campaign.store import open_results
     from vestige.campaign.sweep import TABLE as SWEEP
     from vestige.campaign.threat_table import TABLE as THREATS
@@ -43,7 +42,7 @@ def _page(path: Path, question: str) -> Page:
 
     name = path.resolve().name.removesuffix(".zarr")
     if (path / THREATS).is_file():
-        return threat_page(path / THREATS, name, version=vestige_version(), question=question)
+        return threat_page(path / THREATS, name, question=question)
     if (path / SWEEP).is_file():
         raise InputFileError(path, "folder", "a sweep", "one of the stores in it")
     results = open_results(path, partial=True)

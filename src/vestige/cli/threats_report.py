@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from io import StringIO
 
 from rich.box import SIMPLE_HEAD
@@ -41,6 +42,7 @@ def threats_json(cells: Sequence[Cell], threats: Sequence[Threat], levels: Seque
             "expected": cell.expected,
             "agreement": cell.agreement.value,
             **statistics_of(cell),
+            "checks": [asdict(one) for one in cell.found.checks],
         }
         for cell in cells
         if cell.level in levels
@@ -49,11 +51,11 @@ def threats_json(cells: Sequence[Cell], threats: Sequence[Threat], levels: Seque
 
 
 def threats_text(cells: Sequence[Cell], levels: Sequence[int] = LEVELS) -> str:
-    """Return a table of attacks by level, one of false alarms, and why what differs does so."""
+    """Return a table of attacks by level, what failed when, false alarms, and why what differs does so."""
     shown = [cell for cell in cells if cell.level in levels]
     attacked = [cell for cell in shown if cell.attacked]
     quiet = [cell for cell in shown if not cell.attacked]
-    parts = [_rendered(_attacks(attacked))] if attacked else []
+    parts = [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
     parts += [_rendered(_false_alarms(quiet))] if quiet else []
     parts += [
         f"{cell.case.threat} {cell.case.scene}, level {cell.level}: {cell.agreement.value.lower()}: {cell.note}"
@@ -99,6 +101,22 @@ def _values(cell: Cell) -> list[str]:
         _number(found.worst_position_m),
         first.name if first else "",
     ]
+
+
+def _checks(cells: Sequence[Cell], level: int) -> Table:
+    """Return which checks of a level failed under each attack, in how many runs, and the median time of the first."""
+    title = f"Level {level}: checks that failed, the earliest first: in how many runs, and after how long in the median"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("scene", width=34)
+    table.add_column("checks")
+    for cell in cells:
+        if cell.level == level:
+            found = sorted(cell.found.checks, key=lambda one: (one.time_s, -one.failed.successes))
+            text = "; ".join(
+                f"{one.name} {one.failed.successes}/{one.failed.trials}, {one.time_s:.3g} s" for one in found
+            )
+            table.add_row(f"{cell.case.threat} {cell.case.scene}", text or "none")
+    return table
 
 
 def _false_alarms(cells: Sequence[Cell]) -> Table:

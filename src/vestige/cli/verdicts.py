@@ -8,7 +8,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,9 +108,26 @@ def entries(step: Step) -> list[dict[str, Any]]:
     ]
 
 
+def positions(step: Step) -> list[dict[str, Any]]:
+    """Return the authentic position of a snapshot for a program, if there is one."""
+    found = step.position
+    if found is None:
+        return []
+    return [
+        asdict(found)
+        | {
+            "time": str(found.time),
+            "available_at": str(found.available_at),
+            "latency_s": found.latency_s,
+            "snapshot": step.measurement.index,
+        }
+    ]
+
+
 def lines(step: Step) -> list[str]:
-    """Return the verdicts of a snapshot, then the changes of state, as JSON: one object a line, each with its kind."""
+    """Return verdicts, position and changes of state of a snapshot as JSON: one object a line, each with its kind."""
     objects = [{"kind": "verdict"} | entry for entry in entries(step)]
+    objects += [{"kind": "position"} | entry for entry in positions(step)]
     objects += [_change(change) | {"snapshot": step.measurement.index} for change in step.changes]
     return [json.dumps(one, allow_nan=False) for one in objects]
 
@@ -146,7 +163,18 @@ def print_snapshot(step: Step) -> None:
         )
         if row["true_offset_m"] is not None:
             click.echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+    _print_position(step)
     _print_not_run(step.verdicts)
+
+
+def _print_position(step: Step) -> None:
+    if (found := step.position) is not None:
+        earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
+        click.echo(
+            f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
+            f"(1σ {found.horizontal_sigma_m:.1f} m, height {found.vertical_sigma_m:.1f} m) "
+            f"from {len(found.svids)} authentic ranges{earlier}, known after {found.latency_s:.1f} s"
+        )
 
 
 def print_changes(step: Step) -> None:
@@ -186,15 +214,16 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[in
 
 def print_json(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int], remarks: Mapping[str, Any]) -> None:
     """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
-    tally, separator = Tally(), ""
+    tally, separator, found = Tally(), "", []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
     click.echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
     for step in steps:
         for entry in entries(step):
             click.echo(separator + json.dumps(entry, allow_nan=False), nl=False)
             separator = ", "
+        found += positions(step)
         tally.add(step)
-    click.echo(f'], "not_seen_on_e1": {json.dumps(sorted(wanted - tally.seen))}}}')
+    click.echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(sorted(wanted - tally.seen))}}}')
 
 
 @contextmanager

@@ -8,7 +8,9 @@ from pathlib import Path
 from vestige.report.markup import Html, card, element, joined, markup, number, section, table
 from vestige.report.page import Page
 from vestige.report.threat_table import Cell, ThreatTable, read_threat_table
+from vestige.scenario.threats import read_threats
 
+OWN = "–"  # what stands for the threat of a scenario of the user's
 QUESTION = "Which attack does each mitigation level detect, mitigate or miss, and is that what was expected?"
 AGREES, DIFFERS, UNDECIDED = "as expected", "differs", "undecided"
 _MARKS = {AGREES: ("agrees", "✓"), DIFFERS: ("differs", "✗"), UNDECIDED: ("undecided", "?")}
@@ -17,6 +19,7 @@ _COUNTS = {"detected": "detected", "mitigated": "mitigated", "missed": "missed",
 _SECTIONS = {
     "matrix": "Attack against level",
     "numbers": "What was measured",
+    "checks": "Which check failed, and when",
     "false-alarms": "False alarms",
     "reasons": "Why, and what it does not show",
     "reproduce": "How to get it again",
@@ -24,7 +27,7 @@ _SECTIONS = {
 }
 
 
-def threat_page(path: Path, name: str, *, version: str, question: str = "") -> Page:
+def threat_page(path: Path, name: str, *, question: str = "") -> Page:
     """Return the page of a threat table.
 
     Parameters
@@ -33,8 +36,6 @@ def threat_page(path: Path, name: str, *, version: str, question: str = "") -> P
         The table.
     name
         Of the folder in which it is, for the title and the command.
-    version
-        Of vestige, as it is now: the table names none.
     question
         What the page answers, in place of `QUESTION`.
 
@@ -49,9 +50,10 @@ def threat_page(path: Path, name: str, *, version: str, question: str = "") -> P
     contents = {
         "matrix": _matrix(found),
         "numbers": _numbers(found),
+        "checks": _checks(found),
         "false-alarms": _false_alarms(found),
         "reasons": _reasons(found),
-        "reproduce": _reproduce(path, name, runs),
+        "reproduce": _reproduce(found, path, name, runs),
         "everything": _everything(found),
     }
     links = [element("li", element("a", _SECTIONS[key], href=f"#{key}")) for key, parts in contents.items() if parts]
@@ -63,7 +65,7 @@ def threat_page(path: Path, name: str, *, version: str, question: str = "") -> P
             _answer(found, runs),
             *(section(key, _SECTIONS[key], *parts) for key, parts in contents.items() if parts),
         ),
-        version=version,
+        version=found.rows[0].get("vestige_version") or "of unknown version",
     )
 
 
@@ -172,6 +174,22 @@ def _numbers(found: ThreatTable) -> list[Html]:
     return parts
 
 
+def _checks(found: ThreatTable) -> list[Html]:
+    """Return which checks failed at the highest level that was measured, which has those of the levels below."""
+    scenes = found.scenes()
+    measured = [place for place in range(len(found.levels)) if any(cells[place].measured for _, cells in scenes)]
+    if not measured or not any("checks" in name for name in found.columns):
+        return []
+    place, level = measured[-1], found.levels[measured[-1]]
+    rows = [
+        (f"{row['threat']} {row['scene']}", cells[place].text("checks") or "none")
+        for row, cells in scenes
+        if cells[place].measured and not _without_attack(cells[place])
+    ]
+    caption = f"Level {level}: checks that failed, in how many runs, and the median time of their first failure"
+    return [table(caption, ("scene", "checks"), rows, numbers_from=99)] if rows else []
+
+
 def _share(cell: Cell, name: str) -> Html:
     count, of, low, high = (cell.value(f"{name}{part}") for part in ("", "_of", "_low", "_high"))
     if not of > 0:
@@ -223,13 +241,17 @@ def _reasons(found: ThreatTable) -> list[Html]:
     ]
 
 
-def _reproduce(path: Path, name: str, runs: int) -> list[Html]:
+def _reproduce(found: ThreatTable, path: Path, name: str, runs: int) -> list[Html]:
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     seeds = f" --seeds {runs}" if runs else ""
-    commands = f"vestige threats -o threats{seeds}\nvestige report threats -o report.html"
-    note = (
-        "The seeds are 0, 1, 2 and so on, the same for every scene. Rows of your own: vestige threats --attack my.toml."
-    )
+    rows = [row for row, _ in found.scenes()]
+    own = [row["scene"] for row in rows if row["threat"] == OWN]
+    chosen = "".join(f" --attack {one}.toml" for one in own)
+    threats = dict.fromkeys(row["threat"] for row in rows)
+    if not own and set(threats) != {threat.id for threat in read_threats()}:
+        chosen = "".join(f" --only {one}" for one in threats)
+    commands = f"vestige threats{chosen}{seeds} -o {name}\nvestige report {name} -o report.html"
+    note = "The seeds are 0, 1, 2 and so on, the same for every scene."
     return [
         element("p", note),
         element("pre", element("code", commands), tabindex=0, role="region", aria_label="Commands"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from vestige.campaign.executors import local_executor
+from vestige.campaign.origin import vestige_version
 from vestige.campaign.threat_matrix import (
     Cell,
     case_of,
@@ -213,11 +214,18 @@ def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     assert (rows[0]["detected_level_1"], rows[0]["detected_of_level_1"]) == ("6", "6")
     assert float(rows[1]["worst_accepted_m_level_1"]) > 80.0
     store = read_threat_dataset(six)
-    assert dict(store.sizes) == {"scene": 2, "level": 3}
+    assert dict(store.sizes) == {"scene": 2, "level": 3, "check": 20}
     meaconer = store.isel(scene=1)
     assert meaconer["missed"].values.tolist() == [6, 0, 0]
     assert meaconer["threat"].item() == "A3"
     assert meaconer.sel(level=1)["word"].item() == "missed"
+    assert store["check_failed"].dims == ("scene", "level", "check")
+    spoofed = store.isel(scene=0).sel(level=1)
+    assert spoofed["check"].values[spoofed["check_failed"].values > 0].tolist() == ["E6 power"]
+    assert spoofed["check_time_s"].sel(check="E6 power").item() == 0.0
+    assert meaconer.sel(level=1)["check_failed"].sum() == 0
+    assert np.isnan(meaconer.sel(level=1)["check_time_s"].values).all()
+    assert store.attrs["vestige_version"] == rows[0]["vestige_version"] == vestige_version()
 
 
 @pytest.mark.parametrize(

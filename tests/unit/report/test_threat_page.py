@@ -7,7 +7,7 @@ from pathlib import Path
 
 from report_builder import rows_of, threat_folder
 from vestige.campaign.threat_table import TABLE
-from vestige.report.threat_page import QUESTION, threat_page
+from vestige.report.threat_page import OWN, QUESTION, threat_page
 
 NOMINAL = {"threat": "A0", "attack": "none", "scene": "clean", "expected_level_1": "pass", "by_chance_of": "0"}
 DIFFERENT = {"scene": "two", "level_1": "DIFFERS", "note": "the bank <moves>"}
@@ -15,7 +15,7 @@ MATRIX = "The expected outcome, whether the measurement agrees, and the share of
 
 
 def page_of(tmp_path: Path, *rows: dict[str, str]) -> str:
-    return threat_page(threat_folder(tmp_path / "mine", *rows) / TABLE, "mine", version="1.2").html()
+    return threat_page(threat_folder(tmp_path / "mine", *rows) / TABLE, "mine").html()
 
 
 def test_a_cell_says_what_was_expected_and_whether_it_is_so(tmp_path: Path) -> None:
@@ -49,6 +49,12 @@ def test_numbers_have_intervals(tmp_path: Path) -> None:
     ]
 
 
+def test_which_check_failed_when_is_said_of_the_highest_level(tmp_path: Path) -> None:
+    page = page_of(tmp_path, {}, {"scene": "two", "checks": ""}, NOMINAL)
+    rows = rows_of(page, "Level 1: checks that failed, in how many runs, and the median time of their first failure")
+    assert rows == {"A1 one": ["C/N0 19/20 after 4.5 s; RAIM 2/20 after 60 s"], "A1 two": ["none"]}
+
+
 def test_false_alarms_are_those_of_scenes_without_an_attack(tmp_path: Path) -> None:
     page = page_of(tmp_path, NOMINAL, {})
     rows = rows_of(page, "False alarms that a user sees in a day, and the exact 95 % interval")
@@ -66,7 +72,10 @@ def test_why_it_differs_stands_there_escaped(tmp_path: Path) -> None:
 
 def test_how_to_get_it_again(tmp_path: Path) -> None:
     page = page_of(tmp_path)
-    assert "vestige threats -o threats --seeds 20" in page
+    assert "vestige threats --only A1 --seeds 20 -o mine\n" in page
+    assert "Measured with vestige 1.2." in page
+    own = page_of(tmp_path / "own", {"threat": OWN, "scene": "mast"}, {"threat": OWN, "scene": "van"})
+    assert "vestige threats --attack mast.toml --attack van.toml --seeds 20 -o mine\n" in own
     assert hashlib.sha256((tmp_path / "mine" / TABLE).read_bytes()).hexdigest() in page
 
 
@@ -85,7 +94,7 @@ def test_a_real_table(tmp_path: Path) -> None:
     folder = tmp_path / "real"
     words = ["threats", "--only", "A0", "--only", "A14", "--only", "A1", "--seeds", "3", "-o", str(folder)]
     subprocess.run([sys.executable, "-m", "vestige", *words], check=True, capture_output=True)  # noqa: S603
-    page = threat_page(folder / TABLE, "real", version="1").html()
+    page = threat_page(folder / TABLE, "real").html()
     rows = rows_of(page, MATRIX)
     assert any(cells and cells[0].startswith("pass") for cells in rows.values())
     assert "alarms a day" in page

@@ -1,0 +1,82 @@
+"""`process --navigation`: a recording of five satellites of a real geometry gives its place, as text and as JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from night import invoke
+from vestige.cli.process import command as process
+from vestige.cli.recs_make import command as recs_make
+from vestige.cli.simulate import command as simulate
+from vestige.receiver.constellation import sky, walker_ephemerides
+from vestige.receiver.trajectory import StaticTrajectory
+from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.time import GalileoTime
+
+START = GalileoTime.parse("2026-11-21T12:00:16 GST")
+ORBITS = walker_ephemerides(GalileoTime.parse("2026-11-21T12:00:00 GST"))
+PLACE = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)
+BIAS = ("--hardware-bias-m", 0, "--search-window", 4e-4)
+
+
+@pytest.fixture(scope="module")
+def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    room = tmp_path_factory.mktemp("position")
+    at_s = np.zeros(1)
+    view = sky(ORBITS, START, at_s, PLACE.motion(at_s), mask_deg=15.0)
+    up = [k for k in range(len(view.svids)) if view.in_view[0, k]][:5]
+    satellites = "".join(
+        f"[[satellite]]\nsvid = {view.svids[k]}\nrange_m = {view.range_m[0, k]!r}\n"
+        f"range_rate_mps = {view.rate_mps[0, k]!r}\ncn0_e1_dbhz = 47.0\ncn0_e6_dbhz = 49.0\n"
+        for k in up
+    )
+    head = f'kind = "recording"\nseed = 5\nstart = "{START}"\nduration_s = 0.125\n[receiver]\nsample_rate_hz = 6.2e6\n'
+    (room / "scenario.toml").write_text((head + satellites).replace("np.float64(", "").replace(")", ""))
+    assert invoke(simulate, room / "scenario.toml", "-o", room / "night").exception is None
+    made = invoke(
+        recs_make, "--from-recording", room / "night", "--keys", room / "night" / "osnma" / "keys.csv",
+        "--public-key", room / "night" / "osnma" / "public_key.pem", "-o", room / "night" / "assistance",
+        "--svids", ",".join(str(view.svids[k]) for k in up),
+    )  # fmt: skip
+    assert made.exception is None
+    write_rinex_navigation(room / "night.rnx", ORBITS)
+    return room / "night"
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_five_authentic_ranges_are_a_position(night: Path, level: int) -> None:
+    navigation = ("--navigation", night.parent / "night.rnx", "--level", level)
+    found = json.loads(invoke(process, night, *BIAS, *navigation, "--json").stdout)
+    (position,) = found["positions"]
+    assert [one["status"] for one in found["verdicts"]] == ["AUTHENTIC"] * 5
+    assert position["svids"] == [one["svid"] for one in found["verdicts"]]
+    assert position["earlier"] == []
+    # 1e-4 degrees are 11 m; 100 ms of E1 tell a range to a metre or two
+    assert position["latitude_deg"] == pytest.approx(48.0, abs=2e-4)
+    assert position["longitude_deg"] == pytest.approx(11.0, abs=2e-4)
+    assert position["height_m"] == pytest.approx(500.0, abs=40.0)
+    assert {one["available_at"] for one in found["verdicts"]} == {position["available_at"]}
+    assert 5 < position["latency_s"] < 90
+
+
+def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -> None:
+    navigation = ("--navigation", night.parent / "night.rnx")
+    printed = invoke(process, night, *BIAS, *navigation).stdout
+    (line,) = (line for line in printed.splitlines() if line.startswith("  position "))
+    assert "from 5 authentic ranges, known after" in line
+    followed = invoke(
+        process, night, *BIAS, *navigation, "--follow", "--json", "--idle-s", 0.2, "--poll-s", 0.02,
+        "--time-uncertainty", 0.02,
+    )  # fmt: skip
+    assert followed.exception is None
+    kinds = [json.loads(line)["kind"] for line in followed.stdout.splitlines()]
+    assert kinds == ["verdict"] * 5 + ["position"] + ["state"] * 5
+
+
+def test_without_orbits_there_is_none(night: Path) -> None:
+    assert json.loads(invoke(process, night, *BIAS, "--json").stdout)["positions"] == []
+    assert "position" not in invoke(process, night, *BIAS).stdout
