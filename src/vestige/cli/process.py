@@ -37,9 +37,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
     "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
 )
 @click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
-@click.option(
-    "--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix."
-)
+@click.option("--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix.")
 @click.option("--second-channel", type=_path, help="Folder with OSNMA keys of another channel, for level 3.")
 @click.option(
     "--search-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True, help="Level 3."
