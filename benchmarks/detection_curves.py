@@ -59,6 +59,31 @@ CURVES = {
         checks=("OSNMA availability", "OSNMA reception"),
         window_s=(60.0, 400.0),
     ),
+    "osnma_data": Curve(
+        title="E1 of all satellites with data of the attacker's own",
+        label="spoofer over true signal (dB)",
+        strengths=(-3.0, -1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 1.0, 3.0),
+        attack='{{kind="lift-off", bands=["E1"], own_data=true, start_s=60, power_db={0}, '
+        'delay_m={{kind="ramp", first=0, last=60, start_s=70, stop_s=110}}}}',
+        checks=("OSNMA agreement", "OSNMA availability"),
+        window_s=(60.0, 400.0),
+    ),
+    "e6_power": Curve(
+        title="One satellite pulled far on E1",
+        label="pull (m)",
+        strengths=(30.0, 50.0, 60.0, 64.0, 66.0, 68.0, 70.0, 75.0, 90.0, 200.0),
+        attack='{{kind="position-push", svids=[7], bands=["E1"], start_s=20, power_db=12, '
+        'delay_m={{kind="ramp", first=0, last={0}, start_s=25, stop_s=60}}}}',
+        checks=("E6 power", "E1-E6 range"),
+        window_s=(61.0, 120.0),
+    ),
+    "e6_jamming": Curve(
+        title="Jamming of E6, detection there",
+        label="J/N in 20.46 MHz (dB)",
+        strengths=(-6.0, -3.0, 0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0),
+        attack='{{kind="jamming", bands=["E6"], start_s=60, j_over_n_db={0}}}',
+        checks=("E6 power", "wrong-code floor"),
+    ),
     "lift_off": Curve(
         title="Lift-off to 60 m",
         label="spoofer over true signal (dB)",
@@ -66,6 +91,21 @@ CURVES = {
         attack='{{kind="lift-off", start_s=60, power_db={0}, '
         'delay_m={{kind="ramp", first=0, last=60, start_s=60, stop_s=100}}}}',
         checks=("power-distortion", "E1 received power", "C/N0"),
+    ),
+    "second": Curve(
+        title="Lift-off to 60 m, on E6",
+        label="spoofer over true signal (dB)",
+        strengths=(-30.0, -15.0, -12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 10.0, 15.0),
+        attack='{{kind="lift-off", start_s=60, power_db={0}, '
+        'delay_m={{kind="ramp", first=0, last=60, start_s=60, stop_s=100}}}}',
+        checks=("E6 second signal", "E6 C/N0", "E6 received power"),
+    ),
+    "searches": Curve(
+        title="Replay of both bands, a millisecond late",
+        label="spoofer over true signal (dB)",
+        strengths=(-30.0, -25.0, -22.0, -20.0, -18.0, -16.0, -14.0, -12.0, -9.0, -6.0, 0.0),
+        attack='{{kind="meaconing", start_s=60, power_db={0}, delay_s=0.001, acquired=false, reception_gain_db=20}}',
+        checks=("E1 vestigial search", "E6 exhaustive search"),
     ),
     "floor": Curve(
         title="Jamming of E6",
@@ -133,7 +173,7 @@ def table(curve: Curve, seen: Mapping[str, Sequence[Proportion]]) -> str:
     heads = " | ".join(f"{strength:g}" for strength in curve.strengths)
     rows = [f"| {curve.label} | {heads} |", "|---" * (1 + len(curve.strengths)) + "|"]
     for name, points in seen.items():
-        cells = " | ".join(f"{one.value:.2f} [{one.low:.2f}, {one.high:.2f}]" for one in points)
+        cells = " | ".join(f"{one.value:.2f} ({one.low:.2f}–{one.high:.2f})" for one in points)
         rows.append(f"| {name} | {cells} |")
     return "\n".join(rows)
 

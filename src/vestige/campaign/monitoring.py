@@ -13,7 +13,8 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 | clock innovation, consistency, slope | of the fix with all satellites | each a third |
 | RAIM, solution separation | of the fix with all satellites | χ², a bound |
 | OSNMA availability, reception | keys and pages of a subframe that are missing | binomial, bounds |
-| of one RECS (`snapshot_tracks.py`) | E6 power and strength, second signals, searches | normal, bounds |
+| OSNMA agreement | pages of a subframe that are not what a second channel has | a bound, that of the checksum |
+| of one RECS (`snapshot_tracks.py`) | E6 found, its power and strength, second signals, searches | normal, bounds |
 | inertial range rate | change between two RECS, against accelerometers | normal; satellites share clock and sensor |
 """
 

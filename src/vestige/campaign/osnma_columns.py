@@ -4,6 +4,10 @@ A page is lost with the probability that belongs to the C/N0 that E1 tracking re
 noise of an attack is at the page's time: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
 breaks every page that is on air with it.
 
+An E1 loop on a counterfeit with data of the attacker's own demodulates those, with good checksums: no key among them
+validates, and no tag is over them. On a counterfeit that repeats the satellite's data it has the true ones. Of a key
+that comes later the loop of the epoch is asked, as it is for the C/N0.
+
 Data count as authenticated by the key that opens the RECS. That a receiver may still have those of half an hour ago is
 left out: a satellite whose pages are lost is left out of the authenticated fix.
 """
@@ -35,7 +39,8 @@ from vestige.scenario.campaign import CampaignScenario
 def osnma_columns(scenario: CampaignScenario, truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
     """Return which pages were due since the epoch before, which of them each satellite brought, and whose data count.
 
-    `osnma_data` says whether data and tag were received that the key of a RECS of the epoch authenticates.
+    `osnma_differs` says whether what was brought is not what the satellite sent, `osnma_data` whether data and tag were
+    received that the key of a RECS of the epoch authenticates.
     """
     week_s = _week_s(scenario, truth[0].time_s)
     pages = pages_due(week_s, scenario.interval_s)
@@ -43,14 +48,18 @@ def osnma_columns(scenario: CampaignScenario, truth: Sequence[TruthBlock]) -> di
     return {
         "osnma_due": as_mask(pages >= 0),
         "osnma_pages": np.stack([as_mask(one) for one in _received(scenario, truth, pages)], axis=1),
-        "osnma_data": np.stack([one.all(axis=1) for one in data], axis=1),
+        "osnma_differs": np.stack([one.e1.own_data for one in truth], axis=1),
+        "osnma_data": np.stack(
+            [pages.all(axis=1) & ~one.e1.own_data for pages, one in zip(data, truth, strict=True)], axis=1
+        ),
     }
 
 
 def keys_received(scenario: CampaignScenario, truth: Sequence[TruthBlock]) -> Bool[np.ndarray, " n"]:
     """Return whether the key of a RECS that is sent at each epoch is received: whole, from one satellite at least."""
     pages = key_pages(_week_s(scenario, truth[0].time_s), scenario.recs.key_delay)
-    return np.any([one.all(axis=1) for one in _received(scenario, truth, pages)], axis=0)
+    received = _received(scenario, truth, pages)
+    return np.any([pages.all(axis=1) & ~one.e1.own_data for pages, one in zip(received, truth, strict=True)], axis=0)
 
 
 def _received(

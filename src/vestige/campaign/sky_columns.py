@@ -69,6 +69,7 @@ SKY_COLUMNS = {
         ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
         ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
         ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
+        ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
         ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
         ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
         ("gained_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),

@@ -2,6 +2,7 @@
 
 | track | statistic | budget |
 |---|---|---|
+| E6 power | signals that E1 predicts and that are missing | a bound, 1 − `min_pd` |
 | E6 received power | ΔP of the band | two-sided normal |
 | E6 C/N0 | largest correlator against the expected one | a bound: fading |
 | E6 second signal | what a second signal explains in the taps | a bound: rays |
@@ -23,10 +24,11 @@ from vestige.acas_processor.monitors.judgement import Monitor
 from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitors.vestigial_search import E1VestigialSearch, E6ExhaustiveSearch
+from vestige.campaign.outcomes import position
 from vestige.campaign.track import Track
 from vestige.receiver.elevation import ray_amplitude
 from vestige.receiver.search_outcome import P_FA
-from vestige.records import Band
+from vestige.records import Band, Status
 
 if TYPE_CHECKING:
     import xarray
@@ -53,7 +55,7 @@ def snapshot_tracks(
     sigma_system_db
         Drift of a real front end, 1σ.
     """
-    found = [_strength(results, scenario, p_fa)]
+    found = [_missing(results, scenario), _strength(results, scenario, p_fa)]
     if scenario["receiver"]["front_end"]["bandwidth_hz"] is None:  # a filter bends the triangle
         found.append(_second_signal(results, scenario, p_fa))
     if "e6_power_db" in results:
@@ -74,6 +76,20 @@ def expected_cn0_dbhz(
 
 def _elevation_rad(results: xarray.Dataset) -> Float[np.ndarray, "n m"]:
     return np.radians(results["elevation_deg"].transpose("epoch", "satellite").values.astype(np.float64))
+
+
+def _missing(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
+    """Return whether E6 was missed where E1 predicts that it is found with `min_pd` at least: as the status has it."""
+    status = results["status"].transpose("epoch", "satellite").values
+    run, missed = (status != position(Status.NOT_AVAILABLE)), (status == position(Status.NOT_DETECTED))
+    return Track(
+        name="E6 power",
+        unit="signals missing",
+        p_fa=1 - scenario["processor"]["min_pd"],
+        statistic=np.where(run, missed.astype(np.float64), np.nan),
+        threshold=np.zeros(status.shape),
+        exact=False,
+    )
 
 
 def _strength(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float]) -> Track:

@@ -25,7 +25,7 @@ dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import ceil, pi
 
 import numpy as np
@@ -63,6 +63,8 @@ class E1Tracking:
         C/N0 of what is tracked over that of the undisturbed true signal.
     captured
         Whether a counterfeit is the strongest signal in the prompt correlator.
+    own_data
+        Whether it is one with navigation data of the attacker's own, and those are what is demodulated.
     """
 
     error_m: Float[np.ndarray, " n"]
@@ -70,6 +72,7 @@ class E1Tracking:
     rate_error_mps: Float[np.ndarray, " n"]
     gain: Float[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]
+    own_data: Bool[np.ndarray, " n"]
 
 
 class E1Loop:
@@ -111,19 +114,20 @@ class E1Loop:
     def advance(self, first: int, count: int) -> E1Tracking:
         """Return what epochs first … first + count − 1, which are the next ones, see."""
         if not self._spoofer.attacks:
-            zero = np.zeros(count)
+            zero, never = np.zeros(count), np.zeros(count, bool)
             return E1Tracking(
                 error_m=zero,
                 worst_error_m=zero,
                 rate_error_mps=zero,
                 gain=np.ones(count),
-                captured=np.zeros(count, bool),
+                captured=never,
+                own_data=never,
             )
         at_once = max(1, _PIECE_STEPS // self._steps)
         pieces = [
             self._piece(begin, min(at_once, first + count - begin)) for begin in range(first, first + count, at_once)
         ] or [self._piece(first, 0)]
-        names = ("error_m", "worst_error_m", "rate_error_mps", "gain", "captured")
+        names = [field.name for field in fields(E1Tracking)]
         return E1Tracking(**{name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names})
 
     def _piece(self, first: int, count: int) -> E1Tracking:
@@ -158,4 +162,5 @@ class E1Loop:
             rate_error_mps=-tracked_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + 0.0,
             gain=(np.maximum(power, _NO_POWER) / noise)[epoch],
             captured=dominant[epoch] > 0,
+            own_data=np.concatenate([[False], effects.own_data])[dominant[epoch]],
         )

@@ -23,6 +23,7 @@ ROW_BYTES = 1_200_000  # and how much they may be: fewer rows of long banks and 
 STRETCHES = 720  # of a time-line: more than a screen has columns for it
 STRETCH_BYTES = 400_000
 BINS = 80  # of a histogram
+_OF_NONE = 0.5  # threshold in the drawing of a count of what must not be at all
 _OUTERMOST = 250  # parts of a run whose smallest and largest offsets are kept
 
 
@@ -160,7 +161,8 @@ def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, tracks: tuple[Tr
     lanes = []
     for track in tracks:
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(track.run, np.abs(track.statistic) / track.threshold, np.nan)
+            limit = np.where(track.threshold > 0, track.threshold, _OF_NONE)
+            ratio = np.where(track.run, np.abs(track.statistic) / limit, np.nan)
         of_all = np.fmax.reduce(ratio.reshape(time_s.size, -1), axis=1)
         lanes.append({"name": track.name, "ratio": packed(parts.largest(of_all).astype(np.float32))})
     return {"stretches": parts.drawn() | {"length": parts.length}, "lanes": lanes}

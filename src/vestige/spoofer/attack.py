@@ -47,6 +47,8 @@ class Counterfeit:
         Doppler of its carrier relative to the line of sight: the rate of `phase_rad`.
     own_chips
         On E6, whether the attacker made the chips up. Otherwise they are the true ones, received and sent again.
+    own_data
+        On E1, whether the attacker made the navigation data up. Otherwise they are those of the satellite, sent again.
     """
 
     delay_m: Float[np.ndarray, " n"]
@@ -55,6 +57,7 @@ class Counterfeit:
     phase_rad: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
     own_chips: bool = False
+    own_data: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,6 +131,7 @@ def delayed(
     power_db: AnyProfile | float,
     phase: Locked | Slipping | Coherent,
     own_chips: bool = False,
+    own_data: bool = False,
 ) -> Counterfeit:
     """Return a counterfeit by its profiles, off while the attack is.
 
@@ -139,8 +143,8 @@ def delayed(
         Where and when.
     delay_m, power_db, phase
         Profiles; a number is a constant.
-    own_chips
-        Whether the attacker makes the chips up.
+    own_chips, own_data
+        Whether the attacker makes the chips, or the navigation data, up.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(
@@ -156,6 +160,7 @@ def delayed(
         phase_rad=phase.phase(carrier),
         doppler_hz=phase.doppler_hz(carrier),
         own_chips=own_chips,
+        own_data=own_data,
     )
 
 

@@ -80,8 +80,8 @@ class BandEffects:
     ----------
     delay_m, delay_rate_mps, power_db, phase_rad, doppler_hz
         Counterfeits relative to the line of sight (`Counterfeit`); an attack without one has −inf dB at delay 0.
-    own_chips
-        Which counterfeits carry chips of the attacker's own.
+    own_chips, own_data
+        Which counterfeits carry chips, or navigation data, of the attacker's own.
     white
         Density of white noise that is added, over N0: repeated noise and wideband jamming.
     jammers
@@ -94,6 +94,7 @@ class BandEffects:
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
     own_chips: Bool[np.ndarray, " k"]
+    own_data: Bool[np.ndarray, " k"]
     white: Float[np.ndarray, " n"]
     jammers: tuple[Jamming, ...]
 
@@ -159,8 +160,8 @@ class Spoofer:
             name: np.array([getattr(one, name) for one in found]).reshape(shape[::-1]).T
             for name in ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")
         }
-        own_chips = np.array([one.own_chips for one in found], dtype=bool)
-        return BandEffects(**columns, own_chips=own_chips, white=white, jammers=tuple(jammers))
+        own = {name: np.array([getattr(one, name) for one in found], dtype=bool) for name in ("own_chips", "own_data")}
+        return BandEffects(**columns, **own, white=white, jammers=tuple(jammers))
 
     def acquired_anew(
         self, svid: int, after_s: Float[np.ndarray, " n"], until_s: Float[np.ndarray, " n"]

@@ -17,6 +17,7 @@ from vestige.receiver.osnma_reception import of_mask
 from vestige.records import Status
 
 AVAILABILITY, RECEPTION, INERTIAL = "OSNMA availability", "OSNMA reception", "inertial range rate"
+AGREEMENT = "OSNMA agreement"
 CIRCLE = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=800, speed_mps=30}'
 
 
@@ -38,8 +39,40 @@ def test_a_calm_sky_has_all_pages_and_keys(tmp_path: Path) -> None:
     made = np.flatnonzero(found[RECEPTION].run)
     assert made.tolist() == [31 + 30 * k for k in range(9)]  # 16:00:00 begins a subframe
     assert np.flatnonzero(found[AVAILABILITY].run).tolist() == made[2:].tolist()  # two alone would prove nothing
-    for name in (AVAILABILITY, RECEPTION, INERTIAL):
+    for name in (AVAILABILITY, RECEPTION, INERTIAL, AGREEMENT):
         assert not found[name].failed.any(), name
+    assert np.array_equal(found[AGREEMENT].run, found[RECEPTION].run)
+
+
+def lift_off(svids: str, own_data: str) -> str:
+    return (
+        f'attack=[{{kind="lift-off", {svids} bands=["E1"], own_data={own_data}, start_s=60, power_db=3, '
+        'delay_m={kind="ramp", first=0, last=20, start_s=90, stop_s=400}}]'
+    )
+
+
+@pytest.mark.parametrize("own_data", ["false", "true"])
+def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(own_data: str, tmp_path: Path) -> None:
+    """On top of the true signals and 3 dB stronger from 60 s on: 15 pages a subframe of each of the two satellites."""
+    results, found = tracks_of(tmp_path, "epochs=301", lift_off("svids=[7, 13],", own_data))
+    made = found[AGREEMENT].run
+    expected = np.where(np.flatnonzero(made) > 61, 30.0 * (own_data == "true"), 0.0)
+    assert found[AGREEMENT].statistic[made][2:] == pytest.approx(expected[2:])
+    assert found[AGREEMENT].failed[made][2:].all() == (own_data == "true")
+    assert not found[AVAILABILITY].failed.any()  # the others bring the keys
+    assert not found[RECEPTION].failed.any()
+    late = results["time_s"].values >= 61
+    assert results["osnma_data"].values[late].sum(axis=1).tolist() == [6 if own_data == "true" else 8] * late.sum()
+    assert results["osnma_differs"].values[late].any() == (own_data == "true")
+
+
+def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -> None:
+    results, found = tracks_of(tmp_path, "epochs=301", "recs.every=10", lift_off("", "true"))
+    late = results["time_s"].values >= 61
+    assert not results["osnma_key"].values[late].any()
+    assert np.all(results["status"].values[results["recs"].values & late] == list(Status).index(Status.NOT_AVAILABLE))
+    assert found[AVAILABILITY].failed[300 - 29 :].any()
+    assert not found[RECEPTION].failed.any()
 
 
 def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:

@@ -100,8 +100,8 @@ class OsnmaField:
     assisted: bytes | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Agreement:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsnmaAgreement:
     """Demodulated fields against assisted ones, as a check; one difference is one too many."""
 
     name: str = "OSNMA agreement"
@@ -160,7 +160,7 @@ class AssistedOsnmaMonitor:
             What was due in the window; fields that the second channel lacks are not looked at.
         """
         known = [field for field in fields if field.assisted is not None]
-        agreement = _Agreement()
+        agreement = OsnmaAgreement()
         if not known:
             reason = "no OSNMA data from a second channel"
             return not_run(self, reason), not_run(agreement, reason)
