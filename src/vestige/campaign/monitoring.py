@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,13 +31,13 @@ from scipy.special import chndtrix, erfc
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
-from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
 from vestige.acas_processor.monitors.judgement import two_sided_factor
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
 from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
+from vestige.campaign.power_distortion_track import power_distortion_track
 from vestige.campaign.sky_columns import SKY_COLUMNS
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz, snapshot_tracks
 from vestige.campaign.track import Track, oscillator, values
@@ -46,10 +45,9 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.position_fix import UNKNOWNS
 from vestige.navigation.raim import chi_square_threshold
-from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.receiver.e1_taps import INTEGRATION_S, TAP_CHIPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
-from vestige.signals.pulse import BOC11
 from vestige.time import GalileoTime
 
 if TYPE_CHECKING:
@@ -58,10 +56,9 @@ if TYPE_CHECKING:
 __all__ = ["P_FA", "Track", "tracks"]
 
 P_FA = 1e-5
-_EARLY, _PROMPT, _LATE = TAP_CHIPS.index(-0.15), TAP_CHIPS.index(0.0), TAP_CHIPS.index(0.15)
+_PROMPT = TAP_CHIPS.index(0.0)
 _CALIBRATION = 10  # RECS whose median is the usual floor of a satellite
 _LEAST, _GRID_DB = 1e-3, 0.1
-_POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
 
 
 def tracks(
@@ -102,7 +99,8 @@ def tracks(
 
     found = (
         _received_power(results, share("E1 received power"), sigma_system_db),
-        *_of_taps(results, scenario, share("C/N0"), cn0_model_sigma_db),
+        _cn0_track(results, scenario, share("C/N0"), cn0_model_sigma_db),
+        power_distortion_track(results),
         _floor(results, scenario, share("wrong-code floor"), sigma_system_db),
         _range(results, scenario),
         *snapshot_tracks(results, scenario, share, sigma_system_db),
@@ -133,48 +131,18 @@ def _received_power(results: xarray.Dataset, p_fa: float, sigma_system_db: float
     )
 
 
-def _of_taps(
-    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float
-) -> tuple[Track, Track]:
-    """Return C/N0 and power–distortion of each satellite."""
+def _cn0_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float) -> Track:
     expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_e1_dbhz")
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
     change_db, limit_db = _cn0(np.abs(taps[..., _PROMPT]), expected_dbhz, p_fa)
-    cn0 = Track(
-        name="C/N0",
-        unit="dB",
+    return Track(
+        name=Cn0Monitor().name,
+        unit=Cn0Monitor().unit,
         p_fa=p_fa,
         statistic=change_db,
         threshold=np.hypot(limit_db, two_sided_factor(p_fa) * model_sigma_db),
         exact=model_sigma_db == 0,
     )
-    monitor = PowerDistortionMonitor(
-        hypotheses=replace(
-            Hypotheses(),
-            pulse=BOC11,
-            sky_cn0_dbhz=float(np.nanmean(expected_dbhz)),
-            integration_s=INTEGRATION_S,
-            bandwidth_hz=POWER_BANDWIDTH_HZ,
-            n_satellites=max(1, round(float(np.mean(np.sum(np.isfinite(expected_dbhz), axis=1))))),
-            sigma_power_db=_POWER_SIGMA_DB,
-        )
-    )
-    rise_db = np.broadcast_to(values(results, "e1_power_db")[:, None], expected_dbhz.shape)
-    distortion = np.abs(taps[..., _EARLY] - taps[..., _LATE])
-    found = np.full(expected_dbhz.shape, np.nan)
-    step = np.round(expected_dbhz / monitor.cn0_step_db) * monitor.cn0_step_db
-    for level in np.unique(step[np.isfinite(step)]).tolist():
-        here = (step == level) & np.isfinite(distortion)
-        found[here] = monitor.map_for(level).classify(rise_db[here], distortion[here])
-    classes = Track(
-        name=monitor.name,
-        unit=monitor.unit,
-        p_fa=monitor.p_fa,
-        statistic=found,
-        threshold=np.full(found.shape, float(SignalClass.MULTIPATH)),
-        exact=False,
-    )
-    return cn0, classes
 
 
 def _cn0(

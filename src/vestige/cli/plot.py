@@ -46,6 +46,7 @@ KINDS = {
     "sky": Kind(help="where the satellites are (of a sky)", of_sky=True),
     "position": Kind(help="error of the position fixes against time (of a sky)", of_sky=True),
     "monitors": Kind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
+    "decision-map": Kind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
     "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
@@ -214,7 +215,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     from vestige import plots
 
     if KINDS[name].of_sky:
-        return _sky_axes(name, results)
+        return _sky_axes(name, results, of.svid)
     choice: dict[str, int | float | str | None] = {"svid": of.svid}
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
@@ -223,7 +224,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     return getattr(plots, name.replace("-", "_"))(results, **choice)
 
 
-def _sky_axes(name: str, results: xarray.Dataset) -> Axes:
+def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
     """Return the axes of one kind of figure of a sky."""
     import numpy as np
 
@@ -234,6 +235,8 @@ def _sky_axes(name: str, results: xarray.Dataset) -> Axes:
         return plots.sky_plot(results)
     if name == "position":
         return plots.position_error(results)
+    if name == "decision-map":
+        return _decision_map(results, svid)
     n = results.sizes["epoch"]
     lines = [
         plots.MonitorLine(
@@ -244,6 +247,35 @@ def _sky_axes(name: str, results: xarray.Dataset) -> Axes:
         for track in tracks(results)
     ]
     return plots.monitor_timeline(results["time_s"].values, lines)
+
+
+def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
+    """Return the axes of the map that decides most epochs, of all satellites or of one, with those in it."""
+    import numpy as np
+
+    from vestige import plots
+    from vestige.campaign.outcomes import attacked_epochs
+    from vestige.campaign.power_distortion_track import power_distortion
+    from vestige.errors import VestigeError
+
+    measured = power_distortion(results)
+    svids = results["svid"].values.tolist()
+    if svid is not None and svid not in svids:
+        raise VestigeError(f"satellite: found no {svid}, expected one of {', '.join(map(str, svids))}")
+    of = np.isin(svids, svids if svid is None else [svid]) & np.isfinite(measured.map_dbhz)
+    levels, counts = np.unique(measured.map_dbhz[of], return_counts=True)
+    if not levels.size:
+        raise VestigeError("results of a sky: found no satellite in view")
+    level = float(levels[np.argmax(counts)])
+    here = of & (measured.map_dbhz == level)
+    whose = "power and distortion" if svid is None else f"E{svid:02d}, power and distortion"
+    return plots.decision_map(
+        measured.monitor.map_for(level),
+        title=f"{whose}, about {level:g} dBHz",
+        power_db=measured.rise_db[here],
+        distortion=measured.distortion[here],
+        attacked=attacked_epochs(results)[here],
+    )
 
 
 def _read_sweep(

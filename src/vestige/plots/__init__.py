@@ -5,6 +5,7 @@ from __future__ import annotations
 from vestige.plots.animation import write_animation
 from vestige.plots.attack_comparison import attack_comparison
 from vestige.plots.check_curves import check_curves
+from vestige.plots.decision_map import decision_map
 from vestige.plots.detecting_correlator import detecting_correlator
 from vestige.plots.detection_curve import detection_curve
 from vestige.plots.epochs import between, is_attacked
@@ -27,6 +28,7 @@ __all__ = [
     "between",
     "check_curves",
     "code_phases",
+    "decision_map",
     "detecting_correlator",
     "detection_curve",
     "is_attacked",

@@ -15,12 +15,13 @@ from vestige.plots.figure import (
     BLACK,
     BLUE,
     GREY,
+    LEGEND,
     LETTERS_PT,
     RED,
     SMALL_LETTERS_PT,
     dot_size_pt,
     dress,
-    legend,
+    figure_of,
     new_axes,
     new_panels,
     time_label,
@@ -84,9 +85,11 @@ def position_error(results: xarray.Dataset) -> Axes:
     Raises
     ------
     VestigeError
-        If the results are not those of a sky.
+        If the results are not those of a sky, or there is not one fix.
     """
     _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
+    if not np.isfinite(results["fix_clock_error_m"].values).any():
+        raise VestigeError("results of a campaign: found no position fix, expected four satellites at some time")
     panels = new_panels(len(_AXES) + 1)
     time_s = results["time_s"].values
     errors = {name: results["fix_error_m"].sel(local_axis=name) for name in _AXES}
@@ -97,7 +100,9 @@ def position_error(results: xarray.Dataset) -> Axes:
         ax.axhline(0, color=BLACK, linewidth=0.4)
         dress(ax, title="", x="", y=f"{name} (m)")
     dress(panels[0], title="error of the position fix", x="", y=f"{_AXES[0]} (m)")
-    legend(panels[0], columns=2)
+    figure_of(panels[0]).legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, **LEGEND
+    )
     panels[-1].set_xlabel(time_label(panels[-1].xaxis, time_s), fontsize=LETTERS_PT, labelpad=2)
     return panels[-1]
 
@@ -109,6 +114,8 @@ def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLin
         ax.plot(time_s, np.where(line.run, float(row), np.nan), color=GREY, linewidth=0.8)
         if np.count_nonzero(line.run) < 0.5 * line.run.size:
             ax.plot(time_s[line.run], np.full(np.count_nonzero(line.run), row), "|", color=GREY, markersize=3)
+        if not line.run.any():
+            ax.text(0.02, row, "not run", transform=ax.get_yaxis_transform(), fontsize=SMALL_LETTERS_PT, va="center")
         bad = line.failed
         ax.plot(time_s[bad], np.full(np.count_nonzero(bad), row), "|", color=RED, markersize=6, markeredgewidth=0.7)
     ax.set_yticks(range(len(lines)), [line.name for line in lines])

@@ -23,11 +23,37 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", ["sky", "position", "monitors"])
+@pytest.mark.parametrize("kind", ["sky", "position", "monitors", "decision-map"])
 def test_each_figure_is_one_command(store: Path, tmp_path: Path, kind: str) -> None:
     result = CliRunner().invoke(command, [kind, str(store), "-o", str(tmp_path / "a.png")], catch_exceptions=False)
     assert result.exit_code == 0
     assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "options", "text"),
+    [
+        ("position", ("constellation.svids=[7]",), [], "found no position fix"),
+        ("decision-map", (), ["--svid", "1"], "found no 1, expected one of 6, 7"),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_line(
+    tmp_path: Path, kind: str, settings: tuple[str, ...], options: list[str], text: str
+) -> None:
+    run(ScenarioPlan(scenario=sky_scenario("epochs=5", *settings)), tmp_path / "sky")
+    with pytest.raises(VestigeError, match=text):
+        CliRunner().invoke(
+            command,
+            [kind, str(tmp_path / "sky"), "-o", str(tmp_path / "a.png"), *options],
+            catch_exceptions=False,
+        )
+
+
+def test_a_check_that_was_not_run_says_so() -> None:
+    never, always = np.zeros(3, bool), np.ones(3, bool)
+    lines = [plots.MonitorLine(name=name, run=run, failed=never) for name, run in (("a", never), ("b", always))]
+    ax = plots.monitor_timeline(np.arange(3.0), lines)
+    assert [(text.get_text(), text.get_position()[1]) for text in ax.texts] == [("not run", 0)]
 
 
 def test_satellites_stand_where_they_are() -> None:

@@ -1,0 +1,73 @@
+"""The regions of power and distortion as a figure, with what a receiver measured in it [WESSON18]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vestige.acas_processor.monitors.decision_map import DecisionMap, SignalClass
+from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
+
+_LIGHT = 0.35  # of the colours, so that dots are seen on them
+COLOURS = {
+    SignalClass.CLEAN: GREEN,
+    SignalClass.MULTIPATH: BLUE,
+    SignalClass.SPOOFED: RED,
+    SignalClass.JAMMED: ORANGE,
+}
+
+
+def decision_map(
+    regions: DecisionMap,
+    *,
+    title: str,
+    power_db: Float[np.ndarray, " n"] | None = None,
+    distortion: Float[np.ndarray, " n"] | None = None,
+    attacked: Bool[np.ndarray, " n"] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Return the axes of the map: power to the right, distortion upwards, the colour of each class.
+
+    Parameters
+    ----------
+    regions
+        The map.
+    power_db, distortion
+        What was measured, as dots; what lies beyond the map is drawn at its edge, as it is decided.
+    attacked
+        Which of the dots are from under attack: they are drawn as crosses.
+    """
+    ax = new_axes() if ax is None else ax
+    x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)
+    colours = ListedColormap([COLOURS[one] for one in SignalClass])
+    ax.pcolormesh(x, y, regions.classes.T, cmap=colours, vmin=-0.5, vmax=3.5, alpha=_LIGHT, rasterized=True)
+    handles: list[Patch | Line2D] = [
+        Patch(color=COLOURS[one], alpha=_LIGHT, label=one.name.lower()) for one in SignalClass
+    ]
+    if power_db is not None and distortion is not None:
+        known = np.isfinite(power_db) & np.isfinite(distortion)
+        hit = np.zeros(known.size, bool) if attacked is None else attacked
+        right, upwards = np.clip(power_db, x[0], x[-1]), np.clip(np.log10(1 + np.where(known, distortion, 0)), 0, y[-1])
+        for rows, mark, size, text in ((known & ~hit, ".", 1.0, "without attack"), (known & hit, "x", 1.2, "attacked")):
+            if rows.any():
+                points = int(np.count_nonzero(rows))
+                look: dict[str, Any] = {
+                    "color": BLACK,
+                    "linestyle": "",
+                    "markersize": size * dot_size_pt(points),
+                    "rasterized": True,
+                }
+                handles += ax.plot(right[rows], upwards[rows], mark, markeredgewidth=0.4, label=text, **look)
+    ticks = np.array([0, 1, 3, 10, 30, 100, 300, 1000])
+    ax.set_yticks(np.log10(1 + ticks), [str(one) for one in ticks])
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+    dress(ax, title=title, x="rise of the power (dB)", y="distortion (σ)")
+    figure_of(ax).legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, **LEGEND)
+    return ax
