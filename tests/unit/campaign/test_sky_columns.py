@@ -90,6 +90,21 @@ def test_the_fix_is_unbiased_and_consistent(clean: dict[str, np.ndarray]) -> Non
         assert np.all(np.abs(error_m.mean(axis=0)) < 4.9 * error_m.std(axis=0) / np.sqrt(n))
 
 
+def test_the_fix_is_consistent_through_a_weeks_end() -> None:
+    """Week 1422 begins in the middle; half an hour at 8 s, all satellites in view."""
+    start = 'start="2026-11-21T23:45:00 GST"'
+    settings = ("epochs=226", "interval_s=8.0", "recs.every=4", "constellation.svids=none")
+    found = columns_of(sky_scenario(*CLEAN, start, *settings))
+    for which, n in ((0, 226), (1, 57)):
+        nees = found["fix_nees"][which].astype(np.float64)
+        assert np.count_nonzero(np.isfinite(nees)) == n
+        for half in (slice(0, 113), slice(113, None)):  # before and after: a shift in one would hide in the whole
+            freedom = 4 * np.count_nonzero(np.isfinite(nees[half]))
+            assert chdtri(freedom, 1 - 5e-7) < np.nansum(nees[half]) < chdtri(freedom, 5e-7)
+        error_m = found["fix_error_m"][which][np.isfinite(nees)]
+        assert np.all(np.abs(error_m.mean(axis=0)) < 4.9 * error_m.std(axis=0) / np.sqrt(n))
+
+
 def test_raim_is_chi_square(clean: dict[str, np.ndarray]) -> None:
     statistic = clean["raim_statistic"][0].astype(np.float64)
     freedom = 4 * statistic.size
