@@ -124,6 +124,49 @@ def test_the_verdicts_are_those_of_the_finished_recording(
     assert "cut off" not in result.stderr  # what is half written is waited for
 
 
+def _second_channel(night: Path, folder: Path, names: tuple[str, ...]) -> Path:
+    """Return the folder of a second channel with these files of the assistance folder."""
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        shutil.copy(night / "assistance" / name, folder / name)
+    return folder
+
+
+def _agreements(verdicts: list[dict]) -> list[str]:
+    return [check["outcome"] for one in verdicts for check in one["checks"] if check["name"] == "OSNMA agreement"]
+
+
+def test_keys_of_a_second_channel_are_waited_for(night: Path, tmp_path: Path) -> None:
+    """They come after everything else; what is compared is what the finished recording compares."""
+    second = _second_channel(night, tmp_path / "second", ("public_key.pem",))
+    later = threading.Timer(1.0, _second_channel, (night, second, ("keys.csv",)))
+    later.start()
+    arguments = (night, "--level", "3", *UNSURE, "--second-channel", second)
+    followed = invoke(process, *arguments, *FAST, "--idle-s", "1.5", "--json")
+    later.join()
+    assert followed.exception is None
+    finished = json.loads(invoke(process, *arguments, "--json").stdout)["verdicts"]
+    assert _objects(followed.stdout) == finished
+    assert _agreements(finished) == ["PASS"] * N_EPOCHS
+
+
+def test_a_second_channel_that_stays_silent_is_not_waited_for_for_ever(night: Path, tmp_path: Path) -> None:
+    second = _second_channel(night, tmp_path / "second", ("public_key.pem",))
+    result = invoke(process, night, "--level", "3", *UNSURE, "--second-channel", second, *ONCE, "--wait-s", "0.05")
+    assert result.exception is None
+    assert _agreements(_objects(result.stdout)) == ["NOT_RUN"] * N_EPOCHS
+
+
+def test_a_second_channel_without_a_validated_key_is_one_line(night: Path, tmp_path: Path) -> None:
+    second = _second_channel(night, tmp_path / "second", ("keys.csv",))
+    arguments = (night, "--level", "3", *UNSURE, "--second-channel", second, "--json")
+    refused = invoke(process, *arguments)
+    assert "second channel: found no validated OSNMA key" in str(refused.exception)
+    assert "keys.csv" in refused.stderr
+    trusted = invoke(process, *arguments, "--public-key", night / "assistance" / "public_key.pem")
+    assert _agreements(json.loads(trusted.stdout)["verdicts"]) == ["PASS"] * N_EPOCHS
+
+
 def test_a_finished_recording_is_followed_to_its_end(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path
 ) -> None:

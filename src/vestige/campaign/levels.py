@@ -33,7 +33,7 @@ from jaxtyping import Bool, Float, Int8
 from vestige.acas_processor.alarm import state_block
 from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.mitigation import ALARMS, LEVELS, combine_block, confirmed_block
+from vestige.acas_processor.mitigation import ALARMS, GRAVITY, LEVELS, combine_block, confirmed_block
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
 from vestige.campaign.snapshot_tracks import earlier_of_two_m, expected_cn0_dbhz
@@ -96,6 +96,17 @@ class LevelVerdicts:
         """Where an alarm begins, of any satellite where none stood before."""
         stands = np.any(self.alarm, axis=1)
         return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
+
+    def of_recs(self) -> Int8[np.ndarray, "n m"]:
+        """Return the verdict of each RECS, the gravest status since the one before; NOT_AVAILABLE in other epochs."""
+        gravity = np.argsort([_position(one) for one in GRAVITY])[self.status]
+        verdict = np.full(self.status.shape, _position(Status.NOT_AVAILABLE), np.int8)
+        after = 0
+        for place in np.flatnonzero(self.recs).tolist():
+            gravest = gravity[after : place + 1].max(axis=0)
+            verdict[place] = np.array([_position(one) for one in GRAVITY], np.int8)[gravest]
+            after = place + 1
+        return verdict
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
         """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""

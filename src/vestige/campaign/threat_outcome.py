@@ -4,10 +4,11 @@ Theory of operation
 -------------------
 A run is one campaign with one attack; *attacked* are its epochs from the attack's start to its stop. `levels.py` says
 what a level makes of it: statuses, and with every RECS the ranges that are in use, with the largest error that the
-attack made of them since the RECS before. An error is *harmful* beyond twice what the range test allows, 2κσ: smaller
-ones may pass because the noise of E6 makes up for them. Of a run is said, and more than one may be true,
+attack made of them since the RECS before. What the RECS after the stop says of that time counts as well. An error is
+*harmful* beyond twice what the range test allows, 2κσ: smaller ones may pass because the noise of E6 makes up for them.
+Of a run is said, and more than one may be true,
 
-    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts
+    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts or with the RECS after
     missed       a harmful range was in use at any time
     protected    none was in the last quarter of the attack
     mitigated    protected, and in the last quarter more than half of the ranges were in use: the receiver goes on
@@ -126,14 +127,15 @@ def run_outcome(
     """
     alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
     here = np.flatnonzero(attacked)
-    with_recs = attacked & found.recs
+    with_recs = _recs_of(attacked, found.recs)
+    counted = attacked | with_recs
     error_m = found.range_error_m[with_recs]
     harmful = np.abs(error_m) > _HARMFUL * limit_m
     last = max(1, round(_LAST * error_m.shape[0]))
     seen = found.seen[with_recs]
     use = np.isfinite(error_m[-last:][seen[-last:]])
     none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
-    first = np.flatnonzero(alarm & attacked)
+    first = np.flatnonzero(alarm & counted)
     begin_s = float(time_s[here[0]]) if here.size else nan
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
     chosen = {name: share for name, share in found.budget.items() if share.chosen and name in found.failed}
@@ -152,12 +154,19 @@ def run_outcome(
         missed=bool(harmful.any()),
         denied=bool(none.size and np.mean(none) > _HALF),
         time_to_detect_s=float(time_s[first[0]]) - begin_s if first.size else nan,
-        checks="; ".join(
-            f"{name} {float(time_s[place]) - begin_s:g}" for name, place in found.first_failures(attacked)
-        ),
+        checks="; ".join(f"{name} {float(time_s[place]) - begin_s:g}" for name, place in found.first_failures(counted)),
         worst_range_m=_worst(error_m),
-        worst_position_m=_worst(position_m[attacked]),
+        worst_position_m=_worst(position_m[with_recs]),
     )
+
+
+def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return the RECS that an attack can have to do with: it acted since the RECS before, be it over by now."""
+    places = np.flatnonzero(recs)
+    acted = np.diff(np.cumsum(attacked)[places], prepend=0) > 0
+    found = np.zeros(recs.size, np.bool_)
+    found[places[acted]] = True
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,6 +65,8 @@ def _run(
     journal: FollowJournal | None,
     warn: Callable[[object], None],
 ) -> None:
+    from dataclasses import replace
+
     from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
     from vestige.recording.follow_journal import Progress
 
@@ -73,12 +75,12 @@ def _run(
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.watch
         click.echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
-    second = _second_channel(options, warn)
     try:
         for epoch in following:
             if not n_snapshots:
                 _say_what_is_missing(following, warn)
-            step = second(processor, epoch.sent).step(state, epoch.snapshot, epoch.assistance)
+            watch = replace(processor.watch, second_channel=epoch.second_channel)
+            step = replace(processor, watch=watch).step(state, epoch.snapshot, epoch.assistance)
             state = step.state
             text = lines(step)
             if journal is not None:  # kept first: what was printed is never printed again
@@ -152,15 +154,12 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         if recording == STDIN:
             raise click.UsageError("samples on standard input need --assistance")
         folder = (recording if recording.is_dir() else recording.parent) / "assistance"
+    trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
+    second = options["second_channel"]
     return Following(
         live=live,
-        folder=GrowingAssistance(
-            folder,
-            public_key=options["public_key"],
-            merkle_tree=options["merkle_tree"],
-            certificates=options["certificates"],
-            warn=warn,
-        ),
+        folder=GrowingAssistance(folder, **trust, certificates=options["certificates"], warn=warn),
+        second=None if second is None else GrowingAssistance(second, **trust, warn=warn),
         time_uncertainty_s=around_s,
         searchable=searchable,
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
@@ -252,26 +251,6 @@ def _stdin_file(options: dict[str, Any]) -> BandFile:
         center_frequency_hz=center,
         start=options["start"],
     )
-
-
-def _second_channel(
-    options: dict[str, Any], warn: Callable[[object], None]
-) -> Callable[[AcasProcessor, Any], AcasProcessor]:
-    """Return a function that gives the processor the keys of the second channel as they are by now."""
-    from dataclasses import replace
-
-    from vestige.recording.growing_assistance import GrowingAssistance
-
-    if options["second_channel"] is None:
-        return lambda processor, _sent: processor
-    channel = GrowingAssistance(options["second_channel"], warn=warn)
-
-    def with_keys(processor: AcasProcessor, sent: Any) -> AcasProcessor:
-        channel.look(sent, sent)
-        watch = replace(processor.watch, second_channel=channel.found.assistance.keys)
-        return replace(processor, watch=watch)
-
-    return with_keys
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
-    from vestige.records import Assistance
+    from vestige.records import Assistance, ValidatedKey
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
@@ -215,18 +215,36 @@ def _watch(options: dict[str, Any]) -> Watch:
     from vestige.acas_processor.fix_checks import FixChecks
     from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch
     from vestige.acas_processor.watch import Watch
-    from vestige.recording.assistance import read_assistance
     from vestige.recording.rinex_navigation import read_rinex_navigation
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 
-    navigation, second = options["navigation"], options["second_channel"]
+    navigation = options["navigation"]
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return Watch(
         fix=FixChecks(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
         exhaustive=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
-        second_channel=None if second is None else read_assistance(second).assistance.keys,
+        second_channel=None if options["follow"] else _second_channel(options),
     )
+
+
+def _second_channel(options: dict[str, Any]) -> tuple[ValidatedKey, ...] | None:
+    """Return the OSNMA keys of the second channel, None without one; says what is wrong with them."""
+    from vestige.errors import VestigeError
+    from vestige.recording.assistance import read_assistance
+
+    folder = options["second_channel"]
+    if folder is None:
+        return None
+    found = read_assistance(folder, public_key=options["public_key"], merkle_tree=options["merkle_tree"])
+    for problem in found.problems:
+        click.echo(f"warning: {problem}", err=True)
+    if not found.assistance.keys:
+        raise VestigeError(
+            f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "
+            "that they lead to, there or as an option"
+        )
+    return found.assistance.keys
 
 
 def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[Iterator[Step], float]:

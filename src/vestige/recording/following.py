@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 An epoch needs four things, which come at different times: its RECS (downloaded days ago), its samples, the E1
 observations around it, and the OSNMA key, which is complete half a minute to a minute after the samples were taken.
-Then its snapshot is that of the finished recording, bit for bit: the samples reach as far as any search may look, and
+Where there is a second channel, its keys of that time are waited for, too. Then its snapshot is that of the finished
+recording, bit for bit: the samples reach as far as any search may look, and
 more observations would change nothing (`ObservationTrack.settled`).
 
 Epochs are handed out in the order of time, because the state of the receiver goes from one to the next. One that waits
@@ -24,12 +25,12 @@ from dataclasses import dataclass, replace
 
 from vestige.acas_processor.processor import segments_between
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.live_recording import LiveRecording
 from vestige.recording.snapshots import RecordingSource
-from vestige.records import Assistance, EncryptedSegment, Snapshot
+from vestige.records import Assistance, EncryptedSegment, Snapshot, ValidatedKey
 from vestige.time import GalileoTime
 
 
@@ -62,11 +63,14 @@ class FollowedEpoch:
         Time of transmission of its RECS.
     assistance
         What is known by now.
+    second_channel
+        OSNMA keys of the second channel, those by now; None without one.
     """
 
     sent: GalileoTime
     snapshot: Snapshot
     assistance: Assistance
+    second_channel: tuple[ValidatedKey, ...] | None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -75,8 +79,8 @@ class Following:
 
     Attributes
     ----------
-    live, folder
-        What grows.
+    live, folder, second
+        What grows; the second channel's folder of OSNMA keys, if there is one.
     time_uncertainty_s
         Bound on the receiver clock's error.
     searchable
@@ -93,6 +97,7 @@ class Following:
 
     live: LiveRecording
     folder: GrowingAssistance
+    second: GrowingAssistance | None = None
     time_uncertainty_s: float
     searchable: bool
     hardware_bias_s: float | None = None
@@ -120,13 +125,17 @@ class Following:
         while (epoch := self._next(complete_since, finished=True)) is not None:
             yield epoch
             self._look(complete_since)
-        self.folder.tell()
+        for growing in (self.folder, self.second):
+            if growing is not None:
+                growing.tell()
 
     def _look(self, complete_since: dict[GalileoTime, float]) -> bool:
         """Take in what is new; return whether anything is."""
         changed = self.live.look()
         begin = self.live.start + -TRAVEL_TIME_S[1]
         changed |= self.folder.look(begin if self.after is None else self.after, max(self.live.end, begin))
+        if self.second is not None:
+            changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
         for one in [one for one in complete_since if self.after is not None and one <= self.after]:
             del complete_since[one]
         complete = [one for one in self._to_come() if self.live.complete(one)]
@@ -160,7 +169,10 @@ class Following:
     def _has_keys(self, sent: GalileoTime) -> bool:
         assistance = self.folder.found.assistance
         known = {key.time for key in assistance.keys}
-        return all(one.key_time in known for one in segments_between(assistance, sent, sent))
+        if not all(one.key_time in known for one in segments_between(assistance, sent, sent)):
+            return False
+        # the newest key that a finished recording compares is that of the subframe in which the RECS was sent
+        return self.second is None or any(sent - one.time < SUBFRAME_S for one in self.second.found.assistance.keys)
 
     def _is_observed(self, sent: GalileoTime) -> bool:
         """Return whether the observations are final, and the samples reach as far as they say."""
@@ -186,7 +198,8 @@ class Following:
         snapshot = source.snapshot(self.index, sent, own, self.live.track)
         self.live.release(sent)
         self.index, self.after = self.index + 1, sent
-        return FollowedEpoch(sent=sent, snapshot=snapshot, assistance=assistance)
+        second = None if self.second is None else self.second.found.assistance.keys
+        return FollowedEpoch(sent=sent, snapshot=snapshot, assistance=assistance, second_channel=second)
 
 
 def _sent(segment: EncryptedSegment) -> GalileoTime:

@@ -18,7 +18,11 @@ _SURE = 0.05  # of the two-sided test against a budget: that of the 95 % interva
 
 
 def checks_section(
-    results: xarray.Dataset, scenario: Mapping[str, Any], found: Mapping[str, Summary], checks: Sequence[Track]
+    results: xarray.Dataset,
+    scenario: Mapping[str, Any],
+    found: Mapping[str, Summary],
+    checks: Sequence[Track],
+    of_level: Sequence[Html],
 ) -> Html:
     """Return the checks behind the verdicts, and those that a receiver with a sky can run besides."""
     processor = scenario["processor"]
@@ -29,7 +33,7 @@ def checks_section(
             "p", f"Mitigation level {processor['level']}; the {processor['detector']} detector gives the verdicts."
         ),
         table(
-            "Checks of the verdict",
+            "Checks of steps 1 and 2",
             ("check", "threshold", "what it is", "failed"),
             [
                 (
@@ -48,6 +52,7 @@ def checks_section(
             numbers_from=99,
         ),
     ]
+    parts += of_level
     if checks:
         parts += [
             figure(

@@ -21,6 +21,7 @@ from vestige.report.page import Page
 from vestige.report.run_attack import attack_cards, attack_content, attack_reports
 from vestige.report.run_checks import checks_section, false_alarms_section
 from vestige.report.run_drawings import run_drawings
+from vestige.report.run_levels import level_cards, level_content, level_of_run, with_verdicts
 from vestige.report.run_scenario import reproduce_section, scenario_section
 
 _NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
@@ -53,22 +54,24 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     scenario = _scenario(results)
     sky = scenario.get("constellation") is not None
     checks = tracks(results) if sky else ()
+    of_level, stored = level_of_run(results, scenario["processor"]["level"]), results
+    results = with_verdicts(results, of_level)
     counts = verdict_counts(results)
     found = {str(name): summarise(results, str(name)) for name in results["detector"].values}
     attacks = attack_reports(results, scenario)
     data, thinned = run_drawings(results, checks)
     body = (
         _contents(),
-        _answer(results, scenario, counts, found, attacks),
+        _answer(results, scenario, counts, found, attacks, level_cards(of_level)),
         section("verdicts", "Verdicts over time", _status_key(counts), *_timeline(data)),
         section("correlators", "What the correlators saw", *_waterfall(data)),
         section("offsets", "Range offset of both detectors", *_offsets(found, data, range_limit_m(results))),
         *([section("attack", "Under attack", *attack_content(attacks))] if attacks else ()),
-        checks_section(results, scenario, found, checks),
+        checks_section(results, scenario, found, checks, level_content(of_level, results)),
         *([section("position", "Position", *_position())] if sky else ()),
         false_alarms_section(results, counts, checks),
         scenario_section(results.attrs["scenario"]),
-        reproduce_section(results, name, thinned, data),
+        reproduce_section(stored, name, thinned, data),
     )
     return Page(
         title=f"{name}: {_subject(scenario, results.sizes['satellite'])}",
@@ -140,6 +143,7 @@ def _answer(
     counts: VerdictCounts,
     found: Mapping[str, Summary],
     attacks: Mapping[str, Mapping[str, AttackReport]],
+    of_level: list[Html],
 ) -> Html:
     """Return the numbers that answer the question."""
     chosen = scenario["processor"]["detector"]
@@ -165,6 +169,7 @@ def _answer(
     elif scenario["receiver"]["signal"]:
         spread = f"mean {number(summary.range_offset_mean_m, 2, 'm')}, {chosen} detector"
         cards.append(card("range offset, 1σ", number(summary.range_offset_std_m, 3, "m"), spread))
+    cards += of_level
     alarms = counts.false_alarms
     if alarms.trials:
         a_day, low, high = counts.false_alarms_a_day
@@ -179,6 +184,8 @@ def _unfinished(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Html:
     if "epoch" not in results.coords:
         return Html("")
     text = f"This run has not ended: {results.sizes['epoch']} of {scenario['epochs']} epochs are here."
+    if scenario["processor"]["level"] > 1:
+        text += " Until then the verdicts are those of steps 1 and 2."
     return element("p", text, class_="notice")
 
 

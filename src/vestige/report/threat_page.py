@@ -98,9 +98,10 @@ def _matrix(found: ThreatTable) -> list[Html]:
         for text, (kind, sign) in signs.items()
     ]
     words = (
-        "pass: no alarm without an attack. detect: an alarm while the attack acts. mitigate: in the end the true "
-        "signal is used, or an alarm stands. miss: a wrong range is accepted. deny: no verdict is possible. partial: "
-        "sometimes. What is said of an attack holds if the 95 % interval over the runs lies on one side of one half."
+        "pass: no alarm without an attack. detect: an alarm while the attack acts. mitigate: in the end no wrong range "
+        "is in use, and most right ones are. miss: a wrong range is in use or no verdict is possible, and there is no "
+        "alarm. deny: no verdict is possible. partial: detected now and then. What is said of an attack holds if the "
+        "95 % interval over the runs lies on one side of one half."
     )
     head = ("scene", *(f"level {level}" for level in found.levels))
     rows: list[tuple[object, ...]] = []

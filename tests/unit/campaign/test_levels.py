@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -77,6 +78,20 @@ def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
     found = verdicts(attack)[1]
     assert np.all(found.range_error_m[330::30] > 80)
     assert np.all(found.range_error_m[:300:30] == 0)
+
+
+def test_the_verdict_of_a_recs_is_the_gravest_since_the_one_before(meaconed: dict[int, LevelVerdicts]) -> None:
+    """What is suspicious between two RECS is in the verdict of the RECS that follows."""
+    any_status = np.random.default_rng(7).choice(5, (600, 8), p=(0.5, 0.02, 0.01, 0.02, 0.45)).astype(np.int8)
+    gravest = replace(meaconed[2], status=any_status).of_recs()
+    order = ["not available", "authentic", "suspect", "not detected", "spoofed"]
+    words = [status.value for status in Status]
+    worst: dict[int, str] = {}
+    for epoch in range(600):
+        for satellite in range(8):
+            worst[satellite] = max(worst.get(satellite, order[0]), words[any_status[epoch, satellite]], key=order.index)
+            expected = worst.pop(satellite) if epoch % 30 == 0 else order[0]
+            assert words[gravest[epoch, satellite]] == expected
 
 
 def test_a_single_line_of_sight_says_what_it_cannot_run() -> None:

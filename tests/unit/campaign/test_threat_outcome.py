@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isnan, nan
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from vestige.acas_processor.alarm_budget import Share
 from vestige.campaign.levels import LevelVerdicts
@@ -26,11 +30,11 @@ A, P, S, D, N = (
 LIMIT_M = 26.0
 
 
-def of(status: list[int], used_m: list[float] | None = None, first: int = 0) -> RunOutcome:
-    """Return what came of a run with a RECS each 30 s, attacked from `first` on; `used_m` are ranges in use."""
+def verdicts_of(status: list[int], used_m: list[float] | None = None) -> LevelVerdicts:
+    """Return verdicts of one satellite with a RECS each 30 s; `used_m` are ranges in use."""
     column = np.array(status, np.int8)[:, None]
     n, everywhere = len(status), np.ones((len(status), 1), np.bool_)
-    found = LevelVerdicts(
+    return LevelVerdicts(
         level=2,
         status=column,
         state=column,
@@ -44,6 +48,11 @@ def of(status: list[int], used_m: list[float] | None = None, first: int = 0) -> 
         range_error_m=np.array([0.0] * n if used_m is None else used_m, dtype=np.float64)[:, None],
         earlier=~everywhere,
     )
+
+
+def of(status: list[int], used_m: list[float] | None = None, first: int = 0) -> RunOutcome:
+    """Return what came of such a run, attacked from `first` on."""
+    found, n = verdicts_of(status, used_m), len(status)
     position_m = np.abs(found.range_error_m[:, 0]) / 2
     return run_outcome(found, 30.0 * np.arange(n), np.arange(n) >= first, LIMIT_M, position_m)
 
@@ -74,6 +83,45 @@ def test_right_ranges_at_the_end_mitigate() -> None:
 def test_harmful_is_beyond_twice_what_the_range_test_allows() -> None:
     assert not of([A] * 4, [0, 0, 0, -2 * LIMIT_M]).missed
     assert of([A] * 4, [0, 0, 0, -2.001 * LIMIT_M]).missed
+
+
+def test_what_the_recs_after_an_attack_authenticates_is_counted() -> None:
+    """An attack that is over before the next RECS: that RECS says AUTHENTIC of the ranges in between."""
+    recs = np.arange(12) % 4 == 0
+    attacked = np.isin(np.arange(12), (5, 6))
+    used_m = np.where(np.arange(12) == 8, 90.0, np.where(recs, 0.0, nan))
+    found = replace(verdicts_of([A] * 12, used_m.tolist()), recs=recs)
+    outcome = run_outcome(found, 30.0 * np.arange(12), attacked, LIMIT_M, np.abs(used_m) / 2)
+    assert (outcome.missed, outcome.detected, outcome.worst_range_m, outcome.worst_position_m) == (True, False, 90, 45)
+    alarmed = replace(found, status=np.where(np.arange(12)[:, None] == 8, S, A).astype(np.int8))
+    assert run_outcome(alarmed, 30.0 * np.arange(12), attacked, LIMIT_M, used_m).time_to_detect_s == 90.0
+    later = replace(found, status=np.where(np.arange(12)[:, None] == 9, S, A).astype(np.int8))
+    assert not run_outcome(later, 30.0 * np.arange(12), attacked, LIMIT_M, used_m).detected
+
+
+@given(
+    errors_m=arrays(np.float64, (12, 1), elements=st.sampled_from([nan, 0.0, 40.0, -53.0, 90.0, -400.0])),
+    positions_m=arrays(np.float64, 12, elements=st.sampled_from([nan, 5.0, 700.0])),
+    attacked=arrays(np.bool_, 12),
+    every=st.integers(1, 5),
+)
+def test_no_wrong_range_or_position_in_use_is_left_out(
+    errors_m: np.ndarray, positions_m: np.ndarray, attacked: np.ndarray, every: int
+) -> None:
+    recs = np.arange(12) % every == 0
+    errors_m, positions_m = np.where(recs[:, None], errors_m, nan), np.where(recs, positions_m, nan)
+    found = replace(verdicts_of([A] * 12), recs=recs, range_error_m=errors_m)
+    outcome = run_outcome(found, 30.0 * np.arange(12), attacked, LIMIT_M, positions_m)
+    ranges, places, since = [], [], False
+    for epoch in range(12):  # an attack counts until the RECS that follows it
+        since = since or bool(attacked[epoch])
+        if recs[epoch] and since:
+            ranges += [one for one in errors_m[epoch] if not isnan(one)]
+            places += [positions_m[epoch]] if not isnan(positions_m[epoch]) else []
+        since = since and not recs[epoch]
+    assert outcome.missed == any(abs(one) > 2 * LIMIT_M for one in ranges)
+    for worst, all_of_them in ((outcome.worst_range_m, ranges), (outcome.worst_position_m, places)):
+        assert isnan(worst) if not all_of_them else abs(worst) == max(map(abs, all_of_them))
 
 
 def test_no_verdict_is_denial() -> None:

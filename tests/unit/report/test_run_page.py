@@ -11,8 +11,10 @@ import xarray
 
 from report_builder import LIFT_OFF, QUICK, SCENARIOS, SKY, data_of, made, rows_of, unpacked
 from results_builder import campaign_results, stored
+from vestige.campaign.levels import level_verdicts
 from vestige.campaign.monitoring import tracks
 from vestige.campaign.store import open_results
+from vestige.campaign.verdicts import results_digest
 from vestige.errors import VestigeError
 from vestige.records import Status
 from vestige.report import run_page
@@ -74,7 +76,7 @@ def test_the_drawings_are_those_of_the_results(
 
 def test_thresholds_and_misses(results: dict[str, xarray.Dataset], pages: dict[str, str]) -> None:
     one = results["quick"]
-    rows = rows_of(pages["quick"], "Checks of the verdict")
+    rows = rows_of(pages["quick"], "Checks of steps 1 and 2")
     misses = np.count_nonzero(one["tap_index"].sel(detector="early").values < 0)
     assert misses > 0
     assert rows["E6 power"][0] == "5.678 σ"  # sqrt(-2 ln 1e-7)
@@ -82,7 +84,7 @@ def test_thresholds_and_misses(results: dict[str, xarray.Dataset], pages: dict[s
     assert rows["E1–E6 range"][0] == "±26.55 m"  # 3 times 8.85 m of the uncorrected budget
     beyond = np.count_nonzero(np.abs(results["liftoff"]["range_offset_m"].sel(detector="early").values) > 26.55)
     assert beyond > 0
-    assert rows_of(pages["liftoff"], "Checks of the verdict")["E1–E6 range"][2] == f"{beyond} beyond it"
+    assert rows_of(pages["liftoff"], "Checks of steps 1 and 2")["E1–E6 range"][2] == f"{beyond} beyond it"
 
 
 def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> None:
@@ -237,3 +239,35 @@ def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path
         with pytest.raises(VestigeError, match=message) as caught:
             run_page(one, "bad")
         assert "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def at_level_2(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
+    """A lift-off of 300 s, judged by level 2."""
+    store = made(tmp_path_factory.mktemp("level") / "two", "liftoff", *LIFT_OFF, "processor.level=2")
+    return open_results(store).load()
+
+
+def test_the_verdicts_are_those_of_the_level(at_level_2: xarray.Dataset) -> None:
+    """Every RECS has the gravest of what its level says; here each epoch is one."""
+    (found,) = level_verdicts(at_level_2, (2,))
+    page = run_page(at_level_2, "two").html()
+    assert (found.status != at_level_2["status"].values).any()  # steps 1 and 2 alone see less
+    rows = rows_of(page, "300 verdicts were due")
+    for place, word in enumerate(BODY):
+        (count,) = (cells[0] for heading, cells in rows.items() if heading.startswith(word))
+        assert int(count) == np.count_nonzero(found.status == place)
+    drawn = data_of(page)["satellites"][0]
+    np.testing.assert_array_equal(unpacked(drawn["status"]), found.status[:, 0])
+    assert results_digest(at_level_2) in page  # of the store, not of what was made of it
+
+
+def test_every_check_of_the_level_is_there(at_level_2: xarray.Dataset) -> None:
+    (found,) = level_verdicts(at_level_2, (2,))
+    page = run_page(at_level_2, "two").html()
+    rows = rows_of(page, "Checks of mitigation level 2, and where they failed")
+    assert set(rows) == {name for name, tests in found.tests.items() if tests.any()}
+    failed = found.failed["E6 C/N0"]
+    assert rows["E6 C/N0"][2:] == [str(failed.sum()), f"T = {np.flatnonzero(failed.any(axis=1))[0]} s"]
+    assert "Not run, the results hold nothing for it: clock innovation" in page
+    assert f"<dt>alarms that a user saw</dt><dd>{found.begins.sum()}" in page

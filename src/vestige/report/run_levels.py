@@ -1,0 +1,74 @@
+"""What the mitigation level of a run's scenario makes of it, as sections of its page.
+
+The status that a store keeps is that of steps 1 and 2; those of a higher level follow from the whole results
+(`campaign/levels.py`). A verdict of the page is that of a RECS: the gravest status since the RECS before, so that what
+was suspicious in between is in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray
+
+from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.report.markup import Html, card, element, number, table
+
+
+def level_of_run(results: xarray.Dataset, level: int) -> LevelVerdicts | None:
+    """Return what the level makes of a run; None at level 1, which has nothing to add, and of an unfinished run."""
+    if level == 1 or "epoch" in results.coords:
+        return None
+    return level_verdicts(results, (level,))[0]
+
+
+def with_verdicts(results: xarray.Dataset, found: LevelVerdicts | None) -> xarray.Dataset:
+    """Return the results with the verdicts of the level in the place of those of steps 1 and 2."""
+    return results if found is None else results.assign(status=(("epoch", "satellite"), found.of_recs()))
+
+
+def level_cards(found: LevelVerdicts | None) -> list[Html]:
+    """Return how many alarms a user saw, and the worst range that was in use."""
+    if found is None:
+        return []
+    error_m = found.range_error_m[np.isfinite(found.range_error_m)]
+    due = np.count_nonzero(found.recs[:, None] & found.seen)
+    worst_m = error_m[np.argmax(np.abs(error_m))] if error_m.size else np.nan
+    small = f"{number(error_m.size)} of {number(int(due))} ranges were in use"
+    return [
+        card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "held for 90 s"),
+        card("worst error in use", number(float(worst_m), 4, "m"), small),
+    ]
+
+
+def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[Html]:
+    """Return every check of the level: where it was made, with which false-alarm probability, where it failed."""
+    if found is None:
+        return []
+    time_s = results["time_s"].values
+    first = dict(found.first_failures(np.ones(time_s.size, np.bool_)))
+    rows = [
+        (
+            name,
+            number(int(np.count_nonzero(tests))),
+            number(found.budget[name].p_fa, 2) if name in found.budget else "–",
+            number(int(np.count_nonzero(found.failed[name]))),
+            f"T = {number(float(time_s[first[name]]), 5, 's')}" if name in first else "–",
+        )
+        for name, tests in found.tests.items()
+        if tests.any()
+    ]
+    parts = [
+        table(
+            f"Checks of mitigation level {found.level}, and where they failed",
+            ("check", "tests", "budget of a test", "failed", "first"),
+            rows,
+        ),
+        element(
+            "p",
+            "A verdict of this page is the gravest status since the RECS before. A user is shown the gravest of the "
+            "last 90 s; an alarm begins where none stood.",
+        ),
+    ]
+    if found.not_run:
+        parts.append(element("p", f"Not run, the results hold nothing for it: {', '.join(found.not_run)}."))
+    return parts
