@@ -379,6 +379,11 @@ def test_another_recording_or_other_settings_are_refused(night: Path, tmp_path: 
         refused = invoke(process, night, *ONCE, "-o", kept).exception
         assert isinstance(refused, InputFileError)
         assert said in str(refused)
+    (kept / STATE).write_text(state)
+    (kept / LINES).write_bytes((kept / LINES).read_bytes()[:-1])
+    refused = invoke(process, night, *ONCE, "-o", kept).exception
+    assert isinstance(refused, InputFileError)
+    assert "verdicts.jsonl: length: found" in str(refused)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("")
     assert isinstance(invoke(process, night, *ONCE, "-o", tmp_path / "full").exception, InputFileError)

@@ -106,11 +106,14 @@ def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, 
 def _load(path: Path, quick: bool) -> CampaignScenario:
     from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
+    from vestige.scenario.cautions import cautions
     from vestige.scenario.load import load_scenario
 
     scenario = load_scenario(path, ('fidelity="correlators"',) if quick else ())
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
+    for line in cautions(scenario):
+        click.echo(f"vestige: {path}: {line}", err=True)
     return scenario
 
 

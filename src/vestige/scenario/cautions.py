@@ -18,7 +18,16 @@ def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).cautions(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
-    return (*attacks, *stairs, *_round_peak(scenario))
+    return (*attacks, *_never(scenario), *stairs, *_round_peak(scenario))
+
+
+def _never(scenario: CampaignScenario) -> tuple[str, ...]:
+    end_s = scenario.epochs * scenario.interval_s
+    return tuple(
+        f"attack.{number}.start_s: {attack.start_s:g} s is not before the end of the scenario, {end_s:g} s"
+        for number, attack in enumerate(scenario.attack)
+        if attack.start_s >= end_s
+    )
 
 
 def _aimed_at_nobody(scenario: CampaignScenario) -> tuple[str, ...]:

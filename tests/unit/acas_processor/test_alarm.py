@@ -46,7 +46,7 @@ def test_satellites_do_not_share_a_state() -> None:
 
 
 @given(
-    st.lists(st.tuples(st.integers(1, 60), st.sampled_from(list(Status))), min_size=1, max_size=30),
+    st.lists(st.tuples(st.sampled_from([1, 30, 31, 60]), st.sampled_from(list(Status))), min_size=1, max_size=30),
     st.sampled_from([1.0, 30.0, 90.0]),
 )
 def test_blocks_are_folds(steps: list[tuple[int, Status]], hold_s: float) -> None:

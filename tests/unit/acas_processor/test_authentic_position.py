@@ -93,9 +93,10 @@ def test_it_is_the_place_and_is_known_when_the_last_key_is() -> None:
 
 
 @pytest.mark.parametrize("status", [one for one in Status if one is not A])
-def test_a_range_that_is_not_authentic_is_not_used(status: Status) -> None:
+@pytest.mark.parametrize("shown", [None, A], ids=["shown as it is", "shown as before"])
+def test_a_range_that_is_not_authentic_is_not_used(status: Status, shown: Status | None) -> None:
     wrong = SVIDS[0]
-    found = _position([_verdict(svid, status if svid == wrong else A) for svid in SVIDS], _late([wrong], 500.0))
+    found = _position([_verdict(svid, status if svid == wrong else A) for svid in SVIDS], _late([wrong], 500.0), shown)
     assert _is_the_place(found)
     assert found is not None
     assert found.svids == tuple(SVIDS[1:])

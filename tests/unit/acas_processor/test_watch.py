@@ -151,6 +151,15 @@ def test_keys_are_compared_with_the_second_channel(received: object, outcomes: t
     assert tuple(found[name] for name in names) == outcomes
 
 
+def test_keys_of_later_are_not_compared() -> None:
+    """Those that the second channel has of the time after the snapshot cannot have been received yet."""
+    watch = Watch(second_channel=tuple(_key(n, n) for n in range(40)))
+    snapshot, measurement = _snapshot(19)
+    keys = tuple(_key(n, n) for n in range(20))
+    _, further = watch.step(3, WatchState(), snapshot, measurement, Assistance(segments=(), keys=keys), failed=False)
+    assert {one.name: one.outcome.value for one in further.checks[3]}["OSNMA reception"] == "pass"
+
+
 def test_the_earliest_of_several_signals_is_the_true_one() -> None:
     chips = ChipSequence(svid=3, transmit_time=START, chip_rate_hz=5.115e6, chips=np.ones(4, np.int8))
     expected = START + 0.08

@@ -155,6 +155,12 @@ def test_satellites_that_are_not_there(tmp_path: Path) -> None:
     assert cautions(_with(tmp_path, text)) == ("attack.1.svids: E03 not in the scenario, which has E11",)
 
 
+def test_an_attack_after_the_end(tmp_path: Path) -> None:
+    late = '[[attack]]\nkind = "lift-off"\nstart_s = 1e6\npower_db = 3\ndelay_m = 0\n'
+    (caution,) = cautions(_with(tmp_path, FINE + late))
+    assert caution.startswith("attack.1.start_s: 1e+06 s is not before the end of the scenario, ")
+
+
 def test_schema_names_every_attack() -> None:
     text = str(schema())
     for attack in ALL_ATTACKS:
