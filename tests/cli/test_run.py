@@ -62,6 +62,38 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     assert "never the true signal for good" in text.splitlines()[-1]
 
 
+MEACONED = """
+kind = "campaign"
+seed = 1
+start = "2026-11-21T12:00:00 GST"
+epochs = 20
+interval_s = 30.0
+fidelity = "correlators"
+[receiver]
+cn0_dbhz = 40.0
+cn0_e1_dbhz = 40.0
+[[attack]]
+kind = "meaconing"
+start_s = 300
+delay_s = 2e-6
+power_db = 6.0
+"""
+
+
+@pytest.mark.parametrize(("level", "after_s", "worst_m"), [(1, None, 599.6), (2, 0.0, None)])
+def test_what_is_said_of_an_attack_is_what_the_level_says(
+    tmp_path: Path, level: int, after_s: float | None, worst_m: float | None
+) -> None:
+    """A loud meaconer of both bands: level 1 accepts its delay of 600 m, level 2 sees its power."""
+    (tmp_path / "loud.toml").write_text(MEACONED)
+    arguments = (tmp_path / "loud.toml", "-o", tmp_path / "loud", "--set", f"processor.level={level}")
+    (found,) = json.loads(_invoke(*arguments, "--json").stdout)["attack"]
+    assert found["early"]["time_to_detect_s"] == after_s
+    assert found["early"]["worst_accepted_m"] == (None if worst_m is None else pytest.approx(worst_m, abs=0.5))
+    last = _invoke(*arguments).stdout.splitlines()[-3]
+    assert ("no alarm" in last) == (after_s is None)
+
+
 def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None:
     """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
     short = ("--set", "epochs=520", "--fidelity", "correlators")

@@ -15,13 +15,15 @@ import xarray
 
 from vestige.campaign.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.campaign.outcomes import report
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import proportion
+from vestige.records import Status
 from vestige.scenario.load import load_scenario
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "liftoff.toml"
 SEEDS = range(600, 620)
-BEFORE, APPROACH, RISE = slice(0, 500), slice(500, 600), slice(600, 720)
+BEFORE, APPROACH, RISE, AFTER = slice(0, 500), slice(500, 600), slice(600, 720), slice(1100, 1500)
 ALARMED_BY_S = 720
 
 
@@ -73,6 +75,24 @@ def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_leve
     assert quiet.high < 2.5e-3
     assert quiet.high < approach.value
     assert approach.high < 1.2e-2
+
+
+def test_when_it_has_left_the_early_detector_has_the_true_signal_again() -> None:
+    """[WFO, Sec. VI-B]: from 1100 s on the counterfeit lies 75 m late, at the last correlator, 4.5 dB stronger.
+
+    Nearly every RECS is AUTHENTIC at level 2, and what is not is an alarm that stands for 90 s: E6 power by fading,
+    and the second signal in the correlators, which is there to be seen.
+    """
+    for seed in SEEDS:
+        results, verdicts = run_of(seed, '["E6"]')
+        attack = report(results, "early")
+        assert attack is not None
+        assert 430 < attack.time_to_mitigate_s < 450
+        status = verdicts[2].status[AFTER, 0]
+        assert np.mean(status == list(Status).index(Status.AUTHENTIC)) > 0.95
+        offset_m = results["range_offset_m"].sel(detector="early").values[AFTER, 0]
+        assert np.mean(np.abs(offset_m[np.isfinite(offset_m)]) < 26.5) > 0.99
+        assert verdicts[2].alarm[AFTER].any()
 
 
 def test_no_wrong_range_is_in_use_where_e1_is_left_alone() -> None:

@@ -143,6 +143,18 @@ def level_verdicts(
     return tuple(_verdicts(results, scenario, level, cadence, alarms_a_day) for level in levels)
 
 
+def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
+    """Return a run with the verdicts of its scenario's level in the place of those of steps 1 and 2, and that level.
+
+    Nothing and None at level 1, which is steps 1 and 2, and of a run that has not ended (coordinate `epoch`).
+    """
+    level = json.loads(results.attrs["scenario"])["processor"]["level"]
+    if level == 1 or "epoch" in results.coords:
+        return results, None
+    (found,) = level_verdicts(results, (level,))
+    return results.assign(status=(("epoch", "satellite"), found.of_recs())), found
+
+
 def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
     """Return how often the receiver tests, with the mean number of satellites in view."""
     in_view = np.mean(np.count_nonzero(_seen(results), axis=1))

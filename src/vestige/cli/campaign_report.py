@@ -13,15 +13,17 @@ import xarray
 
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
 from vestige.cli.attack_report import attack_lines, attack_values
-from vestige.cli.level_report import level_lines, level_of, level_values
+from vestige.cli.level_report import level_lines, level_values
 
 
 def campaign_json(results: xarray.Dataset) -> str:
     """Return what was found in one campaign."""
     attrs = results.attrs
+    judged, level = verdicts_of_run(results)
     return as_json(
         {
             "epochs": results.sizes["epoch"],
@@ -32,8 +34,8 @@ def campaign_json(results: xarray.Dataset) -> str:
             "p_d_theory": _theory(results),
             "false_alarms": asdict(false_alarms(results)),
             "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
-            "attack": attack_values(results),
-            **({"verdicts": level_values(results)} if level_of(results) > 1 else {}),
+            "attack": attack_values(judged),
+            **({} if level is None else {"verdicts": level_values(results, level)}),
         }
     )
 
@@ -53,9 +55,10 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
         lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
-    if level_of(results) > 1:
-        lines += level_lines(results)
-    return "\n".join([*lines, *attack_lines(results)])
+    judged, level = verdicts_of_run(results)
+    if level is not None:
+        lines += level_lines(results, level)
+    return "\n".join([*lines, *attack_lines(judged)])
 
 
 def sweep_json(rows: Sequence[Row]) -> str:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 import xarray
 
-from vestige.campaign.levels import level_verdicts
+from vestige.campaign.levels import LevelVerdicts
 from vestige.records import Status
 
 
-def level_of(results: xarray.Dataset) -> int:
-    """Return the mitigation level that the scenario of a campaign asks for."""
-    return int(json.loads(results.attrs["scenario"])["processor"]["level"])
-
-
-def level_values(results: xarray.Dataset) -> dict[str, Any]:
+def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any]:
     """Return what the level of the scenario makes of a campaign."""
-    (found,) = level_verdicts(results, (level_of(results),))
     time_s = results["time_s"].values
     error_m = found.range_error_m[np.isfinite(found.range_error_m)]
     due = found.recs[:, None] & found.seen
@@ -42,9 +35,9 @@ def level_values(results: xarray.Dataset) -> dict[str, Any]:
     }
 
 
-def level_lines(results: xarray.Dataset) -> list[str]:
+def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     """Return the same in a few lines."""
-    values = level_values(results)
+    values = level_values(results, found)
     states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
     lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]
     for name, first_s in values["first_failures"].items():

@@ -10,20 +10,8 @@ from __future__ import annotations
 import numpy as np
 import xarray
 
-from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.campaign.levels import LevelVerdicts
 from vestige.report.markup import Html, card, element, number, table
-
-
-def level_of_run(results: xarray.Dataset, level: int) -> LevelVerdicts | None:
-    """Return what the level makes of a run; None at level 1, which has nothing to add, and of an unfinished run."""
-    if level == 1 or "epoch" in results.coords:
-        return None
-    return level_verdicts(results, (level,))[0]
-
-
-def with_verdicts(results: xarray.Dataset, found: LevelVerdicts | None) -> xarray.Dataset:
-    """Return the results with the verdicts of the level in the place of those of steps 1 and 2."""
-    return results if found is None else results.assign(status=(("epoch", "satellite"), found.of_recs()))
 
 
 def level_cards(found: LevelVerdicts | None) -> list[Html]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import xarray
 
+from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.monitoring import tracks
 from vestige.campaign.outcomes import AttackReport, due_verdicts
 from vestige.campaign.statistics import Summary, summarise
@@ -21,7 +22,7 @@ from vestige.report.page import Page
 from vestige.report.run_attack import attack_cards, attack_content, attack_reports
 from vestige.report.run_checks import checks_section, false_alarms_section
 from vestige.report.run_drawings import run_drawings
-from vestige.report.run_levels import level_cards, level_content, level_of_run, with_verdicts
+from vestige.report.run_levels import level_cards, level_content
 from vestige.report.run_scenario import reproduce_section, scenario_section
 
 _NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
@@ -54,8 +55,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     scenario = _scenario(results)
     sky = scenario.get("constellation") is not None
     checks = tracks(results) if sky else ()
-    of_level, stored = level_of_run(results, scenario["processor"]["level"]), results
-    results = with_verdicts(results, of_level)
+    stored, (results, of_level) = results, verdicts_of_run(results)
     counts = verdict_counts(results)
     found = {str(name): summarise(results, str(name)) for name in results["detector"].values}
     attacks = attack_reports(results, scenario)
