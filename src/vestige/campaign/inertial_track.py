@@ -34,15 +34,19 @@ def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: f
     rate = values(results, "e1_range_rate_mps", "epoch", "satellite")
     statistic, threshold = np.full(rate.shape, np.nan), np.full(rate.shape, np.nan)
     recs = np.flatnonzero(values(results, "recs"))
-    if sensor is not None and recs.size > 1:
+    place = values(results.sel(fix="all"), "fix_position_m", "epoch", "axis")
+    if sensor is not None and recs.size > 1 and np.isfinite(place).any():
         now, before = recs[1:], recs[:-1]
         time_s = values(results, "time_s")
         interval_s = time_s[now] - time_s[before]
+        # the local axes turn with the place, by 8 mrad over 50 km, and all that is compared must be in one system
+        axes = _axes(place)
         towards = -geometry_of_sky(*(np.radians(_of_sky(results, name)) for name in ("azimuth", "elevation")))[..., :3]
-        gained = np.cumsum(np.nan_to_num(values(results, "gained_mps", "epoch", "local_axis")), axis=0)
+        towards = np.einsum("nij,nmi->nmj", axes, towards)
+        gained = np.einsum("nij,ni->nj", axes, np.nan_to_num(values(results, "gained_mps", "epoch", "local_axis")))
+        gained = np.cumsum(gained, axis=0)
         gained = gained[now] - gained[before]
-        place = values(results.sel(fix="all"), "fix_position_m", "epoch", "axis")
-        mean = np.einsum("nij,nj->ni", local_axes_at(place[now]), place[now] - place[before]) / interval_s[:, None]
+        mean = (place[now] - place[before]) / interval_s[:, None]
         # −Δ(e·v) = −(ē·Δv + Δe·v̄): a receiver that moves sees the line of sight turn
         own = np.einsum("nmi,ni->nm", (towards[now] + towards[before]) / 2, gained)
         own += np.einsum("nmi,ni->nm", towards[now] - towards[before], mean)
@@ -52,6 +56,13 @@ def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: f
         of_rates = two_sided_factor(p_fa) * np.sqrt(measured[now] + measured[before])
         threshold[now] = np.hypot(monitor.threshold_mps(interval_s)[:, None], of_rates)
     return Track(name=monitor.name, unit=monitor.unit, p_fa=p_fa, statistic=statistic, threshold=threshold, exact=False)
+
+
+def _axes(place_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the local axes at each epoch's place; without a fix, at the last one before, or at the first."""
+    known = np.flatnonzero(np.isfinite(place_m[:, 0]))
+    last = np.searchsorted(known, np.arange(len(place_m)), side="right") - 1
+    return local_axes_at(place_m[known[np.maximum(last, 0)]])
 
 
 def _of_sky(results: xarray.Dataset, name: str) -> Float[np.ndarray, "n m"]:

@@ -76,11 +76,12 @@ class CounterfeitSignal:
         carrier_hz = CARRIER_HZ[self.band]
         cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
         turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
+        beyond_hz = effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
         return replace(
             self.true.propagation(t_s),
             at_s=t_s,
             amplitude=complex(10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
-            doppler_hz=float(effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]),
+            doppler_hz=float(beyond_hz * self._kept(np.array([t_s]))[0]),
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),
             ray_doppler_hz=np.zeros(0),
@@ -88,7 +89,11 @@ class CounterfeitSignal:
 
     def _delay(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         effects = self._effects(t_s)
-        return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number]
+        return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number] * self._kept(t_s)
+
+    def _kept(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the seconds of transmission, on which the profiles run, in a second of reception."""
+        return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
 
     def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
         sent_s = t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS

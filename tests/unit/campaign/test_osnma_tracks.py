@@ -51,6 +51,13 @@ def lift_off(svids: str, own_data: str) -> str:
     )
 
 
+def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated(tmp_path: Path) -> None:
+    weak = lift_off("svids=[7, 13],", "true").replace("power_db=3", "power_db=-3")
+    results, found = tracks_of(tmp_path, "epochs=161", weak)
+    assert not results["osnma_differs"].values.any()
+    assert not found[AGREEMENT].failed.any()
+
+
 @pytest.mark.parametrize("own_data", ["false", "true"])
 def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(own_data: str, tmp_path: Path) -> None:
     """On top of the true signals and 3 dB stronger from 60 s on: 15 pages a subframe of each of the two satellites."""
@@ -152,6 +159,24 @@ def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: P
     assert 0.5 < np.std(scatter) < 1.5
     rate = results["e1_range_rate_mps"].values[::10]
     assert np.max(np.abs(np.diff(rate, axis=0))) > 10.0  # which without them would be alarms
+
+
+@pytest.mark.parametrize("radius_m", [20_000, 1_000_000])
+def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int, tmp_path: Path) -> None:
+    """250 m/s for a minute: satellites turn by up to 9 mrad, the vertical by 2 mrad, each of them some 0.5 m/s."""
+    flight = f'trajectory={{kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m={radius_m}, speed_mps=250}}'
+    sound = (
+        "receiver.clock=none",
+        "receiver.accelerometers.sigma_bias_mps2=0.0",
+        "receiver.accelerometers.walk_mps_per_sqrt_s=0.0",
+    )
+    _, found = tracks_of(tmp_path, *sound, "epochs=601", "recs.every=60", flight)
+    track = found[INERTIAL]
+    assert track.run.sum() == 80
+    assert not track.failed.any()
+    scatter = track.statistic[track.run] / track.threshold[track.run] * 4.417  # K of 1e-5
+    assert abs(np.mean(scatter)) < 0.5  # 4.5 σ, satellites of their own
+    assert 0.7 < np.std(scatter) < 1.4
 
 
 def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors(tmp_path: Path) -> None:

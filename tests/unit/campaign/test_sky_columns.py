@@ -72,6 +72,15 @@ def test_without_errors_the_fix_is_the_truth_through_a_weeks_end(trajectory: str
     assert np.max(np.abs(np.diff(found["truth_clock_m"]))) > 0.01
 
 
+def test_the_ionosphere_of_e1_belongs_to_that_of_the_difference() -> None:
+    """I1 = (I6 − I1)/(γ − 1) with γ = (154/125)², and as much of it as the satellite is low."""
+    settings = [one for one in NO_ERRORS if "ionosphere" not in one]
+    found = columns_of(sky_scenario(*settings, "epochs=5"))
+    error_m = found["e1_pseudorange_m"] - found["truth_range_m"] - found["truth_clock_m"][:, None]
+    assert np.min(np.abs(error_m)) > 1e-3
+    assert error_m == pytest.approx(found["truth_iono_diff_m"] / ((154 / 125) ** 2 - 1), abs=1e-6)
+
+
 def test_a_clock_that_is_far_off_moves_only_the_clock() -> None:
     bad = ("receiver.clock.h0_s=1e-17", "receiver.clock.h_minus_2_hz=1e-15")
     found = columns_of(sky_scenario(*NO_ERRORS, *bad, "epochs=300"))

@@ -120,6 +120,27 @@ def test_forged_chips_in_a_recording_match_nothing(tmp_path: Path) -> None:
     assert power > 3 * usual
 
 
+def test_the_rate_of_a_counterfeit_is_that_of_its_range(tmp_path: Path) -> None:
+    """dP'/dt by differences: 3 km/s, 30 m/s² and a pull of 5 km/s from 0.1 s on: each term is 0.05 m/s or more."""
+    path = tmp_path / "fast.toml"
+    motion = "v_mps = 3000.0\na_mps2 = 30.0"
+    pull = "first = 3e7, last = 3.004e7, start_s = 0.0, stop_s = 8.0"
+    text = LIFT_OFF.replace("v_mps = 200.0", motion).replace(
+        "first = 20.0, last = 60.0, start_s = 0.0, stop_s = 8.0", pull
+    )
+    path.write_text(text, encoding="utf-8")
+    case = _case(path, 2, 5)
+    true, counterfeit = case.sky(Band.E6)
+    t_s, step_s = case.truth.time_s + 0.05, 1e-3
+    around = [counterfeit.pseudorange.range_m(t_s + one * step_s) for one in (-1, 1)]
+    assert counterfeit.pseudorange.rate_mps(t_s) == pytest.approx((around[1] - around[0]) / 2 / step_s, abs=1e-3)
+    rates = [counterfeit.pseudorange.rate_mps(t_s + one * step_s) for one in (-1, 1)]
+    bend = (rates[1] - rates[0]) / 2 / step_s
+    assert counterfeit.pseudorange.acceleration_mps2(t_s) == pytest.approx(bend, abs=0.01)
+    late_s = (counterfeit.pseudorange.range_m(t_s) - true.pseudorange.range_m(t_s)) / SPEED_OF_LIGHT_MPS
+    assert np.all(late_s > 0.09)
+
+
 def test_e1_says_what_it_followed() -> None:
     """Observations of a captured receiver hold the error; of one whose clock went with a meaconer there are none."""
     pushed = _case(VESTIGIAL, 0, 1, "attack.0.delay_s=1e-4")

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import erfcinv
 
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
 from vestige.campaign.statistics import binomial_test
-from vestige.navigation.position_fix import Fix, position_fix, transmission
+from vestige.navigation.position_fix import Fix, local_geometry, position_fix, transmission
+from vestige.navigation.raim import redundancy, solution_separation
 from vestige.receiver.constellation import sky, walker_ephemerides
 from vestige.receiver.trajectory import StaticTrajectory
 from vestige.records import Outcome
@@ -55,6 +57,17 @@ def test_rate_of_alarms_of_the_separation() -> None:
     fix, _ = _fixes(n)
     alarms = int(np.count_nonzero(monitor.statistic(fix) > 1.0))
     assert 0.6 * monitor.p_fa * n < alarms < monitor.p_fa * n
+
+
+def test_the_budget_of_each_axis_is_shared_by_the_modes() -> None:
+    """Each horizontal axis has half of 9e-8, the vertical one 3.9e-6; seven modes, two-sided: erfc(K/√2) = p/7."""
+    fix, _ = _fixes(3)
+    monitor = SolutionSeparationMonitor()
+    found = solution_separation(redundancy(local_geometry(fix), fix.weight), fix.residual_m, fix.weight)
+    assert fix.n_used.tolist() == [7, 7, 7]
+    factor = np.abs(found.difference_m[:, :3]) / found.sigma_m[:, :3] / monitor.ratios(fix)
+    expected = np.sqrt(2) * erfcinv(np.array([4.5e-8, 4.5e-8, 3.9e-6]) / 7)[:, None]
+    np.testing.assert_allclose(factor, np.broadcast_to(expected, factor.shape), rtol=1e-6)
 
 
 def test_detection_by_the_separation() -> None:
