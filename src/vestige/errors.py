@@ -32,6 +32,10 @@ class InputFileError(VestigeError):
         super().__init__(f"{path}: {place}: found {_short(found)}, expected {_short(expected)}")
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
+    def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
+        """Return what makes it again: a worker process hands its errors back pickled."""
+        return type(self), (self.path, self.place, self.found, self.expected)
+
 
 class AuthenticationError(VestigeError):
     """A signature, hash, chain or tag does not verify; nothing that depends on it may be used."""
