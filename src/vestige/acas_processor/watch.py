@@ -10,8 +10,8 @@ All of that is `WatchState`, and `Watch.step` folds over snapshots:
 
 **Searches are scheduled.** The search on E1 is made with every snapshot. Its signals are handed over to E6 where it
 finds two of one satellite, and until the first authentic snapshot: then at every place in the time uncertainty. The
-exhaustive search of E6 (level 3) takes seconds to minutes. It is made at the start, when another check fails and none
-did in the snapshot before, and every `exhaustive_period_s`.
+exhaustive search of E6 (level 3) takes seconds to minutes. It is made when it is due (`search_schedule.py`): at the
+start, while anything is suspicious, and every `exhaustive_period_s`.
 
 **The time uncertainty shrinks** with a snapshot in which no check fails. With four authentic satellites or more it is
 what the position leaves open, with fewer the travel time is not known, 70 ms. From then on it grows with the
@@ -41,6 +41,7 @@ from vestige.acas_processor.monitors.vestigial_search import (
     SatelliteSearch,
     TimeUncertainty,
 )
+from vestige.acas_processor.search_schedule import search_due
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import (
     Assistance,
@@ -74,8 +75,8 @@ class WatchState:
         History of the fix.
     searched_at
         Time of the last exhaustive search.
-    suspicious
-        Whether a check failed in the last snapshot.
+    found_twice
+        Whether an exhaustive search was made of the last snapshot and found more than one signal of a satellite.
     alarm
         What is shown of each satellite.
     """
@@ -84,7 +85,7 @@ class WatchState:
     usual: LearnedReferences = field(default_factory=LearnedReferences)
     clock: tuple[ClockEpoch, ...] = ()
     searched_at: GalileoTime | None = None
-    suspicious: bool = False
+    found_twice: bool = False
     alarm: AlarmState = field(default_factory=AlarmState)
 
 
@@ -189,9 +190,8 @@ class Watch:
         for verdict in verdicts:
             alarm, change = alarm.step(verdict.svid, verdict.time, verdict.status, verdict.reason)
             changes += [change] if change else []
-        suspicious = any(verdict.status in ALARMS for verdict in verdicts)
-        state = replace(state, alarm=alarm, suspicious=suspicious)
-        if suspicious:
+        state = replace(state, alarm=alarm)
+        if any(verdict.status in ALARMS for verdict in verdicts):
             return state, tuple(changes)
         authentic = sum(verdict.status is Status.AUTHENTIC for verdict in verdicts)
         if authentic:
@@ -222,21 +222,24 @@ class Watch:
         p_fa: float,
     ) -> tuple[WatchState, dict[int, SatelliteSearch]]:
         """Return the results of the exhaustive search, if one is due, and the state that knows of it."""
-        last = state.searched_at
-        due = last is None or snapshot.time - last >= self.exhaustive_period_s
-        if not due and not (failed and not state.suspicious):
+        since_s = None if state.searched_at is None else snapshot.time - state.searched_at
+        if not search_due(since_s, self.exhaustive_period_s, suspicious=failed, found_twice=state.found_twice):
             return state, {}
         expected = {one.svid: one.handover.start_time for one in measurement.satellites if one.handover is not None}
         found = replace(self.exhaustive, p_fa=p_fa).search(snapshot, assistance, state.uncertainty, expected=expected)
-        return replace(state, searched_at=snapshot.time), {one.svid: one for one in found}
+        found_twice = any(one.check.outcome is Outcome.FAIL for one in found)
+        return replace(state, searched_at=snapshot.time, found_twice=found_twice), {one.svid: one for one in found}
 
 
 def _true_offsets(measurement: Measurement, searches: Mapping[int, list[SatelliteSearch]]) -> dict[int, float]:
-    """Return where the earliest of several signals is against where E1 puts it, in m."""
+    """Return where the earliest of several signals is against where E1 puts it, of one and the same RECS, in m."""
     offsets = {}
     for one in measurement.satellites:
-        peaks = [peak for search in searches.get(one.svid, []) if len(search.peaks) > 1 for peak in search.peaks]
-        if peaks and one.handover is not None:
-            first = min(peak.start_time for peak in peaks)
+        if one.handover is None:
+            continue
+        sent = one.handover.chips.transmit_time
+        of_this = [own for own in searches.get(one.svid, []) if own.sent == sent and len(own.peaks) > 1]
+        if of_this:
+            first = min(peak.start_time for own in of_this for peak in own.peaks)
             offsets[one.svid] = (first - one.handover.start_time) * SPEED_OF_LIGHT_MPS
     return offsets

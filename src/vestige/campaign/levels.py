@@ -8,8 +8,7 @@ makes the status of every epoch and satellite, `state_block` the state that a us
 noise floor allow for a front end that drifts; the simulated one does not, so theirs are bounds.
 
 **Searches.** The hand-over search is made with every RECS of which E1 has more than one signal. The exhaustive search
-of level 3 is made with the first RECS, then every `search_s`, and with the RECS that follows any failure of another
-check, of the whole receiver or of any satellite, or a search that found more than one signal.
+of level 3 is made when the processor would make it (`acas_processor/search_schedule.py`).
 
 **Ranges.** What a RECS authenticates is the time since the RECS before. The range of E1 is in use where the state is
 AUTHENTIC, and with it the largest error that the attack made in that time. Where a search was made that found more than
@@ -34,6 +33,7 @@ from vestige.acas_processor.alarm import state_block
 from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.mitigation import ALARMS, GRAVITY, LEVELS, combine_block, confirmed_block
+from vestige.acas_processor.search_schedule import search_due
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
 from vestige.campaign.snapshot_tracks import earlier_of_two_m, expected_cn0_dbhz
@@ -191,8 +191,7 @@ def _verdicts(
     searched = np.zeros(status.shape[0], np.bool_)
     if _EXHAUSTIVE in failed:
         twice = failed[_EXHAUSTIVE].any(axis=1)
-        every = round(cadence.search_s / cadence.observation_s)
-        searched = search_schedule(recs, _suspicion(failed), twice, every)
+        searched = search_schedule(recs, results["time_s"].values, _suspicion(failed), twice, cadence.search_s)
         tests[_EXHAUSTIVE] = tests[_EXHAUSTIVE] & searched[:, None]
         failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
     combined = combine_block(level, failed, available)
@@ -217,9 +216,13 @@ def _verdicts(
 
 
 def search_schedule(
-    recs: Bool[np.ndarray, " n"], suspicious: Bool[np.ndarray, " n"], twice: Bool[np.ndarray, " n"], every: int
+    recs: Bool[np.ndarray, " n"],
+    time_s: Float[np.ndarray, " n"],
+    suspicious: Bool[np.ndarray, " n"],
+    twice: Bool[np.ndarray, " n"],
+    period_s: float,
 ) -> Bool[np.ndarray, " n"]:
-    """Return in which epochs an exhaustive search is made.
+    """Return in which epochs an exhaustive search is made, by the rule of the processor (`search_due`).
 
     Parameters
     ----------
@@ -229,16 +232,16 @@ def search_schedule(
         Epochs in which another check failed.
     twice
         Epochs in which a search finds more than one signal.
-    every
-        Epochs between two searches without suspicion.
+    period_s
+        Time between two searches without suspicion.
     """
     searched = np.zeros(recs.size, np.bool_)
-    places = np.flatnonzero(recs)
-    since = np.concatenate([[0], np.cumsum(suspicious)])
+    failures = np.concatenate([[0], np.cumsum(suspicious)])
     last = before = -1
-    for place in places.tolist():
-        suspicion = since[place + 1] > since[before + 1]
-        if last < 0 or suspicion or (last == before and twice[last]) or place - last >= every:
+    for place in np.flatnonzero(recs).tolist():
+        since_s = None if last < 0 else float(time_s[place] - time_s[last])
+        suspicion = bool(failures[place + 1] > failures[before + 1])
+        if search_due(since_s, period_s, suspicious=suspicion, found_twice=last == before and bool(twice[last])):
             searched[place] = True
             last = place
         before = place

@@ -8,7 +8,7 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 | E1 received power | ΔP of the band | two-sided normal |
 | C/N0 | of the prompt correlator, against that of the elevation | two-sided non-central χ² |
 | power-distortion | class in the decision map | a bound, 0.6 % |
-| wrong-code floor | against the median of a satellite's first RECS | two-sided normal |
+| wrong-code floor | against the median of a satellite's first RECS, five to ten of them | two-sided normal |
 | E1-E6 range | range offset | κσ of the error budget |
 | clock innovation, consistency, slope | of the fix with all satellites | each a third |
 | RAIM, solution separation | of the fix with all satellites | χ², a bound |
@@ -29,6 +29,7 @@ from jaxtyping import Float
 from scipy.special import chndtrix, erfc
 
 from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.learned_checks import LEARNED
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
 from vestige.acas_processor.monitors.judgement import two_sided_factor
@@ -57,7 +58,7 @@ __all__ = ["P_FA", "Track", "tracks"]
 
 P_FA = 1e-5
 _PROMPT = TAP_CHIPS.index(0.0)
-_CALIBRATION = 10  # RECS whose median is the usual floor of a satellite
+_CALIBRATION = 10  # first RECS whose median is the usual floor of a satellite
 _LEAST, _GRID_DB = 1e-3, 0.1
 
 
@@ -164,29 +165,37 @@ def _cn0(
 
 
 def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, sigma_system_db: float) -> Track:
-    """Return the floor against its median in a satellite's first RECS, less what the signal has in it by itself."""
+    """Return the floor against its median in a satellite's first RECS, less what the signal has in it by itself.
+
+    Those are its calibration, ten or as many as were before, and five at least: what is judged with a RECS must not
+    depend on what comes later.
+    """
     power = values(results, "noise_power", "epoch", "satellite")
     gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
     n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
     monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=sigma_system_db, p_fa=p_fa)
     floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
     floor_db = floor_db - 10 * np.log10(1 + _own_share(results, scenario))
-    usual_db = [_usual(column) for column in floor_db.T]
-    growth = np.sqrt(1 + np.pi / 2 / _CALIBRATION)  # a median of n has π/2n of the variance of one
+    change_db, learned = (np.stack(parts, axis=1) for parts in zip(*map(_against_first, floor_db.T), strict=True))
+    growth = np.sqrt(1 + np.pi / 2 / learned)  # a median of n has π/2n of the variance of one
     return Track(
         name=monitor.name,
         unit=monitor.unit,
         p_fa=p_fa,
-        statistic=floor_db - np.array(usual_db),
-        threshold=np.full(floor_db.shape, monitor.threshold_db * growth),
+        statistic=change_db,
+        threshold=monitor.threshold_db * growth,
         exact=not sigma_system_db,
     )
 
 
-def _usual(floor_db: Float[np.ndarray, " n"]) -> float:
-    """Return the median of the first RECS of a satellite; NaN without any."""
-    known = floor_db[np.isfinite(floor_db)][:_CALIBRATION]
-    return float(np.median(known)) if known.size else float("nan")
+def _against_first(floor_db: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the floor of a satellite less the median of its first RECS, and of how many; NaN until there are some."""
+    usual_db, learned = np.full(floor_db.size, np.nan), np.full(floor_db.size, np.nan)
+    known = np.flatnonzero(np.isfinite(floor_db))
+    for n in range(LEARNED, min(known.size, _CALIBRATION + 1)):
+        later = known[n:]
+        usual_db[later], learned[later] = np.median(floor_db[known[:n]]), n
+    return floor_db - usual_db, learned
 
 
 def _own_share(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:

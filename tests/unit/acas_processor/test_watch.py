@@ -10,7 +10,8 @@ import pytest
 
 from builders import START
 from vestige.acas_processor.mitigation import LEVELS
-from vestige.acas_processor.monitors.vestigial_search import SatelliteSearch, TimeUncertainty
+from vestige.acas_processor.monitors.judgement import judged
+from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch, SatelliteSearch, TimeUncertainty
 from vestige.acas_processor.watch import (
     FIXED_S,
     TRAVEL_TIME_SPREAD_S,
@@ -33,6 +34,7 @@ from vestige.records import (
     Verdict,
 )
 from vestige.sample_processor.search.peak import Peak
+from vestige.time import GalileoTime
 
 SVIDS = (3, 5, 8, 13)
 NOTHING = Assistance(segments=())
@@ -83,7 +85,7 @@ def test_every_check_of_a_level_is_there_or_says_why_not(level: int) -> None:
 
 def test_the_exhaustive_search_is_made_at_the_start_on_suspicion_and_now_and_then() -> None:
     watch, state, searched = Watch(exhaustive_period_s=600.0), WatchState(), []
-    failing = {4, 5, 6, 9}  # the first of each bout of suspicion
+    failing = {4, 5, 6, 9}
     for n in range(32):
         before = state.searched_at
         state, _ = _step(watch, state, n, failed=n in failing)
@@ -92,7 +94,27 @@ def test_the_exhaustive_search_is_made_at_the_start_on_suspicion_and_now_and_the
         snapshot, measurement = _snapshot(n)
         status = Status.SUSPECT if n in failing else Status.AUTHENTIC
         state, _ = watch.learn(state, snapshot, measurement, _verdicts(n, *[status] * 4))
-    assert searched == [0, 4, 9, 29]
+    assert searched == [0, 4, 5, 6, 9, 29]
+
+
+def test_a_second_signal_is_searched_for_until_a_search_finds_one_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other check sees the attacker of RECS 3 to 7."""
+    seen = []
+
+    def search(self: E6ExhaustiveSearch, snapshot: Snapshot, *_: object, **__: object) -> tuple[SatelliteSearch, ...]:
+        seen.append(snapshot.index)
+        count = 2.0 if 3 <= snapshot.index <= 7 else 1.0
+        return (SatelliteSearch(svid=3, signals=(), peaks=(), check=judged(self, count, 1.0, "two")),)
+
+    monkeypatch.setattr(E6ExhaustiveSearch, "search", search)
+    watch, state, failed = Watch(exhaustive_period_s=90.0), WatchState(), []
+    for n in range(13):
+        state, further = _step(watch, state, n)
+        failed += [
+            n for check in further.checks[3] if check.name == watch.exhaustive.name and check.outcome is Outcome.FAIL
+        ]
+    assert seen == [0, 3, 4, 5, 6, 7, 8, 11]
+    assert failed == [3, 4, 5, 6, 7]
 
 
 def test_level_2_makes_no_exhaustive_search() -> None:
@@ -170,7 +192,7 @@ def test_the_earliest_of_several_signals_is_the_true_one() -> None:
     measurement = replace(measurement, satellites=(SatelliteMeasurement(svid=3, handover=handover),))
     check = _step(Watch(), WatchState(), 0)[1].checks[3][0]
 
-    def search(*offsets_s: float) -> SatelliteSearch:
+    def search(*offsets_s: float, sent: GalileoTime = START) -> SatelliteSearch:
         peaks = tuple(
             Peak(
                 svid=3,
@@ -182,8 +204,10 @@ def test_the_earliest_of_several_signals_is_the_true_one() -> None:
             )
             for offset_s in offsets_s
         )
-        return SatelliteSearch(svid=3, signals=(), peaks=peaks, check=check)
+        return SatelliteSearch(svid=3, signals=(), peaks=peaks, check=check, sent=sent)
 
     assert _true_offsets(measurement, {3: [search(0.0)]}) == {}
+    # where the RECS before came twice says nothing of where this one did
+    assert _true_offsets(measurement, {3: [search(-0.4, -0.3, sent=START + -0.4)]}) == {}
     found = _true_offsets(measurement, {3: [search(-1e-6, 0.0), search(-1e-3, 0.0)]})
     assert found == {3: pytest.approx(-1e-3 * SPEED_OF_LIGHT_MPS, abs=0.05)}

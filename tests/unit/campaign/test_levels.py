@@ -60,6 +60,16 @@ def test_level_1_takes_the_meaconer_and_level_2_the_earlier_signal(meaconed: dic
     assert dict(meaconed[2].first_failures(ALL))["E1 vestigial search"] == 330
 
 
+def test_nothing_is_judged_by_what_comes_later() -> None:
+    """An attack after three RECS, of ten that the noise floor is learned from, leaves what was before as it was."""
+    later = verdicts('attack=[{kind="meaconing", start_s=95, delay_s=2e-6, power_db=3, acquired=true}]')
+    for level, quiet in verdicts().items():
+        np.testing.assert_array_equal(later[level].status[:95], quiet.status[:95])
+        for name, failed in quiet.failed.items():
+            np.testing.assert_array_equal(later[level].failed[name][:95], failed[:95], err_msg=name)
+    assert later[2].alarm[95:].any()
+
+
 def test_nothing_is_in_use_between_recs(meaconed: dict[int, LevelVerdicts]) -> None:
     between = np.arange(600) % 30 != 0
     assert np.all(np.isnan(meaconed[2].range_error_m[between]))
@@ -70,6 +80,29 @@ def test_nulling_needs_the_exhaustive_search() -> None:
     assert "E1 vestigial search" not in dict(found[2].first_failures(ALL))
     assert dict(found[3].first_failures(ALL))["E6 exhaustive search"] >= 330
     assert found[3].searched[0]
+    after = slice(360, None, 30)
+    assert np.nanmax(np.abs(found[2].range_error_m[after])) > 2900
+    assert found[3].earlier[after].mean() > 0.8
+    assert np.nanmax(np.abs(found[3].range_error_m[after][found[3].earlier[after]])) < 30
+
+
+def test_what_a_search_would_find_counts_only_where_one_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vestige.campaign.levels.search_schedule", lambda recs, *_: np.arange(recs.size) == 0)
+    found = verdicts(NULLED)[3]
+    assert found.tests["E6 exhaustive search"].any(axis=1).tolist() == found.searched.tolist()
+    assert not found.failed["E6 exhaustive search"].any()
+    assert not found.earlier.any()
+
+
+def test_the_earlier_of_two_signals_in_the_correlators_stays_in_use() -> None:
+    """E6 alone is repeated, 80 m behind: an alarm, and the earlier signal is where E1 says."""
+    attack = 'attack=[{kind="lift-off", bands=["E6"], start_s=300, power_db=3, delay_m=80}]'
+    found = verdicts(attack)[2]
+    seen = found.failed["E6 second signal"] & found.recs[:, None]
+    assert seen[300:].sum() > 40
+    assert not np.any(found.state[seen] == list(Status).index(Status.AUTHENTIC))
+    assert np.mean(found.range_error_m[seen] == 0.0) > 0.9
+    assert not found.earlier[seen].any()
 
 
 def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
@@ -133,19 +166,18 @@ def test_a_level_keeps_its_budget_of_false_alarms() -> None:
 
 @given(st.data())
 def test_searches_are_scheduled(data: st.DataObject) -> None:
-    """At the start, after every suspicion at the next RECS, and not longer than the period without."""
+    """At the start, after every suspicion at the next RECS, and then, only then, when the last is a period ago."""
     n = data.draw(st.integers(1, 60))
     recs = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
     suspicious = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
     twice = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
-    every = data.draw(st.integers(1, 20))
-    searched = search_schedule(recs, suspicious, twice, every)
+    every, interval_s = data.draw(st.integers(1, 20)), data.draw(st.sampled_from((0.1, 1.0, 30.0)))
+    searched = search_schedule(recs, np.arange(n) * interval_s, suspicious, twice, every * interval_s)
     assert not np.any(searched & ~recs)
     places = np.flatnonzero(recs)
     if places.size:
         assert searched[places[0]]
     for before, place in pairwise(places.tolist()):
-        if suspicious[before + 1 : place + 1].any() or (searched[before] and twice[before]):
-            assert searched[place]
-        elif searched[place]:
-            assert not searched[max(0, place - every + 1) : place].any()
+        suspicion = suspicious[before + 1 : place + 1].any() or (searched[before] and twice[before])
+        due = not searched[max(0, place - every + 1) : place].any()
+        assert searched[place] == (suspicion or due)

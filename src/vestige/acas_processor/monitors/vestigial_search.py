@@ -85,12 +85,15 @@ class SatelliteSearch:
     peaks
         In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
         of its key; then E6 says nothing of it, but `check` counts what was found all the same.
+    sent
+        Time of transmission of the RECS that the peaks are of; None without peaks.
     """
 
     svid: int
     signals: tuple[Acquisition, ...]
     peaks: tuple[Peak, ...]
     check: CheckResult
+    sent: GalileoTime | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,10 +157,10 @@ class E1VestigialSearch:
             own = tuple(one for one in signals if one.svid == svid)
             wanted = len(own) > 1 or uncertainty.fixed_at is None
             looked_for = own if wanted else ()
-            decision = self._handed_over(svid, looked_for, snapshot.e1, snapshot, assistance, uncertainty)
+            decision, sent = self._handed_over(svid, looked_for, snapshot.e1, snapshot, assistance, uncertainty)
             count = max(len(own), len(decision.peaks))
             check = _count(self, count, decision) if own else not_run(self, "no signal of this satellite on E1")
-            results.append(SatelliteSearch(svid=svid, signals=own, peaks=_proven(decision), check=check))
+            results.append(SatelliteSearch(svid=svid, signals=own, peaks=_proven(decision), check=check, sent=sent))
         return tuple(results)
 
     def _handed_over(
@@ -168,12 +171,12 @@ class E1VestigialSearch:
         snapshot: Snapshot,
         assistance: Assistance,
         uncertainty: TimeUncertainty,
-    ) -> VestigialDecision:
-        """Return the decision on E6 at the places of all signals on E1; of several RECS, that on most peaks."""
-        decision = decide_vestigial(svid, ())
+    ) -> tuple[VestigialDecision, GalileoTime | None]:
+        """Return the decision on E6 at the places of all signals on E1, and when its RECS was sent, which says most."""
+        decision, sent = decide_vestigial(svid, ()), None
         e6 = _samples(snapshot)
         if e6 is None or not signals:
-            return decision
+            return decision, sent
         codes, _ = _codes(snapshot, assistance, uncertainty, svid)
         for code in codes:
             window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
@@ -187,8 +190,9 @@ class E1VestigialSearch:
             ]
             found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
             own = decide_vestigial(svid, found, _secret_until(code, snapshot, assistance, uncertainty))
-            decision = max(decision, own, key=_n_peaks)
-        return decision
+            if _says(own) > _says(decision):
+                decision, sent = own, code.transmit_time
+        return decision, sent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,17 +248,22 @@ class E6ExhaustiveSearch:
         found = {svid: _codes(snapshot, assistance, uncertainty, svid) for svid in _satellites(assistance)}
         codes = [code for codes, _ in found.values() for code in codes]
         decisions: dict[int, VestigialDecision] = {}
+        sent: dict[int, GalileoTime] = {}
         if source is not None:
             stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
-            for code, peaks in self._peaks(source, stretches):
+            found_of = sorted(self._peaks(source, stretches), key=lambda one: _apart_s(one[0], snapshot))
+            for code, peaks in found_of:
                 own = decide_vestigial(code.svid, peaks, _secret_until(code, snapshot, assistance, uncertainty))
-                decisions[code.svid] = max(decisions.get(code.svid, own), own, key=_n_peaks)
+                if code.svid not in decisions or _says(own) > _says(decisions[code.svid]):
+                    decisions[code.svid] = own
+                    sent[code.svid] = code.transmit_time
         return tuple(
             SatelliteSearch(
                 svid=svid,
                 signals=(),
                 peaks=_proven(decisions[svid]) if svid in decisions else (),
                 check=self._judged(decisions.get(svid), "no E6 samples" if source is None else reason),
+                sent=sent.get(svid),
             )
             for svid, (_, reason) in found.items()
         )
@@ -321,8 +330,13 @@ def _count(monitor: Monitor, count: int, decision: VestigialDecision) -> CheckRe
     return judged(monitor, float(count), 1.0, f"{count} signals of one satellite: {where}")
 
 
-def _n_peaks(decision: VestigialDecision) -> int:
-    return len(decision.peaks)
+def _says(decision: VestigialDecision) -> int:
+    """Return 2 of what is spoofed, 1 of one signal, 0 of none: of equals, the RECS of the snapshot itself counts."""
+    return min(len(decision.peaks), 2)
+
+
+def _apart_s(code: ChipSequence, snapshot: Snapshot) -> float:
+    return abs(code.transmit_time - snapshot.time)
 
 
 def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
@@ -348,7 +362,7 @@ def _secret_until(
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int
 ) -> tuple[tuple[ChipSequence, ...], str]:
-    """Return the decrypted RECS of a satellite that may prove something in a snapshot, and why there is none."""
+    """Return the RECS of a satellite that may prove something in a snapshot, its own first, and why there is none."""
     begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
     keys = {key.time: key for key in assistance.keys}
     codes, reason = [], "no RECS of this satellite"
@@ -364,7 +378,7 @@ def _codes(
             codes.append(code)
         else:
             reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
-    return tuple(codes), "" if codes else reason
+    return tuple(sorted(codes, key=lambda code: _apart_s(code, snapshot))), "" if codes else reason
 
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
