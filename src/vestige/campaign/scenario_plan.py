@@ -19,9 +19,11 @@ from vestige.campaign.level_columns import LEVEL_COLUMNS, level_columns
 from vestige.campaign.origin import PROCESSOR, processor_name
 from vestige.campaign.osnma_columns import keys_received
 from vestige.campaign.plan import Column, Coord
+from vestige.campaign.rinex_export import NAVIGATION_TEXT
 from vestige.campaign.sky_columns import E1_COLUMNS, SKY_COLUMNS, e1_columns, e1_coords, sky_columns, sky_coords
 from vestige.receiver.simulation import NOT_RECEIVED, Banks, Simulation
 from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.recording.rinex_navigation import rinex_navigation_text
 from vestige.records import FrontEndStatus, Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.signals.definitions import E6C
@@ -130,7 +132,13 @@ class ScenarioPlan:
             "integration_s": self.simulations[0].n_chips / E6C.chip_rate_hz,
             "fidelity": self.scenario.fidelity,
             **({PROCESSOR: processor_name()} if self.scenario.fidelity == "samples" else {}),
+            **({NAVIGATION_TEXT: self._navigation()} if self.scenario.constellation else {}),
         }
+
+    def _navigation(self) -> str:
+        """Return the ephemerides of the satellites, so that results do not depend on a file that may be gone."""
+        paths = [one.elevation.path for one in self.simulations if one.elevation is not None]
+        return rinex_navigation_text(path.ephemeris for path in paths)
 
     def prepare(self) -> _Preparation:
         """Return the truth at its beginning."""

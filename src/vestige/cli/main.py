@@ -23,6 +23,7 @@ VERBS = {
     "threats": ("vestige.cli.threats", "Measure what comes of each attack of the threat table."),
     "plot": ("vestige.cli.plot", "Draw the figures of a campaign's results."),
     "report": ("vestige.cli.report", "Write one page about the results of a run or a threat table."),
+    "rinex": ("vestige.cli.rinex", "Write what the receiver of a simulated sky tracked on E1 as RINEX."),
     "search": ("vestige.cli.search", "Search for every signal on E1 and for the encrypted signal in E6."),
     "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),
     "simulate": ("vestige.cli.simulate", "Write the E1 and E6 recording of a scenario: a test case for any receiver."),

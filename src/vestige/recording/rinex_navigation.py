@@ -78,8 +78,13 @@ def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
     UnsupportedError
         For RINEX 2.
     """
+    return parse_rinex_navigation(path, numbered_lines(path))
+
+
+def parse_rinex_navigation(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[Ephemeris, ...]:
+    """Return the same of numbered lines wherever they come from; `path` is the name in errors."""
     found: dict[tuple[int, int, GalileoTime], Ephemeris] = {}
-    for record in _records(path, numbered_lines(path)):
+    for record in _records(path, lines):
         ephemeris = _ephemeris(path, record)
         if ephemeris is not None:
             found.setdefault((ephemeris.svid, ephemeris.iod_nav, ephemeris.toe), ephemeris)
@@ -219,6 +224,12 @@ def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris], *, crea
     ValueError
         If there is none, or toe or toc is not a whole second.
     """
+    text = rinex_navigation_text(ephemerides, created=created)
+    path.write_text(text, encoding="ascii", newline="\n")
+
+
+def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, created: datetime | None = None) -> str:
+    """Return what `write_rinex_navigation` writes; raises as it does."""
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
         raise ValueError("a navigation file needs an ephemeris")
@@ -229,7 +240,7 @@ def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris], *, crea
         ("", "END OF HEADER"),
     ]
     lines = [f"{content:60}{label:20}".rstrip() for content, label in header] + records
-    path.write_text("".join(line + "\n" for line in lines), encoding="ascii", newline="\n")
+    return "".join(line + "\n" for line in lines)
 
 
 def _written(ephemeris: Ephemeris) -> list[str]:

@@ -25,6 +25,17 @@ def test_walker_24_3_1() -> None:
     np.testing.assert_allclose(radius, 29_599_800.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("hours", [4, 24, 24 * 30])
+def test_orbits_do_not_depend_on_the_toe_that_they_are_given_at(hours: int) -> None:
+    """Node and latitude move at constant rates, through a week's end too; rates of the other sign are km in 4 h."""
+    toe = TOE + hours * 3600.0
+    times = np.array([-3600.0, 0.0, 14_400.0])
+    for one, later in zip(SATELLITES, walker_ephemerides(toe), strict=True):
+        state, same = (satellite_state(each, toe, times) for each in (one, later))
+        np.testing.assert_allclose(same.position_m, state.position_m, rtol=0, atol=1e-3)
+        np.testing.assert_allclose(same.velocity_mps, state.velocity_mps, rtol=0, atol=1e-6)
+
+
 def test_the_sky() -> None:
     times = np.arange(0.0, 86_400.0, 600.0)
     view = sky(SATELLITES, TOE, times, PLACE.motion(times), mask_deg=5.0)

@@ -1,0 +1,137 @@
+"""The results of a sky as files that any receiver software reads: what the simulated receiver tracked on E1, as RINEX.
+
+The observations are those of the signal that was tracked, a counterfeit where it took over: pseudorange, Doppler and
+C/N0 of E1-C at every epoch, on the receiver's clock. There is no carrier phase: the results hold none. The navigation
+file has the orbits and clocks of the run in new issues every 2 h, so that each epoch has one. Pseudoranges hold the
+ionosphere's residual and no troposphere, hence the settings of `rnx2rtkp` [RTKLIB]: no corrections, RAIM with exclusion
+of one satellite.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.errors import VestigeError
+from vestige.navigation.reissue import issues
+from vestige.receiver.e1_loop import LOCK_DBHZ
+from vestige.recording.new_folder import new_folder
+from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
+from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+OBSERVATIONS, NAVIGATION, OPTIONS = "observations.rnx", "navigation.rnx", "rtklib.conf"
+COMMAND = f"rnx2rtkp -k {OPTIONS} -o position.pos {OBSERVATIONS} {NAVIGATION}"
+NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemerides of its satellites
+
+_RTKLIB = """\
+pos1-posmode       =single
+pos1-frequency     =l1
+pos1-navsys        =8
+pos1-elmask        =0
+pos1-sateph        =brdc
+pos1-ionoopt       =off
+pos1-tropopt       =off
+pos1-posopt5       =on
+out-solformat      =xyz
+out-timesys        =gpst
+"""
+_TENTHS = 10  # epochs are whole tenths of a second apart
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RinexExport:
+    """What was written.
+
+    Attributes
+    ----------
+    files
+        Observations, navigation data, settings of `rnx2rtkp`.
+    n_epochs
+        Epochs with at least one satellite.
+    svids
+        Satellites that were tracked at some epoch.
+    n_ephemerides
+        Records of the navigation file.
+    """
+
+    files: tuple[Path, ...]
+    n_epochs: int
+    svids: tuple[int, ...]
+    n_ephemerides: int
+
+
+def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
+    """Write the results of a sky into a new folder.
+
+    Parameters
+    ----------
+    results
+        Of a whole campaign, as `run` returns them.
+    folder
+        Must not exist.
+
+    Raises
+    ------
+    VestigeError
+        If the results are not those of a sky, no satellite was tracked, or `folder` exists.
+    """
+    if NAVIGATION_TEXT not in results.attrs:
+        raise VestigeError("results: found a single line of sight, expected those of a sky, with [constellation]")
+    scenario = json.loads(results.attrs["scenario"])
+    start = GalileoTime.parse(scenario["start"])
+    lines = enumerate(results.attrs[NAVIGATION_TEXT].splitlines(), 1)
+    end = start + scenario["epochs"] * scenario["interval_s"]
+    given = parse_rinex_navigation(Path(NAVIGATION_TEXT), lines)
+    ephemerides = [issue for one in given for issue in issues(one, start, end)]
+    cn0_dbhz = _column(results, "e1_cn0_dbhz")
+    tracked = cn0_dbhz > LOCK_DBHZ  # NaN while out of view
+    if not tracked.any():
+        raise VestigeError("results: found no satellite that E1 tracked, expected one at least")
+    svids = results["svid"].values
+    with new_folder(folder) as place:
+        write_rinex_observations(place / OBSERVATIONS, _epochs(results, start, tracked, cn0_dbhz))
+        write_rinex_navigation(place / NAVIGATION, ephemerides)
+        (place / OPTIONS).write_text(_RTKLIB, encoding="ascii", newline="\n")
+    return RinexExport(
+        files=tuple(folder / name for name in (OBSERVATIONS, NAVIGATION, OPTIONS)),
+        n_epochs=int(np.count_nonzero(tracked.any(axis=1))),
+        svids=tuple(svids[tracked.any(axis=0)].tolist()),
+        n_ephemerides=len(ephemerides),
+    )
+
+
+def _epochs(
+    results: xarray.Dataset, start: GalileoTime, tracked: np.ndarray, cn0_dbhz: np.ndarray
+) -> Iterator[ObservationEpoch]:
+    """Yield the epochs in which a satellite is tracked."""
+    svids = results["svid"].values.tolist()
+    range_m = _column(results, "e1_pseudorange_m")
+    doppler_hz = -_column(results, "e1_range_rate_mps") * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    tenths = np.rint(results["time_s"].values * _TENTHS).astype(np.int64)  # RINEX wants the exact one
+    for row in np.flatnonzero(tracked.any(axis=1)):
+        whole, rest = divmod(int(tenths[row]), _TENTHS)
+        seen = {
+            svids[column]: E1Observation(
+                svid=svids[column],
+                pseudorange_m=float(range_m[row, column]),
+                carrier_phase_cycles=float("nan"),
+                doppler_hz=float(doppler_hz[row, column]),
+                doppler_rate_hz_per_s=float("nan"),
+                cn0_dbhz=float(cn0_dbhz[row, column]),
+            )
+            for column in np.flatnonzero(tracked[row])
+        }
+        yield ObservationEpoch(time=start + whole + rest / _TENTHS, observations=seen)
+
+
+def _column(results: xarray.Dataset, name: str) -> np.ndarray:
+    return results[name].transpose("epoch", "satellite").values.astype(np.float64)

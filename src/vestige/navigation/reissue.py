@@ -1,0 +1,54 @@
+"""One orbit, issued again and again as a satellite does it: the same orbit and clock, given at later times.
+
+Mean anomaly, node, inclination and clock go on with their rates, and the harmonics hang on the argument of latitude
+alone, so a new issue is the old orbit exactly. Only Ω0 needs care: it is the longitude at the start of toe's week,
+which is another one after the end of a week.
+
+Satellites issue orbits whose toe is past, and receivers hold that against them: `rnx2rtkp` takes none with a toe to
+come [RTKLIB], and some programs none that is older than 2 h.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from vestige.constants import SECONDS_PER_WEEK
+from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.time import GalileoTime
+
+ISSUE_S = 7200.0  # from one to the next
+_ISSUES = 1024  # IODnav has 10 bits [OS-ICD, 4.3.5]
+_BEFORE_S = 60.0  # what was sent and received before the start: flight time, a clock that is off
+
+
+def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
+    """Return the issue that follows an ephemeris as the `number`th, 2 h from one to the next; 0 is itself."""
+    t = number * ISSUE_S
+    toe = ephemeris.toe + t
+    motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps
+    week_s = (toe.week - ephemeris.toe.week) * SECONDS_PER_WEEK
+    return replace(
+        ephemeris,
+        iod_nav=(ephemeris.iod_nav + number) % _ISSUES,
+        toe=toe,
+        toc=ephemeris.toc + t,
+        m0_rad=_wrapped(ephemeris.m0_rad + motion * t),
+        omega0_rad=_wrapped(ephemeris.omega0_rad + ephemeris.omega_dot_radps * t - ROTATION_RADPS * week_s),
+        i0_rad=ephemeris.i0_rad + ephemeris.i_dot_radps * t,
+        af0_s=ephemeris.af0_s + ephemeris.af1 * t + ephemeris.af2_per_s * t**2,
+        af1=ephemeris.af1 + 2 * ephemeris.af2_per_s * t,
+    )
+
+
+def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:
+    """Yield the issues of an ephemeris so that at any time from `start` to `end` one has a toe past by at most 2 h."""
+    first, last = (math.ceil((time - ephemeris.toe) / ISSUE_S) - 1 for time in (start + -_BEFORE_S, end))
+    for number in range(first, last + 1):
+        yield reissued(ephemeris, number) if number else ephemeris
+
+
+def _wrapped(angle: float) -> float:
+    return math.remainder(angle, 2 * math.pi)
