@@ -6,8 +6,10 @@ is: `available_at_s`. Both take the broadcast orbits for right. E1 holds, beside
 residual e/(γ − 1) that belongs to the e of E6 − E1; it is common to both bands and no part of the range check.
 
 The receiver believes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
-M and A of `receiver.elevation`. The NEES, xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a
-consistent fix it is χ² with 4 degrees of freedom.
+M and A of `receiver.elevation`, and that a share of the ionosphere's variance is common to all (`ionosphere_common` of
+`[position]`). The covariance P of the fix knows of that share; the weights do not, nor do RAIM and solution separation,
+whose σ are of what residuals show. The NEES, xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a
+consistent fix it is χ² with 4 degrees of freedom. With rays it is less: σ_multipath bounds their tails.
 """
 
 from __future__ import annotations
@@ -25,9 +27,11 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.position_fix import (
+    UNKNOWNS,
     Fix,
     Transmission,
     dilution,
+    inverse_normal,
     local_geometry,
     position_fix,
     standing_range_rate,
@@ -80,7 +84,9 @@ SKY_COLUMNS = {
         ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
         ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
         ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
+        ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
         ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
+        ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
         ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
         ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
         ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
@@ -138,8 +144,9 @@ def sky_columns(
     place_m = trajectory.motion(time_s - ahead_s).position_m
     drift_mps = truth[0].clock_drift_mps
     osnma = osnma_columns(scenario, truth)
+    common_m = _common_m(scenario, truth)
     fixes = [
-        _fix_columns(scenario, sent, seen, used, place_m=place_m, clock_m=clock_m, drift_mps=drift_mps)
+        _fix_columns(scenario, sent, seen, used, common_m, place_m=place_m, clock_m=clock_m, drift_mps=drift_mps)
         for used in (tracked, tracked & authentic & osnma["osnma_data"] & recs[:, None])
     ]
     columns = {name: np.stack([one[name] for one in fixes]) for name in fixes[0]}
@@ -197,6 +204,13 @@ def _observations(
     return {name: _stacked(values) for name, values in columns.items()}
 
 
+def _common_m(scenario: CampaignScenario, truth: Sequence[TruthBlock]) -> Float[np.ndarray, "n m"]:
+    """Return what the common part of the ionosphere, as the receiver believes in it, adds to each pseudorange."""
+    table = scenario.position
+    sigma_m = np.sqrt(table.ionosphere_common) * table.ionosphere_sigma_m
+    return sigma_m * _stacked([obliquity(one.view.elevation_rad) for one in truth])
+
+
 def e1_columns(
     scenario: CampaignScenario, first: int, truth: Sequence[TruthBlock], view: Bool[np.ndarray, "n m"]
 ) -> dict[str, np.ndarray]:
@@ -250,26 +264,31 @@ def _fix_columns(
     sent: Transmission,
     seen: Mapping[str, Float[np.ndarray, "n m"]],
     used: Bool[np.ndarray, "n m"],
+    common_m: Float[np.ndarray, "n m"],
     *,
     place_m: Float[np.ndarray, "n 3"],
     clock_m: Float[np.ndarray, " n"],
     drift_mps: Float[np.ndarray, " n"],
 ) -> dict[str, np.ndarray]:
     """Return the columns of one fix of all epochs, from the satellites that are used."""
-    fix = position_fix(sent, np.where(used, seen["e1_pseudorange_m"], np.nan), seen["e1_sigma_m"].astype(np.float64))
+    range_m = np.where(used, seen["e1_pseudorange_m"], np.nan)
+    fix = position_fix(sent, range_m, seen["e1_sigma_m"].astype(np.float64), common_m=common_m)
     _, found_drift_mps = velocity_fix(sent, fix, seen["e1_range_rate_mps"])
     local = dilution(local_geometry(_placed(fix, place_m)))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
+    axes = local_axes_at(place_m)
     return {
         "e1_standing_rate_mps": standing_range_rate(sent, fix),
         "fix_satellites": np.where(fix.valid, fix.n_used, 0),
         "fix_position_m": np.where(fix.valid[:, None], fix.position_m, np.nan),
-        "fix_error_m": np.einsum("nij,nj->ni", local_axes_at(place_m), error[:, :3]),
+        "fix_error_m": np.einsum("nij,nj->ni", axes, error[:, :3]),
         "fix_clock_m": fix.clock_m,
         "fix_clock_error_m": error[:, 3],
         "fix_drift_mps": np.where(fix.valid, found_drift_mps, np.nan),
         "fix_drift_error_mps": np.where(fix.valid, found_drift_mps - drift_mps, np.nan),
+        "fix_sigma_m": np.sqrt(np.einsum("nqi,nij,nqj->nq", axes, fix.covariance_m2[:, :3, :3], axes)),
         "fix_sigma_clock_m": np.sqrt(fix.covariance_m2[:, 3, 3]),
+        "fix_own_sigma_clock_m": np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
         "fix_sigma_drift_mps": np.sqrt(_drift_variance(fix, seen["e1_rate_sigma_mps"])),
         "fix_nees": _nees(fix, error),
         "fix_dilution": np.stack([getattr(local, name) for name in _DILUTIONS], axis=-1),
@@ -290,9 +309,9 @@ def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.n
 
 
 def _nees(fix: Fix, error: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
-    """Return eᵀP⁻¹e, NaN without a fix: P⁻¹ is HᵀWH."""
-    normal = np.einsum("nmi,nm,nmj->nij", fix.geometry, fix.weight, fix.geometry)
-    return np.einsum("ni,nij,nj->n", error, normal, error)
+    """Return eᵀP⁻¹e, NaN without a fix."""
+    covariance = np.where(fix.valid[:, None, None], fix.covariance_m2, np.eye(UNKNOWNS))
+    return np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
 
 
 def _key_times(

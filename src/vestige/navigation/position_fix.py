@@ -11,6 +11,13 @@ is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W 
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
+The errors of satellites may have a part in common: c cᵀ beside the diagonal, as the ionosphere above one receiver does
+with c the obliquity. A common part that were the same for all would be the clock's; one that grows towards the horizon
+goes into height and clock, and no residual shows it. W does not know of it, the covariance does: with
+S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
+
+    P = S (diag(σ² − c²) + c cᵀ) Sᵀ
+
 The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
 
 Epochs stand along the first axis, satellites along the second; a satellite that was not measured is NaN.
@@ -64,7 +71,8 @@ class Fix:
     position_m, clock_m
         ECEF, and c times the receiver clock's error.
     covariance_m2
-        Of (x, y, z, clock), ECEF, if the errors are independent and have the σ of the weights.
+        P of (x, y, z, clock), ECEF, if the errors have the σ of the weights and are independent but for the common
+        part.
     residual_m
         Measured minus fitted pseudorange; NaN where not used.
     geometry
@@ -126,6 +134,7 @@ def position_fix(
     sigma_m: Float[np.ndarray, "n m"],
     *,
     correction_m: Float[np.ndarray, "n m"] | None = None,
+    common_m: Float[np.ndarray, "n m"] | None = None,
 ) -> Fix:
     """Return the weighted least-squares fixes.
 
@@ -139,6 +148,8 @@ def position_fix(
         Standard deviation of each pseudorange.
     correction_m
         Predicted delays (ionosphere, troposphere) to take off.
+    common_m
+        c, what the common part adds to each pseudorange when it is one σ of its own; `sigma_m` has it in it.
     """
     measured = pseudorange_m + sent.clock_m - (0.0 if correction_m is None else correction_m)
     used = np.isfinite(measured) & np.isfinite(sigma_m)
@@ -156,7 +167,7 @@ def position_fix(
     return Fix(
         position_m=position,
         clock_m=clock,
-        covariance_m2=inverse_normal(geometry, weight),
+        covariance_m2=_covariance(geometry, weight, np.zeros_like(weight) if common_m is None else common_m),
         residual_m=np.where(known, measured - predicted - clock[:, None], np.nan),
         geometry=geometry,
         weight=np.where(known, weight, 0.0),
@@ -278,6 +289,17 @@ def inverse_normal(
     inverse = np.linalg.inv(normal)
     inverse[~solvable] = np.nan
     return inverse
+
+
+def _covariance(
+    geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"], common_m: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Return S (diag(σ² − c²) + c cᵀ) Sᵀ; S diag(σ²) Sᵀ is (HᵀWH)⁻¹."""
+    inverse = inverse_normal(geometry, weight)
+    gain = np.einsum("nij,nmj,nm->nim", inverse, geometry, weight)
+    shifts = gain * np.where(weight > 0, common_m, 0.0)[:, None]
+    together = shifts.sum(axis=2)
+    return inverse + together[:, :, None] * together[:, None] - np.einsum("nim,njm->nij", shifts, shifts)
 
 
 def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:

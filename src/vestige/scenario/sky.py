@@ -200,6 +200,8 @@ class PositionTable(Section):
     ----------
     ionosphere_sigma_m
         Residual of the ionosphere on E1 at 17.5° elevation.
+    ionosphere_common
+        Share of its variance that the receiver believes all satellites to have in common: in the covariance of the fix.
     multipath_sigma_m
         Of multipath at 16° elevation; elsewhere as strong as the rays.
     floor_sigma_m
@@ -209,6 +211,7 @@ class PositionTable(Section):
     """
 
     ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    ionosphere_common: Annotated[float, Field(ge=0, le=1)] = 0.5
     multipath_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
     floor_sigma_m: Annotated[float, Field(ge=1e-3, le=1000)] = 0.1
     p_fa: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-5

@@ -114,6 +114,42 @@ def test_the_fix_is_consistent_through_a_weeks_end() -> None:
         assert np.all(np.abs(error_m.mean(axis=0)) < 4.9 * error_m.std(axis=0) / np.sqrt(n))
 
 
+def test_the_fix_is_consistent_under_an_ionosphere_that_satellites_share() -> None:
+    """Normal, and anew in every epoch: NEES and the errors over their σ are as in a clean world, within 1e-6 each.
+
+    A covariance that took the errors of satellites for independent would give 1.5 times the NEES.
+    """
+    normal = (
+        'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=1.0, tail_start_m=1, tail_scale_m=1, '
+        'tail_probability=0.0, correlation="iid"}'
+    )
+    sigma_m = 1 / ((154 / 125) ** 2 - 1)
+    clean = [one for one in CLEAN if "ionosphere" not in one]
+    settings = ("epochs=900", "interval_s=4.0", "recs.every=8", f"position.ionosphere_sigma_m={sigma_m}")
+    for share in (0.5, 0.9):
+        shares = (f"constellation.ionosphere_common={share}", f"position.ionosphere_common={share}")
+        found = columns_of(sky_scenario(*clean, *settings, normal, *shares))
+        for which, n in ((0, 900), (1, 113)):
+            nees = found["fix_nees"][which].astype(np.float64)
+            assert np.count_nonzero(np.isfinite(nees)) == n
+            assert chdtri(4 * n, 1 - 5e-7) < np.nansum(nees) < chdtri(4 * n, 5e-7)
+            for error, sigma in (("fix_error_m", "fix_sigma_m"), ("fix_clock_error_m", "fix_sigma_clock_m")):
+                squares = np.nansum((found[error][which] / found[sigma][which]) ** 2, axis=0)
+                assert np.all((chdtri(n, 1 - 5e-7) < squares) & (squares < chdtri(n, 5e-7)))
+        assert np.all(found["fix_own_sigma_clock_m"] < found["fix_sigma_clock_m"], where=np.isfinite(nees))
+
+
+def test_what_is_believed_in_the_shipped_scene_is_a_bound() -> None:
+    """The residual of 2017 alone is as large as believed; with rays, whose σ bounds their tails, errors are smaller."""
+    epochs = ("epochs=900", "interval_s=4.0", "recs.every=30", 'receiver.ionosphere.correlation="iid"')
+    quiet = ("receiver.multipath=none", "receiver.e1_multipath=none", "position.multipath_sigma_m=0.0")
+    alone, whole = (columns_of(sky_scenario(*epochs, *more))["fix_nees"][0] / 4 for more in (quiet, ()))
+    error = float(alone.std() / 30)  # of the mean, with tails that are heavier than normal
+    assert abs(alone.mean() - 1) < 4.9 * error + 0.05  # rms 2.05 m where 2 m are believed
+    assert error < 0.06
+    assert 0.5 < whole.mean() < 1
+
+
 def test_raim_is_chi_square(clean: dict[str, np.ndarray]) -> None:
     statistic = clean["raim_statistic"][0].astype(np.float64)
     freedom = 4 * statistic.size

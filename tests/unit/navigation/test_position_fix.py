@@ -79,6 +79,45 @@ def test_the_fix_is_unbiased_and_consistent_through_the_end_of_a_week() -> None:
     assert chdtri(4 * int(after.sum()), 1 - 5e-4) < nees[after].sum() < chdtri(4 * int(after.sum()), 5e-4)
 
 
+def test_an_error_that_all_satellites_share_is_the_clocks() -> None:
+    """All error common and alike: position without error. In part common and unlike: S Σ Sᵀ, written out."""
+    view, sent, pseudorange, _ = _scene(TIMES[:3])
+    alike = np.full_like(pseudorange, 5.0)
+    shared = position_fix(sent, pseudorange, alike, common_m=alike).covariance_m2
+    expected = np.zeros((4, 4))
+    expected[3, 3] = 25.0
+    np.testing.assert_allclose(shared, np.broadcast_to(expected, shared.shape), atol=1e-9)
+    common = 1.5 / (0.3 + np.sin(view.elevation_rad))
+    sigma = np.hypot(common, 1.0 + np.arange(len(view.svids)))
+    fix = position_fix(sent, pseudorange, sigma, common_m=common)
+    for k in range(3):
+        up = view.in_view[k]
+        h, c = fix.geometry[k, up], common[k, up]
+        gain = np.linalg.inv(h.T @ np.diag(sigma[k, up] ** -2) @ h) @ h.T @ np.diag(sigma[k, up] ** -2)
+        errors = np.diag(sigma[k, up] ** 2 - c**2) + np.outer(c, c)
+        np.testing.assert_allclose(fix.covariance_m2[k], gain @ errors @ gain.T, rtol=1e-7, atol=1e-9)
+    alone = position_fix(sent, pseudorange, sigma)
+    np.testing.assert_array_equal(fix.position_m, alone.position_m)
+    np.testing.assert_array_equal(fix.weight, alone.weight)
+
+
+def test_velocity_takes_the_weights_of_the_fix() -> None:
+    """A range rate that is wrong on one satellite: weighted least squares of the rates, written out by rows."""
+    view, sent, pseudorange, rate = _scene(TIMES[:2])
+    sigma = np.broadcast_to(1.0 + np.arange(len(view.svids)), pseudorange.shape).astype(np.float64)
+    fix = position_fix(sent, pseudorange, sigma)
+    true_velocity, true_drift = velocity_fix(sent, fix, rate)
+    wrong = np.zeros_like(rate)
+    wrong[:, np.flatnonzero(view.in_view.all(axis=0))[1]] = 3.0
+    velocity, drift = velocity_fix(sent, fix, rate + wrong)
+    for k in range(2):
+        up = view.in_view[k]
+        root = 1 / sigma[k, up]
+        moved, *_ = np.linalg.lstsq(fix.geometry[k, up] * root[:, None], wrong[k, up] * root, rcond=None)
+        found = np.append(velocity[k] - true_velocity[k], drift[k] - true_drift[k])
+        np.testing.assert_allclose(found, moved, atol=1e-4)  # 1 − u·ṡ/c is 1 to 1e-5
+
+
 def test_too_few_satellites_are_no_fix_and_do_not_disturb_others() -> None:
     _, sent, pseudorange, rate = _scene(TIMES)
     whole = position_fix(sent, pseudorange, np.full_like(pseudorange, 5.0))

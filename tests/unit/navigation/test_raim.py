@@ -150,6 +150,28 @@ def test_exclusion_finds_the_fault() -> None:
     assert found.consistent[right].all()
 
 
+def test_exclusion_weighs_satellites_of_unequal_sigma() -> None:
+    """What is left is the fix without the satellite, and the one that is named leaves least, of all eight."""
+    sigma = np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 1.5, 20.0])
+    weight = np.repeat(sigma[None] ** -2, 500, axis=0)
+    geometry = np.repeat(GEOMETRY, 500, axis=0)
+    y = stream(6, "test", "raim").standard_normal((500, 8)) * sigma
+    faulty = np.arange(500) % 8
+    y[np.arange(500), faulty] += 15 * sigma[faulty]
+    found = exclude_one(redundancy(geometry, weight), _residuals(y, weight=weight), weight, 1e-3)
+    left = np.stack(
+        [
+            chi_square_statistic(_residuals(y, weight=without), without)
+            for without in (np.where(np.arange(8) == one, 0.0, weight) for one in range(8))
+        ],
+        axis=1,
+    )
+    excluded = found.excluded != NOT_EXCLUDED
+    assert np.mean(excluded) > 0.7  # a satellite of small σ leaves little trace in the residuals
+    assert np.array_equal(found.excluded[excluded], np.argmin(left, axis=1)[excluded])
+    np.testing.assert_allclose(found.statistic[excluded], left.min(axis=1)[excluded], rtol=1e-6)
+
+
 def test_five_satellites_cannot_exclude_and_four_cannot_test() -> None:
     y = np.zeros((1, 8))
     y[0, 1] = 500.0
