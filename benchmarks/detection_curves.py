@@ -3,8 +3,8 @@
 python benchmarks/detection_curves.py -o folder [--seeds 20] [--only clock]
 
 For each attack a figure and a table, CSV, in the folder; the tables are printed as in docs/checks. Rays, ionosphere,
-clock and sensors are those of scenarios/sky.toml, budgets 1e-5. A check sees the attack if it fails for any satellite
-while it acts.
+clock and sensors are those of scenarios/sky.toml, budgets 1e-5; the thresholds of power and floor allow for a drift of
+the front end of 0.3 dB, as those of the levels do. A check sees the attack if it fails for any satellite while it acts.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from functools import partial
 from pathlib import Path
 
 from vestige.campaign.check_detection import check_detection
+from vestige.campaign.levels import FRONT_END_DRIFT_DB
 from vestige.campaign.statistics import Proportion
 from vestige.plots import check_curves, write
 from vestige.scenario.campaign import CampaignScenario
@@ -47,7 +48,7 @@ CURVES = {
     "power": Curve(
         title="Jamming of E1",
         label="J/N (dB)",
-        strengths=(-20.0, -19.0, -18.0, -17.0, -16.0, -10.0, 0.0, 1.0, 2.0, 3.0, 4.0, 6.0),
+        strengths=(-20.0, -10.0, -6.0, -5.0, -4.5, -4.0, -3.0, 0.0, 1.0, 2.0, 3.0, 4.0, 6.0),
         attack='{{kind="jamming", bands=["E1"], start_s=60, j_over_n_db={0}}}',
         checks=("E1 received power", "C/N0"),
     ),
@@ -95,7 +96,7 @@ CURVES = {
     "second": Curve(
         title="Lift-off to 60 m, on E6",
         label="spoofer over true signal (dB)",
-        strengths=(-30.0, -15.0, -12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 10.0, 15.0),
+        strengths=(-30.0, -15.0, -12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 10.0, 12.0, 13.0, 14.0, 15.0),
         attack='{{kind="lift-off", start_s=60, power_db={0}, '
         'delay_m={{kind="ramp", first=0, last=60, start_s=60, stop_s=100}}}}',
         checks=("E6 second signal", "E6 C/N0", "E6 received power"),
@@ -110,7 +111,7 @@ CURVES = {
     "floor": Curve(
         title="Jamming of E6",
         label="J/N in 20.46 MHz (dB)",
-        strengths=(-30.0, -25.0, -22.0, -20.0, -19.0, -18.0, -16.0, -12.0),
+        strengths=(-20.0, -12.0, -8.0, -6.0, -5.0, -4.5, -4.0, -3.5, -3.0, 0.0),
         attack='{{kind="jamming", bands=["E6"], start_s=60, j_over_n_db={0}}}',
         checks=("wrong-code floor",),
     ),
@@ -165,7 +166,9 @@ def scenario(curve: Curve, strength: float, seed: int) -> CampaignScenario:
 def point(curve: Curve, seeds: Sequence[int], strength: float) -> dict[str, Proportion]:
     """Return what each check sees of one strength."""
     make: Callable[[int], CampaignScenario] = partial(scenario, curve, strength)
-    return check_detection(make, seeds, checks=curve.checks, window_s=curve.window_s)
+    return check_detection(
+        make, seeds, checks=curve.checks, window_s=curve.window_s, sigma_system_db=FRONT_END_DRIFT_DB
+    )
 
 
 def table(curve: Curve, seen: Mapping[str, Sequence[Proportion]]) -> str:

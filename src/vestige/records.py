@@ -228,8 +228,6 @@ class ValidatedKey:
         Earliest time at which a bit of the key is on air. Samples must be taken before.
     complete_at
         Time at which its last bit has been sent: nobody can have a verdict earlier.
-    data
-        The key.
     """
 
     chain_id: int
@@ -237,6 +235,24 @@ class ValidatedKey:
     disclosed_at: GalileoTime
     complete_at: GalileoTime
     data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivedOsnma:
+    """The OSNMA of one satellite and subframe as it was demodulated: not validated, good for comparison alone.
+
+    Attributes
+    ----------
+    svid, time
+        Satellite, None where a file of keys does not tell; start of the subframe (GST_SF).
+    fields, key
+        15 OSNMA fields of 5 bytes, None where the page is lost or a dummy; None where no chain says where the key is.
+    """
+
+    svid: int | None
+    time: GalileoTime
+    fields: tuple[bytes | None, ...] = ()
+    key: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,6 +279,7 @@ class Assistance:
     segments: tuple[EncryptedSegment, ...] = ()  # in order of transmission
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
+    received: tuple[ReceivedOsnma, ...] = ()  # valid or not, in order of time; empty if nobody kept it
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
 

@@ -95,7 +95,7 @@ def meaconed(assistance_folder: Path, recording_data: Path) -> tuple[Snapshot, A
 
 def _step(level: int, snapshot: Snapshot, assistance: Assistance) -> Step:
     exhaustive = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=8e-3), around_s=4e-4)
-    watch = Watch(exhaustive=exhaustive, second_channel=assistance.keys)
+    watch = Watch(exhaustive=exhaustive, second_channel=assistance)
     (step,) = AcasProcessor(level=level, watch=watch).steps([snapshot], assistance=assistance)
     return step
 

@@ -46,11 +46,7 @@ class FixChecks:
             self,
             clock=replace(self.clock, p_fa=3 * p_fa["clock innovation"]),
             raim=replace(self.raim, p_fa=p_fa["RAIM"]),
-            separation=replace(
-                self.separation,
-                p_fa_horizontal=p_fa["solution separation"] / 2,
-                p_fa_vertical=p_fa["solution separation"] / 2,
-            ),
+            separation=SolutionSeparationMonitor.of_budget(p_fa["solution separation"]),
         )
 
     def step(

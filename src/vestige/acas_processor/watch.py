@@ -32,7 +32,7 @@ from vestige.acas_processor.monitors.clock_drift import ClockEpoch
 from vestige.acas_processor.monitors.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.monitors.inertial import InertialMonitor
 from vestige.acas_processor.monitors.judgement import not_run
-from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor, OsnmaField
+from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor
 from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitors.vestigial_search import (
     FIXED_S,
@@ -41,6 +41,7 @@ from vestige.acas_processor.monitors.vestigial_search import (
     SatelliteSearch,
     TimeUncertainty,
 )
+from vestige.acas_processor.osnma_comparison import compare_osnma
 from vestige.acas_processor.search_schedule import search_due
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import (
@@ -50,7 +51,6 @@ from vestige.records import (
     Outcome,
     Snapshot,
     Status,
-    ValidatedKey,
     Verdict,
 )
 from vestige.time import GalileoTime
@@ -119,7 +119,7 @@ class Watch:
     exhaustive, exhaustive_period_s
         The exhaustive search, and the time between two when nothing is wrong.
     second_channel
-        OSNMA keys that came over another channel [WFO, Sec. IV-C]; None without one.
+        OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
@@ -127,7 +127,7 @@ class Watch:
     fix: FixChecks = field(default_factory=FixChecks)
     exhaustive: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
     exhaustive_period_s: float = 3600.0
-    second_channel: tuple[ValidatedKey, ...] | None = None
+    second_channel: Assistance | None = None
 
     def step(
         self,
@@ -200,16 +200,14 @@ class Watch:
         return replace(state, usual=state.usual.learn(snapshot, measurement)), tuple(changes)
 
     def _osnma(self, snapshot: Snapshot, assistance: Assistance, p_fa: Mapping[str, float]) -> tuple[CheckResult, ...]:
-        """Return whether keys came, and whether as the second channel has them."""
+        """Return whether keys came, and whether keys and pages are those of the second channel."""
         availability = OsnmaAvailabilityMonitor(p_fa=p_fa["OSNMA availability"])
         reception = AssistedOsnmaMonitor(p_fa=p_fa["OSNMA reception"])
         if self.second_channel is None:
             return (not_run(availability, "no OSNMA data from a second channel"), *reception.check(()))
-        received = {key.time: key.data for key in assistance.keys}
         since = snapshot.time + -SUBFRAME_S * OSNMA_SUBFRAMES
-        due = [key for key in self.second_channel if since <= key.time <= snapshot.time]
-        fields = [OsnmaField(demodulated=received.get(key.time), assisted=key.data) for key in due]
-        return (availability.check([one.demodulated is not None for one in fields]), *reception.check(fields))
+        found = compare_osnma(assistance, self.second_channel, since, snapshot.time)
+        return (availability.check(found.validated), *reception.check(found.keys, found.pages))
 
     def _exhaustive(
         self,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-import xarray
 
+from vestige.campaign.direct import direct_results
 from vestige.campaign.monitoring import P_FA, tracks
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, proportion
@@ -20,6 +20,7 @@ def check_detection(
     checks: Collection[str],
     window_s: tuple[float, float],
     p_fa: float = P_FA,
+    sigma_system_db: float = 0.0,
 ) -> dict[str, Proportion]:
     """Return for each check in how many runs it fails, for any satellite, at any time of a window.
 
@@ -35,6 +36,8 @@ def check_detection(
         Times that count, the end not included.
     p_fa
         Budget of one test of each check whose budget is free.
+    sigma_system_db
+        Drift of a real front end that the thresholds of power and floor allow for, 1σ.
 
     Raises
     ------
@@ -43,21 +46,10 @@ def check_detection(
     """
     seen = dict.fromkeys(checks, 0)
     for seed in seeds:
-        results = _measured(scenario(seed))
+        results = direct_results(ScenarioPlan(scenario=scenario(seed)))
         time_s = results["time_s"].values
         counts = (time_s >= window_s[0]) & (time_s < window_s[1])
-        for track in tracks(results, p_fa=p_fa):
+        for track in tracks(results, p_fa=p_fa, sigma_system_db=sigma_system_db):
             if track.name in seen:
                 seen[track.name] += bool(np.any(track.failed[counts]))
     return {name: proportion(count, len(seeds)) for name, count in seen.items()}
-
-
-def _measured(scenario: CampaignScenario) -> xarray.Dataset:
-    """Return the results of a short campaign without a store."""
-    plan = ScenarioPlan(scenario=scenario)
-    values = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
-    return xarray.Dataset(
-        {name: (column.dims, values[name]) for name, column in plan.columns.items()},
-        coords={name: (coord.dim, coord.values) for name, coord in plan.coords.items()},
-        attrs=dict(plan.attrs),
-    )

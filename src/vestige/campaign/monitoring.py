@@ -21,7 +21,7 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,8 +113,8 @@ def tracks(
     return (
         *found,
         *_clock(results, scenario, share("clock slope") * (1 if isinstance(p_fa, Mapping) else 1 / 3)),
-        *_consistency(results, scenario, share("RAIM")),
-        *osnma_tracks(results, second_s, share("OSNMA availability")),
+        *_consistency(results, scenario, share),
+        *osnma_tracks(results, second_s, share),
         inertial_track(results, scenario, share("inertial range rate")),
     )
 
@@ -275,18 +275,21 @@ def _normal_errors(scenario: Mapping[str, Any]) -> bool:
     return scenario["receiver"]["ionosphere"] is None and scenario["receiver"]["multipath"] is None
 
 
-def _consistency(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, Track]:
+def _consistency(
+    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float]
+) -> tuple[Track, Track]:
     fix = results.sel(fix="all")
-    raim, separation = RaimMonitor(p_fa=p_fa), SolutionSeparationMonitor()
+    raim = RaimMonitor(p_fa=p_fa("RAIM"))
+    separation = SolutionSeparationMonitor.of_budget(p_fa("solution separation"))
     freedom = fix["fix_satellites"].values.astype(np.int64) - UNKNOWNS
-    apart = values(fix, "separation_statistic")
+    apart = separation.over_threshold(values(fix, "separation_sigmas"), fix["separation_modes"].values.astype(np.int64))
     return (
         Track(
             name=raim.name,
             unit=raim.unit,
-            p_fa=p_fa,
+            p_fa=raim.p_fa,
             statistic=values(fix, "raim_statistic"),
-            threshold=chi_square_threshold(freedom, p_fa),
+            threshold=chi_square_threshold(freedom, raim.p_fa),
             exact=_normal_errors(scenario),
         ),
         Track(

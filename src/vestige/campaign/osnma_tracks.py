@@ -9,6 +9,7 @@ data of the attacker's own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 WINDOW = 10  # subframes that the availability looks back
 
 
-def osnma_tracks(results: xarray.Dataset, week_s: Float[np.ndarray, " n"], p_fa: float) -> tuple[Track, ...]:
+def osnma_tracks(
+    results: xarray.Dataset, week_s: Float[np.ndarray, " n"], p_fa: Callable[[str], float]
+) -> tuple[Track, ...]:
     """Return availability of keys, reception of pages and their agreement, NaN between the ends of subframes.
 
     Parameters
@@ -35,7 +38,7 @@ def osnma_tracks(results: xarray.Dataset, week_s: Float[np.ndarray, " n"], p_fa:
     week_s
         Its epochs in s after the start of the week.
     p_fa
-        Budget of one test of the first two, which keep below it.
+        Budget of one test of the first two by name, which keep below it.
     """
     n = week_s.size
     epoch, seen, received, differs = _subframes(results, week_s)
@@ -43,7 +46,8 @@ def osnma_tracks(results: xarray.Dataset, week_s: Float[np.ndarray, " n"], p_fa:
     due = PAGES * np.count_nonzero(seen, axis=1)
     came = np.count_nonzero(received & seen[:, None], axis=(1, 2))
     wrong = np.count_nonzero(received & differs & seen[:, None], axis=(1, 2))
-    availability, assisted = OsnmaAvailabilityMonitor(p_fa=p_fa), AssistedOsnmaMonitor(p_fa=p_fa)
+    availability = OsnmaAvailabilityMonitor(p_fa=p_fa("OSNMA availability"))
+    assisted = AssistedOsnmaMonitor(p_fa=p_fa("OSNMA reception"))
     window = np.minimum(np.arange(epoch.size) + 1, WINDOW)
     missing = np.cumsum(~keys)
     missing[WINDOW:] -= np.cumsum(~keys)[:-WINDOW]

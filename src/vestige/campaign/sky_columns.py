@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.acas_processor.monitors.raim_check import RaimMonitor, largest_separations
 from vestige.campaign.osnma_columns import osnma_columns
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
@@ -91,7 +91,8 @@ SKY_COLUMNS = {
         ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
         ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
         ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
-        ("separation_statistic", _FIX, "float32", "1", "largest solution separation over its threshold"),
+        ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
+        ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
         ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
     )
 }
@@ -274,7 +275,8 @@ def _fix_columns(
     range_m = np.where(used, seen["e1_pseudorange_m"], np.nan)
     fix = position_fix(sent, range_m, seen["e1_sigma_m"].astype(np.float64), common_m=common_m)
     _, found_drift_mps = velocity_fix(sent, fix, seen["e1_range_rate_mps"])
-    local = dilution(local_geometry(_placed(fix, place_m)))
+    placed = _placed(fix, place_m)
+    local, (sigmas, modes) = dilution(local_geometry(placed)), largest_separations(placed)
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     return {
@@ -293,7 +295,8 @@ def _fix_columns(
         "fix_nees": _nees(fix, error),
         "fix_dilution": np.stack([getattr(local, name) for name in _DILUTIONS], axis=-1),
         "raim_statistic": RaimMonitor(p_fa=scenario.position.p_fa).statistic(fix),
-        "separation_statistic": SolutionSeparationMonitor().statistic(_placed(fix, place_m)),
+        "separation_sigmas": sigmas,
+        "separation_modes": modes,
     }
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
-    from vestige.records import Assistance, ValidatedKey
+    from vestige.records import Assistance
     from vestige.source import Source
 
 _path = click.Path(path_type=Path)
@@ -38,7 +38,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 )
 @click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
 @click.option("--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix.")
-@click.option("--second-channel", type=_path, help="Folder with OSNMA keys of another channel, for level 3.")
+@click.option("--second-channel", type=_path, help="Folder with OSNMA keys or pages of another channel, level 3.")
 @click.option(
     "--search-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True, help="Level 3."
 )
@@ -228,8 +228,8 @@ def _watch(options: dict[str, Any]) -> Watch:
     )
 
 
-def _second_channel(options: dict[str, Any]) -> tuple[ValidatedKey, ...] | None:
-    """Return the OSNMA keys of the second channel, None without one; says what is wrong with them."""
+def _second_channel(options: dict[str, Any]) -> Assistance | None:
+    """Return the OSNMA of the second channel, None without one; says what is wrong with them."""
     from vestige.errors import VestigeError
     from vestige.recording.assistance import read_assistance
 
@@ -244,7 +244,7 @@ def _second_channel(options: dict[str, Any]) -> tuple[ValidatedKey, ...] | None:
             f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "
             "that they lead to, there or as an option"
         )
-    return found.assistance.keys
+    return found.assistance
 
 
 def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[Iterator[Step], float]:

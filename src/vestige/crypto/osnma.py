@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vestige.constants import SUBFRAME_S
@@ -31,7 +31,7 @@ from vestige.crypto.tag_verifier import TagVerifier
 from vestige.crypto.tags import parse_mack
 from vestige.crypto.tesla import Chain, Key, fill_gaps, validate
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
-from vestige.records import ValidatedKey
+from vestige.records import ReceivedOsnma, ValidatedKey
 from vestige.time import GalileoTime
 
 
@@ -70,6 +70,7 @@ class OsnmaReceiver:
         self._roots: list[RootCheck] = []
         self._keys: dict[int, ValidatedKey] = {}
         self._withheld: dict[int, WithheldKey] = {}
+        self._received: dict[tuple[int, int], ReceivedOsnma] = {}
         self._steps = [0, 0]
         self._waiting: list[_Message] = []
         self._navigation: dict[int, NavigationWords] = {}
@@ -131,6 +132,10 @@ class OsnmaReceiver:
         filled = {key.time.gst_seconds: key for key in keys if key.time.gst_seconds not in self._withheld}
         return tuple(filled[time] for time in sorted(filled))
 
+    def received(self) -> tuple[ReceivedOsnma, ...]:
+        """Return what was demodulated, in the order of time: keys that do not validate are in it, too."""
+        return tuple(self._received[place] for place in sorted(self._received))
+
     def report(self) -> OsnmaReport:
         """Return all that is known so far; call `finish` before if no more pages come."""
         keys = tuple(self._keys[time] for time in sorted(self._keys))
@@ -183,6 +188,8 @@ class OsnmaReceiver:
             if subframe.sends_osnma:
                 self._osnma_satellites.add(svid)
                 usable.append(subframe)
+                place = epoch.time.gst_seconds, svid
+                self._received[place] = ReceivedOsnma(svid=svid, time=epoch.time, fields=subframe.osnma)
             if subframe.nma_header is not None:
                 headers.append(NmaHeader(subframe.nma_header))
         # One satellite that says "don't use" is enough: a forger with a compromised chain would not say it.
@@ -284,6 +291,8 @@ class OsnmaReceiver:
             if bits is not None:
                 key = Key(time=message.time, data=bits.to_bytes(parameters.key_bytes, "big"))
                 candidates.setdefault(key, []).append(subframe.svid)
+                place = message.time.gst_seconds, subframe.svid
+                self._received[place] = replace(self._received[place], key=key.data)
         if not candidates:
             return chains[0], None
         accepted = None

@@ -240,6 +240,7 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         segments=_agreed("RECS", segments, problems),
         group_delays=_agreed("group delays", delays, problems),
         keys=_agreed("OSNMA keys", keys, problems),
+        received=tuple(sorted({one for _, contents in read for one in contents.received}, key=lambda one: one.time)),
         hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # one or none
         ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
     )

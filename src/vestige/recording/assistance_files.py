@@ -37,7 +37,7 @@ from vestige.recording.receiver_corrections import (
     read_hardware_bias,
     read_ionosphere,
 )
-from vestige.records import EncryptedSegment, GroupDelay, ValidatedKey
+from vestige.records import EncryptedSegment, GroupDelay, ReceivedOsnma, ValidatedKey
 from vestige.time import GalileoTime
 
 KEYS_NAME = "keys.csv"
@@ -143,6 +143,7 @@ class Contents:
     segments: tuple[EncryptedSegment, ...] = ()
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
+    received: tuple[ReceivedOsnma, ...] = ()
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
     problems: tuple[VestigeError, ...] = ()
@@ -191,13 +192,17 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 
 def read_keys(path: Path, settings: Settings) -> Contents:
-    """Return the validated keys of a key file."""
+    """Return the validated keys of a key file; who wrote it received them."""
     keys = read_key_file(path, _trust(path, settings).public_keys)
-    return Contents(summary=f"{len(keys)} validated keys", keys=keys)
+    received = tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in keys)
+    return Contents(summary=f"{len(keys)} validated keys", keys=keys, received=received)
 
 
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
-    """Return the keys that the OSNMA in recorded navigation pages proves, those of lost subframes among them."""
+    """Return the keys that the OSNMA in recorded navigation pages proves, those of lost subframes among them.
+
+    What was demodulated is returned beside them: a forged key is in it.
+    """
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     for page in read_pages(path):
@@ -208,6 +213,7 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",
         keys=keys,
+        received=receiver.received(),
         problems=tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures),
     )
 

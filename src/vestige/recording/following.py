@@ -30,7 +30,7 @@ from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.live_recording import LiveRecording
 from vestige.recording.snapshots import RecordingSource
-from vestige.records import Assistance, EncryptedSegment, Snapshot, ValidatedKey
+from vestige.records import Assistance, EncryptedSegment, Snapshot
 from vestige.time import GalileoTime
 
 
@@ -64,13 +64,13 @@ class FollowedEpoch:
     assistance
         What is known by now.
     second_channel
-        OSNMA keys of the second channel, those by now; None without one.
+        What the second channel has of OSNMA by now; None without one.
     """
 
     sent: GalileoTime
     snapshot: Snapshot
     assistance: Assistance
-    second_channel: tuple[ValidatedKey, ...] | None
+    second_channel: Assistance | None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -198,7 +198,7 @@ class Following:
         snapshot = source.snapshot(self.index, sent, own, self.live.track)
         self.live.release(sent)
         self.index, self.after = self.index + 1, sent
-        second = None if self.second is None else self.second.found.assistance.keys
+        second = None if self.second is None else self.second.found.assistance
         return FollowedEpoch(sent=sent, snapshot=snapshot, assistance=assistance, second_channel=second)
 
 

@@ -27,6 +27,7 @@ from vestige.records import (
     Handover,
     Measurement,
     Outcome,
+    ReceivedOsnma,
     SatelliteMeasurement,
     Snapshot,
     Status,
@@ -165,7 +166,7 @@ def _key(number: int, data: int) -> ValidatedKey:
 )
 def test_keys_are_compared_with_the_second_channel(received: object, outcomes: tuple[str, ...]) -> None:
     keys = tuple(key for key in (received(n) for n in range(20)) if key is not None)  # type: ignore[operator]
-    watch = Watch(second_channel=tuple(_key(n, n) for n in range(20)))
+    watch = Watch(second_channel=Assistance(keys=tuple(_key(n, n) for n in range(20))))
     snapshot, measurement = _snapshot(19)
     _, further = watch.step(3, WatchState(), snapshot, measurement, Assistance(segments=(), keys=keys), failed=False)
     names = ("OSNMA availability", "OSNMA reception", "OSNMA agreement")
@@ -173,9 +174,29 @@ def test_keys_are_compared_with_the_second_channel(received: object, outcomes: t
     assert tuple(found[name] for name in names) == outcomes
 
 
+@pytest.mark.parametrize(
+    ("key", "page", "outcomes"),
+    [
+        (None, None, ("pass", "pass", "pass")),
+        (b"forged", None, ("pass", "pass", "fail")),  # demodulated and not validated: no loss
+        (None, b"other", ("pass", "pass", "fail")),  # a tag
+    ],
+)
+def test_what_was_demodulated_is_compared(key: bytes | None, page: bytes | None, outcomes: tuple[str, ...]) -> None:
+    keys = tuple(_key(n, n) for n in range(20))
+    sent = tuple(ReceivedOsnma(svid=3, time=one.time, fields=(b"01234", None), key=one.data) for one in keys)
+    last = replace(sent[19], key=key or sent[19].key, fields=(page or b"01234", b"56789"))
+    own = Assistance(keys=keys, received=(*sent[:19], last))
+    watch = Watch(second_channel=Assistance(keys=keys, received=sent))
+    snapshot, measurement = _snapshot(19)
+    _, further = watch.step(3, WatchState(), snapshot, measurement, own, failed=False)
+    found = {check.name: check.outcome.value for check in further.checks[3]}
+    assert tuple(found[name] for name in ("OSNMA availability", "OSNMA reception", "OSNMA agreement")) == outcomes
+
+
 def test_keys_of_later_are_not_compared() -> None:
     """Those that the second channel has of the time after the snapshot cannot have been received yet."""
-    watch = Watch(second_channel=tuple(_key(n, n) for n in range(40)))
+    watch = Watch(second_channel=Assistance(keys=tuple(_key(n, n) for n in range(40))))
     snapshot, measurement = _snapshot(19)
     keys = tuple(_key(n, n) for n in range(20))
     _, further = watch.step(3, WatchState(), snapshot, measurement, Assistance(segments=(), keys=keys), failed=False)

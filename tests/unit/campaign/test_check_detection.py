@@ -25,3 +25,19 @@ def test_a_strong_attack_is_seen_while_it_acts_and_a_weak_one_is_not() -> None:
     weak = check_detection(partial(jammed, -40.0), range(3), checks=checks, window_s=(20.0, 30.0))
     for found in (before, weak):
         assert all(one.successes == 0 for one in found.values())
+
+
+def test_an_attack_is_seen_by_a_check_that_fails_once() -> None:
+    """The jammer takes ten of 30 s."""
+    found = check_detection(partial(jammed, 10.0), range(2), checks=("E1 received power", "C/N0"), window_s=(0.0, 30.0))
+    assert [one.successes for one in found.values()] == [2, 2]
+
+
+def test_a_front_end_that_drifts_hides_a_jammer_from_the_power() -> None:
+    """10 % more power is 0.41 dB: far above the 0.03 dB of the measurement, and below 4.4 times a drift of 0.3 dB."""
+    jammer = partial(jammed, -10.0)
+    for drift_db, seen in ((0.0, 2), (0.3, 0)):
+        found = check_detection(
+            jammer, range(2), checks=("E1 received power",), window_s=(20.0, 30.0), sigma_system_db=drift_db
+        )
+        assert found["E1 received power"].successes == seen

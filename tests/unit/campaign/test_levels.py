@@ -172,6 +172,23 @@ def test_a_level_keeps_its_budget_of_false_alarms() -> None:
         share = found.budget[name]
         bound = share.p_fa * np.count_nonzero(found.tests[name])
         assert np.count_nonzero(failed) <= bound + 5 * np.sqrt(bound) + 1, name
+    separation = "solution separation"  # a bound that is nearly reached
+    assert np.count_nonzero(found.failed[separation]) > 0.2 * found.budget[separation].p_fa * 3600
+
+
+def test_each_check_is_made_with_its_share_of_the_level() -> None:
+    """Whose budget is free; the searches of a campaign were drawn before the level was known, with less than that."""
+    results = direct_results(ScenarioPlan(scenario=sky_scenario(*CLEAN, "epochs=120", "processor.level=3")))
+    for found in level_verdicts(results, (2, 3)):
+        shares = {name: share.p_fa for name, share in found.budget.items()}
+        made = {one.name: one.p_fa for one in tracks(results, p_fa=shares)}
+        free = {name for name, share in found.budget.items() if share.chosen}
+        drawn = {"E1 vestigial search", "E6 exhaustive search"} & free
+        assert free <= set(made)
+        assert {name: made[name] for name in free - drawn} == pytest.approx(
+            {name: shares[name] for name in free - drawn}
+        )
+        assert all(made[name] < shares[name] for name in drawn)
 
 
 @given(st.data())

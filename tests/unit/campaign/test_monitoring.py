@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 import xarray
+from scipy.special import chndtr, erfcinv
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.campaign.monitoring import Track, tracks
@@ -98,6 +99,49 @@ def test_a_time_push_is_seen_by_the_clock_and_by_power_and_not_by_raim() -> None
     assert not found["RAIM"].failed.any()
     for track in found.values():
         assert not track.failed[:100].any() or track.name == "power-distortion"
+
+
+def test_the_separation_keeps_the_budget_that_is_asked_for() -> None:
+    """Half of it is vertical, whose K is the least: √2 erfc⁻¹(p/2/8); the largest separation in σ knows no budget."""
+    results, statistics = results_of(*CLEAN, *HOUR), {}
+    sigmas = results["separation_sigmas"].sel(fix="all", local_axis="up").values.astype(np.float64)
+    for p_fa in (1e-7, 9.6e-7, 0.01):
+        shares = {"solution separation": p_fa, "RAIM": 0.5}
+        track = next(one for one in tracks(results, p_fa=shares) if one.name == "solution separation")
+        assert track.p_fa == pytest.approx(p_fa)
+        assert np.all(track.threshold == 1)
+        statistics[p_fa] = track.statistic
+        np.testing.assert_allclose(track.statistic, sigmas / (np.sqrt(2) * erfcinv(p_fa / 16)), rtol=1e-5)
+    failures = np.count_nonzero(statistics[0.01] > 1)
+    assert 0.3 * 0.01 * sigmas.size < failures < 0.01 * sigmas.size
+    assert not np.any(statistics[1e-7] > 1)
+
+
+def test_the_limits_of_the_cn0_are_quantiles_of_the_correlator() -> None:
+    """|ξ|² has mean λ + 2: a satellite of 25 dBHz may be as far above λ as non-central χ² is with p/2."""
+    results = results_of(*CLEAN, "epochs=60", "receiver.cn0_e1_dbhz=27.0")
+    track = next(one for one in tracks(results, p_fa=P_FA, cn0_model_sigma_db=0.0) if one.name == "C/N0")
+    elevation_rad = np.radians(results["elevation_deg"].values.astype(np.float64))
+    expected_dbhz = 27.0 - 9.0 * (1 - np.sin(elevation_rad))
+    lam = 2 * 10 ** (expected_dbhz / 10) * 0.1
+    sign = np.sign(track.statistic)
+    limit = 2 + lam * 10 ** (sign * track.threshold / 10)
+    outside = np.where(sign > 0, 1 - chndtr(limit, 2.0, lam), chndtr(limit, 2.0, lam))
+    looked_at = expected_dbhz > 22  # below, the lower limit would be a negative power
+    assert np.count_nonzero(looked_at & (sign > 0)) > 50
+    assert np.count_nonzero(looked_at & (sign < 0)) > 50
+    np.testing.assert_allclose(outside[looked_at], P_FA / 2, rtol=0.02)
+
+
+def test_the_slope_of_a_perfect_clock_may_be_what_a_straight_line_makes_of_the_fixes() -> None:
+    results = results_of(*CLEAN, "epochs=60", "receiver.clock=none")
+    track = next(one for one in tracks(results, p_fa=3 * P_FA) if one.name == "clock slope")
+    variance = results["fix_sigma_drift_mps"].sel(fix="all").values.astype(np.float64) ** 2
+    of_one = np.polyfit(np.arange(10.0), np.eye(10), 1)[0]  # slope that each of ten drifts alone makes
+    assert not np.isfinite(track.threshold[:9]).any()
+    for epoch in range(9, 60):
+        sigma = np.sqrt(np.sum(of_one**2 * variance[epoch - 9 : epoch + 1]))
+        assert track.threshold[epoch] == pytest.approx(np.sqrt(2) * erfcinv(P_FA) * sigma, rel=1e-5)
 
 
 def test_other_results_are_refused() -> None:

@@ -215,7 +215,8 @@ def test_a_push_of_some_satellites_moves_the_position_and_is_seen_by_raim() -> N
     assert found["truth_e1_error_m"][-1] == pytest.approx(np.where(np.isin(svids, [7, 13]), 90.0, 0.0), abs=10)
     assert np.linalg.norm(found["fix_error_m"][0, -1]) > 20
     assert found["raim_statistic"][0, -1] > 1000
-    assert found["separation_statistic"][0, -1] > 1
+    assert found["separation_sigmas"][0, -1].max() > 6
+    assert found["separation_modes"][0, -1] == 8
     assert np.all(found["raim_statistic"][0, :2] < 40)
 
 

@@ -12,6 +12,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from osnma_builder import Broadcast
 from vestige.crypto import recs, recs_file
 from vestige.crypto.file_signature import SignatureStatus
 from vestige.crypto.recs_name import time_of_deciseconds
@@ -20,7 +21,8 @@ from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance import AssistanceFolder, read_assistance
 from vestige.recording.assistance_files import Kind
 from vestige.recording.assistance_writer import write_assistance
-from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
+from vestige.recording.test_vector_csv import HEADER
+from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ReceivedOsnma, ValidatedKey
 from vestige.time import GalileoTime
 
 START = GalileoTime(1251, 604_700)  # the week ends within the segments
@@ -51,6 +53,7 @@ def assistance(chain: SimulatedChain) -> Assistance:
         segments=tuple(segments),
         group_delays=tuple(GroupDelay(svid=svid, bgd_e1_e6_s=svid * 2.0**-32, valid_from=START) for svid in (3, 11)),
         keys=chain.validated_keys(),
+        received=tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in chain.keys),
         hardware_bias_e1_e6_s=-6.87e-8,
         ionosphere_e1_m={3: 2.5, 11: 4.0},
     )
@@ -220,6 +223,28 @@ def test_certificate_in_the_folder_is_not_trusted(folder: Path, certificate: Pat
 # --- contradictions ---
 
 
+def test_what_was_demodulated_is_kept_beside_what_is_valid(folder: Path, chain: SimulatedChain) -> None:
+    """Of pages with good checksums, of which one key is forged: it is no key to decrypt with."""
+    forged = bytes(16)
+    broadcast = Broadcast(chain, n_subframes=12, key_of=lambda svid, k, key: forged if (svid, k) == (7, 6) else key)
+    pages, lines = broadcast.pages(), [HEADER]
+    for svid in broadcast.svids:
+        digits = "".join(page.data.hex() for page in pages if page.svid == svid)
+        lines.append(f"{svid},{4 * len(digits)},{digits}")
+    (folder / "keys.csv").unlink()
+    (folder / "pages.csv").write_text("\n".join(lines))
+    found = read_assistance(folder).assistance
+    true = [key.data for key in chain.keys]
+    assert [key.data for key in found.keys] == true
+    assert [one.key for one in found.received if one.svid == 2] == true
+    assert [one.key for one in found.received if one.svid == 7] == [*true[:6], forged, *true[7:]]
+    assert [one.time for one in found.received] == sorted(one.time for one in found.received)
+    sent = {(page.svid, page.time): page.osnma for page in pages}
+    for one in found.received:
+        assert one.svid is not None
+        assert one.fields == tuple(sent[one.svid, one.time + (1 + 2 * k)] for k in range(15))
+
+
 def test_same_file_twice_is_no_contradiction(folder: Path, assistance: Assistance) -> None:
     for path in [*folder.glob("*.bin"), *folder.glob("*.RCS"), *folder.glob("*.BGD")]:
         shutil.copy(path, folder / f"copy of {path.name}")
@@ -277,7 +302,7 @@ def test_damaged_file_costs_only_itself(folder: Path, assistance: Assistance, pa
 def test_damaged_trust_costs_the_keys(folder: Path, assistance: Assistance) -> None:
     (folder / TRUST).write_bytes((folder / TRUST).read_bytes()[:100])
     result = read_assistance(folder)
-    assert result.assistance == dataclasses.replace(assistance, keys=())
+    assert result.assistance == dataclasses.replace(assistance, keys=(), received=())
     assert len(result.problems) == 2
 
 

@@ -151,13 +151,17 @@ class AssistedOsnmaMonitor:
         """Return the probability that jamming is seen under which a field is lost with this probability."""
         return bdtrc(float(self.threshold(fields)), fields, loss_probability)
 
-    def check(self, fields: Sequence[OsnmaField]) -> tuple[CheckResult, CheckResult]:
+    def check(
+        self, fields: Sequence[OsnmaField], received: Sequence[OsnmaField] = ()
+    ) -> tuple[CheckResult, CheckResult]:
         """Return the checks of lost and of differing fields.
 
         Parameters
         ----------
         fields
             What was due in the window; fields that the second channel lacks are not looked at.
+        received
+            Further fields that both have. They may differ, too, but say nothing of what was lost.
         """
         known = [field for field in fields if field.assisted is not None]
         agreement = OsnmaAgreement()
@@ -165,13 +169,13 @@ class AssistedOsnmaMonitor:
             reason = "no OSNMA data from a second channel"
             return not_run(self, reason), not_run(agreement, reason)
         lost = sum(field.demodulated is None for field in known)
-        forged = sum(field.demodulated not in (None, field.assisted) for field in known)
+        forged = sum(field.demodulated not in (None, field.assisted) for field in (*known, *received))
         limit = self.threshold(len(known))
         reception = (
             not_run(self, f"{len(known)} fields are too few to say that some are missing")
             if limit >= len(known)
             else judged(self, float(lost), float(limit), f"{lost} of {len(known)} fields were lost, more than {limit}")
         )
-        if lost == len(known):
+        if lost == len(known) and not received:
             return reception, not_run(agreement, "no field was received")
         return reception, judged(agreement, float(forged), 0.0, f"{forged} fields are not what the satellites sent")

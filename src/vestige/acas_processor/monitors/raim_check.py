@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run, two_sided_detection
 from vestige.navigation.position_fix import UNKNOWNS, Fix, local_geometry
@@ -97,6 +97,30 @@ class RaimMonitor:
         return judged(self, float(self.statistic(fix)[epoch]), float(self.threshold(fix)[epoch]), failure)
 
 
+def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
+    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite, NaN where not defined, and how many are defined."""
+    parts = redundancy(local_geometry(fix), fix.weight)
+    separation = solution_separation(parts, fix.residual_m, fix.weight)
+    sigma = separation.sigma_m[:, :3]
+    # an axis that a satellite hardly touches has a σ of rounding errors
+    touched = sigma > 1e-9
+    modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
+    return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
+
+
+def largest_separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+    """Return `separations` of the satellite that has the largest, axis by axis, and how many satellites there are."""
+    sigmas, modes = separations(fix)
+    return _largest(sigmas), modes
+
+
+def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
+    """Return the largest number of the last axis, NaN where there is none."""
+    known = np.isfinite(values)
+    found = np.max(np.where(known, values, -np.inf), axis=-1, initial=-np.inf)
+    return np.where(known.any(axis=-1), found, np.nan)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolutionSeparationMonitor:
     """Whether the position without each satellite is where the position with all is.
@@ -130,24 +154,32 @@ class SolutionSeparationMonitor:
         """False-alarm probability of one epoch; a bound, as the modes depend on each other."""
         return self.p_fa_horizontal + self.p_fa_vertical
 
+    @classmethod
+    def of_budget(cls, p_fa: float) -> SolutionSeparationMonitor:
+        """Return the monitor of one budget for all axes: half of it horizontal, half vertical."""
+        return cls(p_fa_horizontal=p_fa / 2, p_fa_vertical=p_fa / 2)
+
+    def factors(self, modes: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Return K of east, north and up, for so many satellites left out in turn."""
+        axes = (self.p_fa_horizontal / 2, self.p_fa_horizontal / 2, self.p_fa_vertical)
+        counts, place = np.unique(modes, return_inverse=True)
+        table = [[separation_factor(p_fa, max(count, 1)) for p_fa in axes] for count in counts.tolist()]
+        return np.array(table, np.float64).reshape(-1, len(axes))[place]
+
     def ratios(self, fix: Fix) -> Float[np.ndarray, "n 3 m"]:
         """Return |Δx_q| over its threshold for east, north, up and every satellite; NaN where not defined."""
-        parts = redundancy(local_geometry(fix), fix.weight)
-        separation = solution_separation(parts, fix.residual_m, fix.weight)
-        modes = np.maximum(np.count_nonzero(np.isfinite(separation.sigma_m[:, 2]), axis=1), 1)
-        flat = np.array([separation_factor(self.p_fa_horizontal / 2, int(k)) for k in modes])
-        up = np.array([separation_factor(self.p_fa_vertical, int(k)) for k in modes])
-        factor = np.stack((flat, flat, up), axis=1)[..., None]
-        sigma = separation.sigma_m[:, :3]
-        # an axis that a satellite hardly touches has a σ of rounding errors
-        touched = sigma > 1e-9
-        return np.abs(separation.difference_m[:, :3]) / (factor * np.where(touched, sigma, np.nan))
+        sigmas, modes = separations(fix)
+        return sigmas / self.factors(modes)[..., None]
 
     def statistic(self, fix: Fix) -> Float[np.ndarray, " n"]:
         """Return the largest ratio of every epoch, NaN without redundancy."""
-        ratios = self.ratios(fix).reshape(fix.clock_m.size, -1)
-        known = np.isfinite(ratios)
-        return np.where(known.any(axis=1), np.max(np.where(known, ratios, -np.inf), axis=1, initial=-np.inf), np.nan)
+        return self.over_threshold(*largest_separations(fix))
+
+    def over_threshold(
+        self, largest: Float[np.ndarray, "n 3"], modes: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return `statistic` from what `largest_separations` found: that knows no budget, and this no fix."""
+        return _largest(largest / self.factors(modes))
 
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]

@@ -1,0 +1,129 @@
+"""What was demodulated of OSNMA beside a second channel: forgeries with good checksums are no losses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+
+from osnma_builder import Broadcast, make_page
+from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor
+from vestige.acas_processor.osnma_comparison import compare_osnma
+from vestige.crypto.inav import InavPage
+from vestige.crypto.osnma import OsnmaReceiver
+from vestige.crypto.simulated_chain import make_chain
+from vestige.records import Assistance, ReceivedOsnma
+from vestige.time import GalileoTime
+
+START = GalileoTime(1400, 604_800 - 5 * 30)  # the sixth subframe is in the next week
+N = 20
+CHAIN = make_chain(b"second channel", START, N, chain_id=1, pkid=4)
+KEYS = CHAIN.validated_keys()
+PAGES = Broadcast(CHAIN, n_subframes=N).pages()
+
+
+def of_pages(pages: Sequence[InavPage]) -> Assistance:
+    """Assistance as a folder with these pages gives it."""
+    receiver = OsnmaReceiver((CHAIN.public_key,), CHAIN.tree)
+    for page in pages:
+        receiver.process(page)
+    receiver.finish()
+    return Assistance(keys=receiver.filled_keys(), received=receiver.received())
+
+
+def of_key_file(times: Sequence[int]) -> Assistance:
+    keys = tuple(KEYS[k] for k in times)
+    return Assistance(keys=keys, received=tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in keys))
+
+
+def outcomes(own: Assistance, second: Assistance) -> tuple[str, str, str]:
+    found = compare_osnma(own, second, START, START + 30 * N)
+    checks = (
+        OsnmaAvailabilityMonitor().check(found.validated),
+        *AssistedOsnmaMonitor().check(found.keys, found.pages),
+    )
+    return tuple(check.outcome.value for check in checks)  # type: ignore[return-value]
+
+
+TRUE = of_pages(PAGES)
+NETWORK = of_key_file(range(N))
+
+
+def test_what_the_satellites_sent_agrees() -> None:
+    assert [key.data for key in TRUE.keys] == [key.data for key in KEYS]
+    assert outcomes(TRUE, NETWORK) == ("pass", "pass", "pass")
+    assert outcomes(TRUE, TRUE) == ("pass", "pass", "pass")
+    found = compare_osnma(TRUE, TRUE, START, START + 30 * N)
+    assert len(found.keys) == N
+    assert len(found.pages) == 3 * N * 15
+    assert compare_osnma(TRUE, NETWORK, START, START + 30 * N).pages == ()
+
+
+@pytest.mark.parametrize("svids", [(2, 7, 11), (7,)])
+def test_a_forged_key_is_a_difference_and_no_loss(svids: tuple[int, ...]) -> None:
+    """Its pages have good checksums; it does not validate, and that of the subframe follows from the next one."""
+
+    def forged(svid: int, index: int, key: bytes) -> bytes:
+        return key if index != 6 or svid not in svids else bytes([key[0] ^ 1]) + key[1:]
+
+    own = of_pages(Broadcast(CHAIN, n_subframes=N, key_of=forged).pages())
+    assert [key.data for key in own.keys] == [key.data for key in KEYS]
+    assert outcomes(own, NETWORK) == ("pass", "pass", "fail")
+    found = compare_osnma(own, NETWORK, START, START + 30 * N)
+    (differs,) = [one for one in found.keys if one.demodulated != one.assisted]
+    assert differs.demodulated is not None
+    assert differs.assisted == KEYS[6].data
+    assert sum(found.validated) == (N - 1 if len(svids) == 3 else N)
+
+
+def test_a_missing_key_is_a_loss_although_it_follows_from_a_later_one() -> None:
+    kept_away = [page for page in PAGES if not START + 150 <= page.time < START + 300 + 150]
+    own = of_pages(kept_away)
+    assert [key.data for key in own.keys] == [key.data for key in KEYS]  # those of the gap follow
+    assert outcomes(own, NETWORK) == ("fail", "fail", "pass")
+    one_gone = of_pages([page for page in PAGES if not START + 150 <= page.time < START + 180])
+    found = compare_osnma(one_gone, NETWORK, START, START + 30 * N)
+    assert [one.demodulated is None for one in found.keys] == [k == 5 for k in range(N)]
+    assert outcomes(one_gone, NETWORK) == ("pass", "pass", "pass")
+
+
+def of_attacker(change: Callable[[bytes], bytes], svid: int = 7, index: int = 6, number: int = 2) -> list[InavPage]:
+    """All pages; the OSNMA of one is changed, and its checksum made for that."""
+    time = START + (30 * index + 1 + 2 * number)
+    return [
+        make_page(page.svid, page.time, page.word, change(page.osnma))
+        if (page.svid, page.time) == (svid, time)
+        else page
+        for page in PAGES
+    ]
+
+
+def test_a_forged_tag_is_seen_where_the_second_channel_has_pages() -> None:
+    """Pages 0 to 9 hold tags and MACSEQ, of which keys say nothing."""
+    own = of_pages(of_attacker(lambda osnma: osnma[:4] + bytes([osnma[4] ^ 1])))
+    assert outcomes(own, TRUE) == ("pass", "pass", "fail")
+    assert outcomes(own, NETWORK) == ("pass", "pass", "pass")
+
+
+def test_a_page_with_a_wrong_checksum_is_no_difference() -> None:
+    damaged = [
+        replace(page, data=page.data[:9] + bytes([page.data[9] ^ 1]) + page.data[10:])
+        if page.time == START + 191
+        else page
+        for page in PAGES
+    ]
+    assert not all(page.crc_ok for page in damaged)
+    assert outcomes(of_pages(damaged), TRUE) == ("pass", "pass", "pass")
+
+
+def test_pages_of_other_satellites_and_times_are_not_compared() -> None:
+    far = of_pages(Broadcast(CHAIN, n_subframes=N, svids=(3, 8)).pages())
+    assert compare_osnma(TRUE, far, START, START + 30 * N).pages == ()
+    window = compare_osnma(TRUE, TRUE, START + 60, START + 90)
+    assert (len(window.keys), len(window.pages)) == (2, 2 * 3 * 15)
+
+
+def test_without_what_was_demodulated_validated_keys_stand_for_it() -> None:
+    assert outcomes(Assistance(keys=KEYS), NETWORK) == ("pass", "pass", "pass")
+    assert outcomes(Assistance(), NETWORK) == ("fail", "fail", "not run")
