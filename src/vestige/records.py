@@ -173,6 +173,8 @@ class Snapshot:
         Bound on the error of the receiver's clock against Galileo System Time, in s.
     observations
         E1 observations by SVID.
+    recs
+        Satellites whose RECS it was cut for, whether E1 shows them or not; empty if the source does not say.
     """
 
     index: int
@@ -183,6 +185,12 @@ class Snapshot:
     e6: Correlatable | None
     e1: SampleBatch | None = None
     front_end: Mapping[Band, FrontEndStatus] = field(default_factory=dict)
+    recs: frozenset[int] = frozenset()
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """Satellites of the RECS that E1 does not show."""
+        return self.recs.difference(self.observations)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -432,3 +432,85 @@ def test_a_clock_that_may_be_wrong_by_much_needs_a_larger_buffer(night: Path, tm
     ).exception  # fmt: skip
     assert isinstance(error, VestigeError)
     assert "--buffer-mb: found 512, expected at least" in str(error)
+
+
+def _changed(night: Path, folder: Path, **files: bytes) -> Path:
+    """Return a copy of the recording with other contents of files, `observations` meaning observations.csv."""
+    shutil.copytree(night, folder, ignore=shutil.ignore_patterns("rinex"))
+    names = {"observations": "observations.csv", "e6": "e6.sigmf-data"}
+    for name, content in files.items():
+        (folder / names[name]).write_bytes(content)
+    return folder
+
+
+def _finished(folder: Path, *options: object) -> dict:
+    return json.loads(invoke(process, folder, *options, "--json").stdout)
+
+
+def test_a_satellite_that_vanishes_from_e1_is_said_to_be_gone(night: Path, tmp_path: Path) -> None:
+    """Observations around the first RECS alone: from the next on there is a verdict, and AUTHENTIC is not shown."""
+    first = b"".join((night / "observations.csv").read_bytes().splitlines(keepends=True)[:2])
+    folder = _changed(night, tmp_path / "night", observations=first)
+    followed = invoke(process, folder, *ONCE)
+    verdicts = _objects(followed.stdout)
+    assert [one["status"] for one in verdicts] == ["AUTHENTIC"] + ["NOT_AVAILABLE"] * (N_EPOCHS - 1)
+    assert {one["reason"] for one in verdicts[1:]} == {"not seen on E1"}
+    assert verdicts == _finished(folder)["verdicts"]
+    changes = [(one["snapshot"], one["after"], one["alarm"]) for one in _objects(followed.stdout, "state")]
+    assert changes == [(0, "AUTHENTIC", False), (1, "NOT_AVAILABLE", False)]
+    assert "AUTHENTIC -> NOT_AVAILABLE: not seen on E1" in invoke(process, folder, *ONCE[:-1]).stdout
+
+
+def test_a_satellite_that_e1_never_shows_is_named_once_at_the_end(night: Path, tmp_path: Path) -> None:
+    other = (night / "observations.csv").read_bytes().replace(b",11,", b",12,")
+    folder = _changed(night, tmp_path / "night", observations=other)
+    followed = invoke(process, folder, *ONCE)
+    assert _objects(followed.stdout) == _finished(folder)["verdicts"] == []
+    assert _objects(followed.stdout, "end") == [{"snapshots": N_EPOCHS, "not_seen_on_e1": [11]}]
+    assert _finished(folder)["not_seen_on_e1"] == [11]
+    assert followed.stderr.count("RECS, but not seen on E1: E11") == 1
+    assert "no verdict: no satellite of the RECS is seen on E1" in followed.stderr
+
+
+@pytest.mark.parametrize("content", [b"", b"gst_week,gst_second,sv,pseudorange_m\n"])
+def test_a_file_without_observations_is_one_line_and_replaced_by_e1_samples_as_in_a_finished_recording(
+    night: Path, tmp_path: Path, content: bytes
+) -> None:
+    folder = _changed(night, tmp_path / "night", observations=content)
+    said = "observations.csv: line 1: found"
+    expected = "CSV with gst_week, gst_second, svid, pseudorange_m"
+    refused = invoke(process, folder, *ONCE)  # nothing says that the clock is right to 40 ms
+    assert isinstance(refused.exception, InputFileError)
+    assert said in str(refused.exception)
+    assert expected in str(refused.exception)
+    sure = ("--time-uncertainty", "0.04")
+    followed = invoke(process, folder, *ONCE, *sure)
+    finished = invoke(process, folder, *sure, "--json")
+    assert _objects(followed.stdout) == json.loads(finished.stdout)["verdicts"]
+    assert {one["status"] for one in _objects(followed.stdout)} == {"AUTHENTIC"}
+    for stderr in (followed.stderr, finished.stderr):
+        assert stderr.count(said) == 1
+        assert expected in stderr
+
+
+def test_an_observation_file_that_was_named_and_stays_empty_is_an_error(night: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "mine.csv"
+    arguments = (night, *ONCE, "--observations", empty, "--time-uncertainty", "0.04")
+    assert "mine.csv: line 1: found no file" in str(invoke(process, *arguments).exception)
+    empty.write_bytes(b"")
+    assert "mine.csv: line 1: found an empty file" in str(invoke(process, *arguments).exception)
+
+
+def test_without_a_snapshot_it_says_why(night: Path, tmp_path: Path) -> None:
+    folder = _changed(night, tmp_path / "night", e6=(night / "e6.sigmf-data").read_bytes()[:1001])
+    stderr = invoke(process, folder, *ONCE).stderr
+    assert "no verdict: no RECS is of this recording's time" in stderr
+    assert "e6.sigmf-data: 8.06452e-05 s of E6 samples from 2026-11-21T12:00:00.000 GST on" in stderr
+    with (tmp_path / "nothing").open("wb+") as nothing:
+        pipe = _run(
+            "-", *ONCE, "--observations", night / "observations.csv", "--assistance", night / "assistance",
+            "--format", "int8", "--layout", "iq", "--sample-rate-hz", FS, "--center-frequency-hz", 1278.75e6,
+            "--start", "2026-11-21T12:00:00 GST", "--time-uncertainty", "1", stdin=nothing,
+        )  # fmt: skip
+        error = pipe.communicate()[1].decode()
+    assert "standard input: no E6 sample" in error

@@ -74,7 +74,7 @@ def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -
     )  # fmt: skip
     assert followed.exception is None
     kinds = [json.loads(line)["kind"] for line in followed.stdout.splitlines()]
-    assert kinds == ["verdict"] * 5 + ["position"] + ["state"] * 5
+    assert kinds == ["verdict"] * 5 + ["position"] + ["state"] * 5 + ["end"]
 
 
 def test_without_orbits_there_is_none(night: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from click.testing import CliRunner, Result
 
 from report_builder import QUICK, data_of, made, rows_of, threat_folder, unpacked
@@ -89,10 +90,16 @@ def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path) -> Non
     broken = threat_folder(tmp_path / "threats", {"detected": "many"})
     text = tmp_path / "text"
     text.write_text("hello")
+    expected = "expected the store of `vestige run -o`, or the folder of `vestige threats -o`"
+    good, other = threat_folder(tmp_path / "good"), tmp_path / "other.zarr"
+    for store_of_something_else in (good / "threats.zarr", other):
+        xarray.Dataset({"a": 1.0}).to_zarr(store_of_something_else, consolidated=False)
     for path, message in (
-        (tmp_path / "nothing", "expected the results of a campaign"),
-        (tmp_path, "expected the results of a campaign"),
-        (text, "expected the results of a campaign"),
+        (tmp_path / "nothing", f"found nothing, {expected}"),
+        (tmp_path, f"found a folder without results, {expected}"),
+        (text, f"found another file, {expected}"),
+        (good / "threats.zarr", "found the store of a threat table, expected the folder that it is in"),
+        (other, "found no results of a campaign, expected the results of a campaign"),
         (stored(campaign_results(3), tmp_path / "foreign"), "found no status, expected those of `vestige run`"),
         (sweep, "found a sweep, expected one of the stores in it"),
     ):

@@ -2,7 +2,8 @@
 
 Verdicts come one for each RECS and suspicion comes between them, so the state of a satellite is the gravest status of
 the last `hold_s`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a
-check sees every now and then is one alarm, not hundreds.
+check sees every now and then is one alarm, not hundreds. AUTHENTIC says something of a range, so it is not held for a
+satellite that E1 has lost: there is no range. Alarms are.
 
 `AlarmState.step` folds over epochs as they come, `state_block` says the same of arrays.
 """
@@ -84,6 +85,12 @@ class AlarmState:
             return state, None
         why = reason if after is status else ""
         return state, StateChange(time=time, svid=svid, before=before, after=after, reason=why)
+
+    def lost(self, svid: int, time: GalileoTime, reason: str) -> tuple[AlarmState, StateChange | None]:
+        """Return the same after an epoch in which E1 does not show a satellite."""
+        alarms = {one: when for one, when in self.seen.get(svid, {}).items() if one in ALARMS}
+        forgotten = replace(self, seen={**self.seen, svid: alarms})
+        return forgotten.step(svid, time, Status.NOT_AVAILABLE, reason)
 
 
 def state_block(

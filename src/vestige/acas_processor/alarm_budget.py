@@ -9,6 +9,9 @@ Some bring their own, and come on top: the range check errs with erfc(κ/√2) i
 is meant to be more), E6 power with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
 confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole: an alarm that is held
 (`alarm.py`) counts its failures once.
+
+Of those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is taken.
+The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from vestige.acas_processor.mitigation import LEVELS, Occasion, Row, Scope
 
 DAY_S = 86_400.0
 SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
+RANGE = "E1-E6 range"
+EXACT = frozenset({"clock innovation", "clock consistency", "clock slope", "RAIM"})
 ALARMS_A_DAY = 1.0  # for what can be chosen
 
 
@@ -91,7 +96,7 @@ def false_alarm_budget(
     """
     own = {
         "E6 power": 1 - pd,
-        "E1-E6 range": math.erfc(kappa / math.sqrt(2)),
+        RANGE: math.erfc(kappa / math.sqrt(2)),
         "power-distortion": 0.006,  # [WESSON18]
         "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
     }

@@ -48,6 +48,7 @@ from vestige.records import (
 from vestige.source import Source
 from vestige.time import GalileoTime
 
+NOT_SEEN = "not seen on E1"
 SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
 
 
@@ -60,7 +61,9 @@ class Step:
     measurement
         Steps 1 and 2, before any decision.
     verdicts
-        One for each satellite.
+        One for each satellite that E1 shows, and for each that it showed in the last hour and does not now.
+    unseen
+        Satellites of the RECS that E1 does not show, ever seen or not.
     changes
         Satellites of which something else is shown than before.
     position
@@ -71,6 +74,7 @@ class Step:
 
     measurement: Measurement
     verdicts: tuple[Verdict, ...]
+    unseen: frozenset[int]
     changes: tuple[StateChange, ...]
     position: AuthenticPosition | None
     state: WatchState
@@ -150,12 +154,22 @@ class AcasProcessor:
             state = WatchState(uncertainty=TimeUncertainty(initial_s=snapshot.time_uncertainty_s))
         assistance = replace(assistance, segments=_segments_of(assistance, snapshot))
         measurement = self.measure(snapshot, assistance)
+        lost = tuple(SatelliteMeasurement(svid=svid, unavailable=NOT_SEEN) for svid in state.lost(snapshot))
         failed = any(verdict.status in ALARMS for verdict in self.decide(measurement))
         state, further = self.watch.step(self.level, state, snapshot, measurement, assistance, failed=failed)
         verdicts = decide(measurement, self.level, self.limits, further.checks, further.true_offset_m)
+        verdicts += decide(replace(measurement, satellites=lost), self.level, self.limits)
+        verdicts = tuple(sorted(verdicts, key=lambda verdict: verdict.svid))
         state, changes = self.watch.learn(state, snapshot, measurement, verdicts)
         position = authentic_position(self.watch.fix, snapshot.time, snapshot.observations, verdicts, state.alarm.shown)
-        return Step(measurement=measurement, verdicts=verdicts, changes=changes, position=position, state=state)
+        return Step(
+            measurement=replace(measurement, satellites=(*measurement.satellites, *lost)),
+            verdicts=verdicts,
+            unseen=snapshot.unseen,
+            changes=changes,
+            position=position,
+            state=state,
+        )
 
     @property
     def limits(self) -> Limits:

@@ -55,6 +55,7 @@ from vestige.records import (
 )
 from vestige.time import GalileoTime
 
+FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more
 TRAVEL_TIME_SPREAD_S = 0.07  # of any satellite to any receiver on Earth
 POSITION_SATELLITES = 4
 OSNMA_SUBFRAMES = 20  # in which keys are looked for, 10 minutes
@@ -79,6 +80,8 @@ class WatchState:
         Whether an exhaustive search was made of the last snapshot and found more than one signal of a satellite.
     alarm
         What is shown of each satellite.
+    on_e1
+        When E1 showed each satellite last.
     """
 
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
@@ -87,6 +90,12 @@ class WatchState:
     searched_at: GalileoTime | None = None
     found_twice: bool = False
     alarm: AlarmState = field(default_factory=AlarmState)
+    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)
+
+    def lost(self, snapshot: Snapshot) -> tuple[int, ...]:
+        """Return the satellites whose RECS a snapshot was cut for that E1 showed before, lately, and does not now."""
+        lately = (svid for svid, seen in self.on_e1.items() if snapshot.time - seen < FORGET_S)
+        return tuple(sorted(snapshot.unseen.intersection(lately)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,9 +197,13 @@ class Watch:
         """Return the state that knows the verdicts of a snapshot, and what is now shown otherwise than before."""
         alarm, changes = state.alarm, []
         for verdict in verdicts:
-            alarm, change = alarm.step(verdict.svid, verdict.time, verdict.status, verdict.reason)
+            if verdict.svid in snapshot.unseen:
+                alarm, change = alarm.lost(verdict.svid, verdict.time, verdict.reason)
+            else:
+                alarm, change = alarm.step(verdict.svid, verdict.time, verdict.status, verdict.reason)
             changes += [change] if change else []
-        state = replace(state, alarm=alarm)
+        on_e1 = {**state.on_e1, **dict.fromkeys(snapshot.observations, snapshot.time)}
+        state = replace(state, alarm=alarm, on_e1=on_e1)
         if any(verdict.status in ALARMS for verdict in verdicts):
             return state, tuple(changes)
         authentic = sum(verdict.status is Status.AUTHENTIC for verdict in verdicts)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import betainc, betaincc, betaincinv
+from scipy.special import betainc, betaincc, betaincinv, chdtri
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E6C
@@ -86,6 +86,13 @@ def proportion(successes: int, trials: int, *, confidence: float = CONFIDENCE) -
     """Return `successes` in `trials` with their exact interval."""
     low, high = binomial_interval(successes, trials, confidence=confidence)
     return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=confidence)
+
+
+def count_interval(count: float, *, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
+    """Return a count and the ends of the exact interval of its mean, if it is a Poisson count."""
+    tail = (1 - confidence) / 2
+    low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
+    return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
 
 
 def enough(successes: int, trials: int, wished_width: float, *, confidence: float = CONFIDENCE) -> bool:

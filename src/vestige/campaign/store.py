@@ -218,6 +218,8 @@ def _open(path: Path, *, mode: Any) -> Store:
         raise InputFileError(path, "store", "nothing", EXPECTED)
     try:
         group = zarr.open_group(path, mode=mode, zarr_format=3)
+        if PROGRESS not in group:
+            raise InputFileError(path, "store", "no results of a campaign", EXPECTED)
         own: dict[str, Any] = group[PROGRESS].attrs.asdict()
         store = Store(
             path=path,
@@ -233,6 +235,10 @@ def _open(path: Path, *, mode: Any) -> Store:
             raise ValueError("arrays that are not those with which the store was made")
         if store.digests.shape != (store.n_chunks,):
             raise ValueError("another number of chunks than that with which the store was made")
+    except InputFileError:
+        raise
+    except zarr.errors.GroupNotFoundError as error:
+        raise InputFileError(path, "store", "no zarr store", EXPECTED) from error
     except Exception as error:  # damaged metadata raise anything
         raise _no_store(path, error) from error
     return store

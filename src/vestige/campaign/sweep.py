@@ -2,7 +2,8 @@
 
 A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
 one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
-curves are drawn from; it is written anew after each value.
+curves are drawn from; it is written anew after each value. Of an attack, and of a level above 1, a row says what came
+of it, as the threat table says of each of its runs (`threat_outcome.py`).
 
 A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
 enough. That is decided after each chunk in the order of the chunks, so the epochs that count depend neither on the
@@ -18,6 +19,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,8 +29,13 @@ from vestige.campaign.run import CHUNK_EPOCHS, ExecutorChoice, Progress, Results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.sweep_axes import Value, store_name
+from vestige.campaign.threat_matrix import outcomes_of, window_of
+from vestige.campaign.threat_outcome import RunOutcome
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
+
+if TYPE_CHECKING:
+    import xarray
 
 TABLE = "sweep.csv"
 _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
@@ -80,6 +87,11 @@ class Row:
         Marcum Q on a tap; NaN without signal.
     false_alarms
         Of single taps, on noise alone.
+    level
+        Mitigation level of the scenario.
+    outcome
+        What came of it at that level, from the first start of an attack to the last stop; None without an attack and
+        at level 1, and of a campaign that was ended early.
     """
 
     settings: Mapping[str, Value]
@@ -93,6 +105,8 @@ class Row:
     detections: Mapping[str, Proportion]
     p_d_theory: float
     false_alarms: Proportion
+    level: int
+    outcome: RunOutcome | None
 
 
 def run_sweep(
@@ -154,10 +168,19 @@ def run_sweep(
                 detections={detector: summarise(results, detector).detections for detector in DETECTORS},
                 p_d_theory=float(theory),
                 false_alarms=false_alarms(results),
+                level=scenario.processor.level,
+                outcome=_outcome(scenario, results),
             )
         )
         _write_table(folder / TABLE, rows)
         yield rows[-1]
+
+
+def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome | None:
+    level = scenario.processor.level
+    if results.sizes["epoch"] < scenario.epochs or (level == 1 and not scenario.attack):
+        return None
+    return outcomes_of(scenario, results, (level,), window_of(scenario))[0]
 
 
 class _Counter:
@@ -219,5 +242,23 @@ def _cells(row: Row) -> dict[str, object]:
         "false_alarms": alarms.successes,
         "low_false_alarm": alarms.low,
         "high_false_alarm": alarms.high,
+        **_outcome_cells(row),
         "store": row.store,
+    }
+
+
+def _outcome_cells(row: Row) -> dict[str, object]:
+    """Return what came of an attack, or of a level above 1, under the names that `threats.csv` has."""
+    found = row.outcome
+    if found is None:
+        return {}
+    return {
+        "level": row.level,
+        "word": found.word,
+        "alarms": found.alarms,
+        **{name: int(getattr(found, name)) for name in ("detected", "mitigated", "protected", "missed", "denied")},
+        "time_to_detect_s": found.time_to_detect_s,
+        "worst_accepted_m": found.worst_range_m,
+        "worst_position_m": found.worst_position_m,
+        "checks": found.checks,
     }

@@ -15,6 +15,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from vestige.campaign.threat_outcome import Agreement, RunOutcome, SceneOutcome,
 from vestige.campaign.threat_runs import RUNS, Key, line_of, read_runs, write_runs
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import LEVELS, Scene, Threat, scenario_of
+
+if TYPE_CHECKING:
+    import xarray
 
 _IN_FLIGHT = 3  # runs for each worker
 Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
@@ -116,7 +120,23 @@ def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcom
     window_s
         First time that counts, and the first that does not any more.
     """
-    results = direct_results(ScenarioPlan(scenario=scenario))
+    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario)), LEVELS, window_s)
+
+
+def outcomes_of(
+    scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
+) -> Outcomes:
+    """Return what came of one campaign in a window of time, a level each.
+
+    Parameters
+    ----------
+    scenario, window_s
+        As `measure`; at level 1 alone any scenario.
+    results
+        Of that scenario.
+    levels
+        Keys of `mitigation.LEVELS`.
+    """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
     limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
@@ -129,7 +149,7 @@ def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcom
             limit_m,
             nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
         )
-        for found in level_verdicts(results, LEVELS)
+        for found in level_verdicts(results, levels)
     )
 
 

@@ -17,42 +17,59 @@ Of a run is said, and more than one may be true,
 A statement about an attack is made of many runs with other seeds, and holds if the exact interval of its probability
 lies above one half. Where the interval holds one half, nothing is said. An expectation is such a statement:
 
-    pass         alarms without an attack are not more frequent than the level's budget of them
+    pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
+                 nor failures less frequent where the budget is exact
     detect       detected
     mitigate     mitigated
     miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
     partial      detected, and not: the interval holds one half
 
-**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound.
-Beside them the failures of single tests are counted, of the checks whose probability is the budget's choice, against
-the number that the budget gives them.
+**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound,
+and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
+single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
+gives them; of those among them that are exact (`alarm_budget.EXACT`), on both sides; and of the range check, against
+its bound. Neighbouring epochs share the noise of some seconds, so that failures come in groups of up to `_GROUP`.
 
 All functions are pure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite, nan
 from statistics import median
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import chdtri
 
+from vestige.acas_processor.alarm_budget import EXACT, RANGE
 from vestige.acas_processor.mitigation import ALARMS
 from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.outcomes import position
-from vestige.campaign.statistics import CONFIDENCE, Proportion, proportion
+from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.records import Status
 
 DAY_S = 86_400.0
 _HALF = 0.5
 _LAST = 0.25  # of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
+_SUMS = (
+    "alarms",
+    "budget_alarms",
+    "budget_range_alarms",
+    "failures",
+    "budget_failures",
+    "exact_failures",
+    "budget_exact_failures",
+    "range_failures",
+    "budget_range_failures",
+    "duration_s",
+)
+_GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
 
 
 class Agreement(Enum):
@@ -74,8 +91,14 @@ class RunOutcome:
         How long the epochs that count are: those of the attack, or all if there is none.
     alarms, budget_alarms
         Alarms that began in them, and how many the budget allows.
+    budget_range_alarms
+        The range check's part of that.
     failures, budget_failures
         Tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them.
+    exact_failures, budget_exact_failures
+        The same of those among them whose budget is exact.
+    range_failures, budget_range_failures
+        The same of the range check, whose p_fa is a bound.
     detected, mitigated, protected, missed, denied
         See the top of this module; without an attack only `detected` can be true, by chance.
     time_to_detect_s
@@ -90,8 +113,13 @@ class RunOutcome:
     duration_s: float
     alarms: int
     budget_alarms: float
+    budget_range_alarms: float
     failures: int
     budget_failures: float
+    exact_failures: int
+    budget_exact_failures: float
+    range_failures: int
+    budget_range_failures: float
     detected: bool
     mitigated: bool
     protected: bool
@@ -101,6 +129,11 @@ class RunOutcome:
     checks: str
     worst_range_m: float
     worst_position_m: float
+
+    @property
+    def word(self) -> str:
+        """What came of it in one or two words."""
+        return _word(self.detected, self.mitigated, self.missed, self.denied)
 
 
 def run_outcome(
@@ -138,16 +171,23 @@ def run_outcome(
     first = np.flatnonzero(alarm & counted)
     begin_s = float(time_s[here[0]]) if here.size else nan
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
-    chosen = {name: share for name, share in found.budget.items() if share.chosen and name in found.failed}
+    chosen = {name for name, share in found.budget.items() if share.chosen}
+    failures, budget_failures = _failures(found, attacked, chosen)
+    exact_failures, budget_exact = _failures(found, attacked, chosen & EXACT)
+    range_failures, budget_range = _failures(found, attacked, {RANGE})
+    range_share = found.budget.get(RANGE)
     protected = not harmful[-last:].any()
     return RunOutcome(
         duration_s=duration_s,
         alarms=int(np.count_nonzero(found.begins & attacked)),
         budget_alarms=duration_s / DAY_S * sum(share.alarms_a_day for share in found.budget.values()),
-        failures=sum(int(np.count_nonzero(found.failed[name][attacked])) for name in chosen),
-        budget_failures=float(
-            sum(share.p_fa * np.count_nonzero(found.tests[name][attacked]) for name, share in chosen.items())
-        ),
+        budget_range_alarms=duration_s / DAY_S * (0.0 if range_share is None else range_share.alarms_a_day),
+        failures=failures,
+        budget_failures=budget_failures,
+        exact_failures=exact_failures,
+        budget_exact_failures=budget_exact,
+        range_failures=range_failures,
+        budget_range_failures=budget_range,
         detected=bool(first.size),
         mitigated=bool(protected and use.size and np.mean(use) > _HALF),
         protected=bool(protected),
@@ -158,6 +198,25 @@ def run_outcome(
         worst_range_m=_worst(error_m),
         worst_position_m=_worst(position_m[with_recs]),
     )
+
+
+def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[str]) -> tuple[int, float]:
+    """Return how many tests of checks failed, and how many the budget gives them."""
+    made = [name for name in found.failed if name in names and name in found.budget]
+    return (
+        sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
+        float(sum(found.budget[name].p_fa * np.count_nonzero(found.tests[name][attacked]) for name in made)),
+    )
+
+
+def _word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
+    if mitigated and (detected or missed):
+        return "mitigated late" if missed else "mitigated"
+    if missed:
+        return "detected, missed" if detected else "missed"
+    if detected:
+        return "detected"
+    return "no verdict" if denied else "no alarm, no harm"
 
 
 def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -192,7 +251,9 @@ class SceneOutcome:
         Runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack.
     checks
         Those that failed in any run, the most frequent and then the earliest first.
-    alarms, budget_alarms, failures, budget_failures, duration_s
+    alarms, budget_alarms, budget_range_alarms, failures, budget_failures, exact_failures, budget_exact_failures
+        Sums over all runs.
+    range_failures, budget_range_failures, duration_s
         Sums over all runs.
     time_to_detect_s
         Median of the runs with an alarm; NaN without any.
@@ -210,41 +271,39 @@ class SceneOutcome:
     checks: tuple[CheckShare, ...]
     alarms: int
     budget_alarms: float
+    budget_range_alarms: float
     failures: int
     budget_failures: float
+    exact_failures: int
+    budget_exact_failures: float
+    range_failures: int
+    budget_range_failures: float
     duration_s: float
     time_to_detect_s: float
     worst_range_m: float
     worst_position_m: float
 
-    @property
-    def alarms_a_day(self) -> tuple[float, float, float]:
-        """Alarms in a day, and the ends of the exact interval of their mean."""
-        return tuple(one * DAY_S / self.duration_s for one in count_interval(self.alarms))  # type: ignore[return-value]
+    def a_day(self, name: str) -> tuple[float, float, float]:
+        """Return how often a day something is that was counted, and the ends of the exact interval of its mean."""
+        return tuple(one * DAY_S / self.duration_s for one in count_interval(getattr(self, name)))  # type: ignore[return-value]
 
     @property
     def word(self) -> str:
         """What came of it in most runs, in one or two words."""
-        wrong, seen = self.missed.value > _HALF, self.detected.value > _HALF
-        if self.mitigated.value > _HALF:
-            return "mitigated late" if wrong else "mitigated"
-        if wrong:
-            return "detected, missed" if seen else "missed"
-        if seen:
-            return "detected"
-        return "no verdict" if self.denied.value > _HALF else "no alarm, no harm"
+        shares = (self.detected, self.mitigated, self.missed, self.denied)
+        return _word(*(share.value > _HALF for share in shares))
 
     @property
-    def failures_a_day(self) -> tuple[float, float, float]:
-        """Failures of single tests in a day, and the ends of the exact interval of their mean."""
-        return tuple(one * DAY_S / self.duration_s for one in count_interval(self.failures))  # type: ignore[return-value]
-
-
-def count_interval(count: int, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
-    """Return a count and the ends of the exact interval of its mean, if it is a Poisson count."""
-    tail = (1 - confidence) / 2
-    low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
-    return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
+    def keeps_budget(self) -> bool:
+        """Whether alarms and failures of single tests are as frequent as their budgets allow."""
+        bounds = (
+            (self.alarms, self.budget_alarms),
+            (self.failures / _GROUP, self.budget_failures / _GROUP),
+            (self.exact_failures / _GROUP, self.budget_exact_failures / _GROUP),
+            (self.range_failures / _GROUP, self.budget_range_failures / _GROUP),
+        )
+        enough = count_interval(self.exact_failures / _GROUP)[2] >= self.budget_exact_failures / _GROUP
+        return enough and all(count_interval(count)[1] <= budget for count, budget in bounds)
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
@@ -253,17 +312,15 @@ def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> S
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))
 
+    counts: dict[str, Any] = {name: sum(getattr(run, name) for run in runs) for name in _SUMS}
+    shares: dict[str, Any] = {name: share(name) for name in ("detected", "mitigated", "protected", "missed", "denied")}
     times_s = [run.time_to_detect_s for run in runs if isfinite(run.time_to_detect_s)]
     return SceneOutcome(
-        **{name: share(name) for name in ("detected", "mitigated", "protected", "missed", "denied")},
+        **shares,
+        **counts,
         succeeded=proportion(sum(run.missed or run.denied for run in runs), len(runs)),
         by_chance=proportion(sum(run.detected for run in chance), len(chance)),
         checks=_check_shares(runs),
-        alarms=sum(run.alarms for run in runs),
-        budget_alarms=sum(run.budget_alarms for run in runs),
-        failures=sum(run.failures for run in runs),
-        budget_failures=sum(run.budget_failures for run in runs),
-        duration_s=sum(run.duration_s for run in runs),
         time_to_detect_s=median(times_s) if times_s else nan,
         worst_range_m=_worst(np.array([run.worst_range_m for run in runs])),
         worst_position_m=_worst(np.array([run.worst_position_m for run in runs])),
@@ -299,9 +356,9 @@ def agreement(expected: str, found: SceneOutcome) -> Agreement:
     if not expected:
         return Agreement.NOT_EXPECTED
     often, seldom = _often, _seldom
-    more = count_interval(found.alarms)[1] > found.budget_alarms
+    kept = found.keeps_budget
     rules: Mapping[str, tuple[bool, bool]] = {
-        "pass": (not more, more),
+        "pass": (kept, not kept),
         "detect": (often(found.detected), seldom(found.detected)),
         "mitigate": (often(found.mitigated), seldom(found.mitigated)),
         "miss": (often(found.succeeded) and seldom(found.detected), seldom(found.succeeded) or often(found.detected)),

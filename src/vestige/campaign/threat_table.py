@@ -26,6 +26,13 @@ from vestige.scenario.threats import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
 VERSION = "vestige_version"  # with which all runs were measured
+_BUDGETS = (
+    "budget_alarms",
+    "budget_range_alarms",
+    "budget_failures",
+    "budget_exact_failures",
+    "budget_range_failures",
+)
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
@@ -65,9 +72,9 @@ def statistics_of(cell: Cell) -> dict[str, object]:
         for part, value in zip(("", "_of", "_low", "_high"), _parts(getattr(found, name)), strict=True)
     }
     a_day = {
-        f"{name}{part}": value
-        for name, three in (("alarms_a_day", found.alarms_a_day), ("failures_a_day", found.failures_a_day))
-        for part, value in zip(("", "_low", "_high"), three, strict=True)
+        f"{name}_a_day{part}": value
+        for name in ("alarms", "failures", "exact_failures", "range_failures")
+        for part, value in zip(("", "_low", "_high"), found.a_day(name), strict=True)
     }
     days = found.duration_s / 86_400.0
     return {
@@ -75,8 +82,7 @@ def statistics_of(cell: Cell) -> dict[str, object]:
         **shares,
         "alarms": found.alarms,
         **a_day,
-        "budget_alarms_a_day": found.budget_alarms / days if days else math.nan,
-        "budget_failures_a_day": found.budget_failures / days if days else math.nan,
+        **{f"{name}_a_day": getattr(found, name) / days if days else math.nan for name in _BUDGETS},
         "days": days,
         "time_to_detect_s": found.time_to_detect_s,
         "worst_accepted_m": found.worst_range_m,

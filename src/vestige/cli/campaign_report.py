@@ -16,6 +16,7 @@ from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
+from vestige.campaign.threat_outcome import RunOutcome
 from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.level_report import level_lines, level_values
 
@@ -69,11 +70,15 @@ def sweep_json(rows: Sequence[Row]) -> str:
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
     """Return a line for each campaign: what was counted, beside what theory says of a signal on a tap.
 
+    Where there is an attack, or a level above 1, what came of it takes the place of the theory.
+
     Parameters
     ----------
     file
         Where the same table is as CSV.
     """
+    if any(row.outcome is not None for row in rows):
+        return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
     keys = list(rows[0].settings)
     missed = [f"missed {name}" for name in DETECTORS]
     table = [[*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
@@ -91,9 +96,41 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
                 f"{alarms.low:.2g} to {alarms.high:.2g}",
             ]
         )
+    return "\n".join([*_columns(table), f"table: {file}"])
+
+
+def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """Return the cells of a sweep of an attack, or of a level above 1: what came of it."""
+    keys = list(rows[0].settings)
+    names = ["level", "what came of it", "first alarm", "by", "mitigated", "largest error in use", "of a position"]
+    table = [[*keys, *names, *(f"missed {name}" for name in DETECTORS)]]
+    for row in rows:
+        settings = [str(row.settings[key]) for key in keys]
+        missed = [f"{counted.trials - counted.successes} of {counted.trials}" for counted in row.detections.values()]
+        table.append([*settings, str(row.level), *_outcome_words(row.outcome), *missed])
+    return table
+
+
+def _outcome_words(found: RunOutcome | None) -> list[str]:
+    if found is None:
+        return ["not judged", "", "", "", "", ""]
+    first, _, _ = found.checks.partition("; ")
+    return [
+        found.word,
+        f"after {found.time_to_detect_s:g} s" if found.detected else "none",
+        first.rpartition(" ")[0],
+        "yes" if found.mitigated else "no",
+        *(
+            "none in use" if math.isnan(worst) else f"{worst:.4g} m"
+            for worst in (found.worst_range_m, found.worst_position_m)
+        ),
+    ]
+
+
+def _columns(table: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines, with columns as wide as their widest cell."""
     widths = [max(len(cells[i]) for cells in table) for i in range(len(table[0]))]
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)) for cells in table]
-    return "\n".join([*lines, f"table: {file}"])
+    return ["  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)) for cells in table]
 
 
 def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:

@@ -15,6 +15,7 @@ import click
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
+    from vestige.cli.verdicts import Tally
     from vestige.recording.description import BandFile, RecordingDescription
     from vestige.recording.follow_journal import FollowJournal
     from vestige.recording.following import Following
@@ -70,14 +71,14 @@ def _run(
     from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
     from vestige.recording.follow_journal import Progress
 
-    state, tally, n_snapshots = None, Tally(), 0
+    state, tally = None, Tally()
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.watch
         click.echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
     try:
         for epoch in following:
-            if not n_snapshots:
+            if not tally.snapshots:
                 _say_what_is_missing(following, warn)
             watch = replace(processor.watch, second_channel=epoch.second_channel)
             step = replace(processor, watch=watch).step(state, epoch.snapshot, epoch.assistance)
@@ -92,13 +93,29 @@ def _run(
                 print_snapshot(step)
                 print_changes(step)
             tally.add(step)
-            n_snapshots += 1
     except KeyboardInterrupt as stop:
-        stop.add_note(f"{n_snapshots} snapshots: {tally}")
+        _print_end(tally, as_json=options["as_json"])
+        stop.add_note(f"{tally.snapshots} snapshots: {tally}")
         if journal is not None:
             stop.add_note(f"the same command goes on from {options['output']}")
         raise
-    click.echo(f"{n_snapshots} snapshots: {tally}", err=True)
+    _print_end(tally, as_json=options["as_json"])
+    if state is None:
+        _say_what_is_missing(following, warn, still_to_come=())
+    if tally.nothing and (tally.snapshots or state is None):
+        click.echo(f"{tally.nothing}: {following.live.extent}", err=True)
+    click.echo(f"{tally.snapshots} snapshots: {tally}", err=True)
+
+
+def _print_end(tally: Tally, *, as_json: bool) -> None:
+    """Print what is known at the end only: the satellites with RECS that E1 never showed."""
+    import json
+
+    from vestige.cli.verdicts import print_not_seen
+
+    if as_json:
+        click.echo(json.dumps({"kind": "end", "snapshots": tally.snapshots, "not_seen_on_e1": tally.not_seen_on_e1}))
+    print_not_seen(tally, err=True)
 
 
 class _Warnings:
@@ -116,10 +133,11 @@ class _Warnings:
                 click.echo("warning: further warnings are not printed", err=True)
 
 
-def _say_what_is_missing(following: Following, warn: Callable[[object], None]) -> None:
-    """Warn of what was not there for the first epoch; keys and RECS of later ones are still to come."""
+def _say_what_is_missing(
+    following: Following, warn: Callable[[object], None], still_to_come: tuple[str, ...] = ("OSNMA keys", "RECS")
+) -> None:
+    """Warn of what was not there for the first epoch, but of what is still to come for later ones."""
     found = following.folder.found
-    still_to_come = ("OSNMA keys", "RECS")
     missing = (line for line in found.missing if not line.startswith(still_to_come))
     for line in (*following.live.description.notes, *missing, *found.cautions):
         warn(line)
@@ -131,6 +149,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     from vestige.recording.e1_observation import LABEL_TOLERANCE_S
     from vestige.recording.following import Following, Patience
     from vestige.recording.growing_assistance import GrowingAssistance
+    from vestige.recording.recording import named_observations, unread_observations
 
     description = _stdin_description(options) if recording == STDIN else _description(recording, options)
     stated_s = options["time_uncertainty"]
@@ -142,12 +161,23 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             "(--time-uncertainty)"
         )
     observations = options["observations"] or description.observations
-    if observations is None and around_s > LABEL_TOLERANCE_S:
+    told = around_s <= LABEL_TOLERANCE_S  # by E1 samples alone
+    if observations is None and not told:
+        for wrong in unread_observations(description):
+            raise wrong
         raise VestigeError(
             f"{description.path}: observations: found none, expected a file of E1 observations (--observations), or a "
             f"clock that is right to {LABEL_TOLERANCE_S:g} s: E1 samples alone tell time modulo 100 ms"
         )
-    live = _live(description, options, observations, around_s if searchable else 0.0, warn)
+    named = options["observations"] is not None or named_observations(description)
+    live = _live(
+        description,
+        options,
+        observations,
+        warn,
+        replaceable=told and not named,
+        around_s=around_s if searchable else 0.0,
+    )
     bias_m = options["hardware_bias_m"]
     folder = options["assistance_path"]
     if folder is None:
@@ -171,8 +201,10 @@ def _live(
     description: RecordingDescription,
     options: dict[str, Any],
     observations: Path | None,
-    around_s: float,
     warn: Callable[[object], None],
+    *,
+    replaceable: bool,
+    around_s: float,
 ) -> LiveRecording:
     from vestige.errors import VestigeError
     from vestige.recording.live_recording import LiveRecording, buffer_s
@@ -190,7 +222,14 @@ def _live(
                 f"that may be wrong by {around_s:g} s (--time-uncertainty)"
             )
         stream = SampleStream(sys.stdin.fileno(), e6, capacity_bytes=capacity)
-    return LiveRecording(description, observations=observations, stream=stream, uncertainty_s=around_s, warn=warn)
+    return LiveRecording(
+        description,
+        observations=observations,
+        replaceable=replaceable,
+        stream=stream,
+        uncertainty_s=around_s,
+        warn=warn,
+    )
 
 
 def _description(recording: Path, options: dict[str, Any]) -> RecordingDescription:
@@ -199,12 +238,13 @@ def _description(recording: Path, options: dict[str, Any]) -> RecordingDescripti
 
     from vestige.recording.description import redated
     from vestige.recording.live_recording import awaited_observations
-    from vestige.recording.recording import describe_recording
+    from vestige.recording.recording import describe_recording, unread_observations
 
     found = describe_recording(recording)
     if found.observations is None:
-        folder = recording if recording.is_dir() else recording.parent
-        found = replace(found, observations=awaited_observations(folder))
+        awaited = awaited_observations(found)
+        wrong = tuple(f"{one}; not used" for one in unread_observations(found) if one.path != awaited)
+        found = replace(found, observations=awaited, notes=found.notes + wrong)
     return found if options["start"] is None else redated(found, options["start"])
 
 

@@ -126,7 +126,6 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
     )
-    wanted = {segment.svid for segments in source.epochs().values() for segment in segments}
     with progress() as report, ExitStack() as stack:
         steps, bias_s = _steps(_processor(options), replace(source, progress=report), calibrate=options["calibrate"])
         if options["write_bias"]:
@@ -135,9 +134,9 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
             steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
         if options["as_json"]:
             remarks = {"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)}
-            print_json(steps, hardware_bias_s=bias_s, wanted=wanted, remarks=remarks)
+            print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
         else:
-            print_table(steps, hardware_bias_s=bias_s, wanted=wanted)
+            print_table(steps, hardware_bias_s=bias_s)
 
 
 def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[Step]:

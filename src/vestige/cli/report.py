@@ -10,6 +10,7 @@ import click
 if TYPE_CHECKING:
     from vestige.report import Page
 
+RESULT = "the store of `vestige run -o`, or the folder of `vestige threats -o`"
 _SUFFIXES = (".html", ".htm")
 
 
@@ -36,11 +37,16 @@ def command(result: Path, output: Path, question: str) -> None:
 def _page(path: Path, question: str) -> Page:
     from vestige.campaign.store import open_results
     from vestige.campaign.sweep import TABLE as SWEEP
+    from vestige.campaign.threat_table import STORE
     from vestige.campaign.threat_table import TABLE as THREATS
     from vestige.errors import InputFileError, VestigeError
     from vestige.report import run_page, threat_page
 
     name = path.resolve().name.removesuffix(".zarr")
+    if not (path / "zarr.json").is_file() and not any((path / one).is_file() for one in (THREATS, SWEEP)):
+        raise InputFileError(path, "result", _what(path), RESULT)
+    if path.name == STORE and (path.resolve().parent / THREATS).is_file():
+        raise InputFileError(path, "result", "the store of a threat table", "the folder that it is in")
     if (path / THREATS).is_file():
         return threat_page(path / THREATS, name, question=question)
     if (path / SWEEP).is_file():
@@ -52,3 +58,8 @@ def _page(path: Path, question: str) -> Page:
         raise
     except VestigeError as error:
         raise VestigeError(f"{path}: {error}") from error
+
+
+def _what(path: Path) -> str:
+    """Return what is there, in words."""
+    return "a folder without results" if path.is_dir() else "another file" if path.exists() else "nothing"

@@ -27,7 +27,9 @@ FIGURE = "threats.png"
     "--level", "levels", multiple=True, type=click.IntRange(1, 3), help="Mitigation level to show.  [default: all]"
 )
 @click.option(
-    "--quick", is_flag=True, help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: less than three minutes."
+    "--quick",
+    is_flag=True,
+    help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: less than three minutes with -j 2.",
 )
 @click.option("--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Runs of each scene.")
 @click.option("--only", "ids", multiple=True, metavar="ID", help="Rows to measure: A5. Several times for several.")

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from vestige.campaign.statistics import Proportion
 from vestige.campaign.threat_matrix import Cell
-from vestige.campaign.threat_outcome import Agreement
+from vestige.campaign.threat_outcome import DAY_S, Agreement, SceneOutcome
 from vestige.campaign.threat_table import statistics_of
 from vestige.cli.campaign_report import as_json
 from vestige.scenario.threats import LEVELS, Threat
@@ -126,8 +126,12 @@ def _false_alarms(cells: Sequence[Cell]) -> Table:
         "level",
         "days",
         "alarms that a user sees",
+        "at most: range check + rest",
+        "failures of range check",
         "at most",
-        "single failures",
+        "other single failures",
+        "budget",
+        "of these exact",
         "budget",
         "",
         "checks",
@@ -139,14 +143,23 @@ def _false_alarms(cells: Sequence[Cell]) -> Table:
             cell.case.scene,
             str(cell.level),
             f"{values['days']:.2g}",
-            _a_day(found.alarms_a_day),
-            f"{values['budget_alarms_a_day']:.2g}",
-            _a_day(found.failures_a_day),
-            f"{values['budget_failures_a_day']:.2g}",
+            _a_day(found.a_day("alarms")),
+            _bounds(found),
+            *(
+                text
+                for name in ("range_failures", "failures", "exact_failures")
+                for text in (_a_day(found.a_day(name)), f"{values[f'budget_{name}_a_day']:.2g}")
+            ),
             f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else "",
             ", ".join(one.name for one in found.checks),
         )
     return table
+
+
+def _bounds(found: SceneOutcome) -> str:
+    days = found.duration_s / DAY_S
+    range_a_day = found.budget_range_alarms / days
+    return f"{range_a_day:.2g} + {found.budget_alarms / days - range_a_day:.2g}"
 
 
 def expectations_text(threats: Sequence[Threat], level: int) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Measurement, Outcome, SatelliteMeasurement, Verdict
+from vestige.records import Measurement, Outcome, SatelliteMeasurement, Status, Verdict
 
 if TYPE_CHECKING:
     from vestige.acas_processor.alarm import StateChange
@@ -41,15 +41,32 @@ COLUMNS = (
 
 @dataclass(slots=True)
 class Tally:
-    """How many verdicts there were, by status, and the satellites that were seen on E1."""
+    """How many snapshots there were, how many verdicts by status, and the satellites with RECS that E1 never showed."""
 
+    snapshots: int = 0
     counts: Counter[str] = field(default_factory=Counter)
+    missed: set[int] = field(default_factory=set)
     seen: set[int] = field(default_factory=set)
 
     def add(self, step: Step) -> None:
         """Count what follows from one snapshot."""
+        self.snapshots += 1
         self.counts.update(verdict.status.name for verdict in step.verdicts)
-        self.seen.update(satellite.svid for satellite in step.measurement.satellites)
+        self.missed |= step.unseen
+        self.seen |= step.state.on_e1.keys()
+
+    @property
+    def not_seen_on_e1(self) -> list[int]:
+        """Satellites with RECS that E1 never showed."""
+        return sorted(self.missed - self.seen)
+
+    @property
+    def nothing(self) -> str:
+        """Why there is no verdict at all; "" if there is one."""
+        if self.counts:
+            return ""
+        why = "no satellite of the RECS is seen on E1" if self.missed else "no RECS is of this recording's time"
+        return f"no verdict: {why}"
 
     def __str__(self) -> str:
         return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
@@ -148,7 +165,8 @@ def _change(change: StateChange) -> dict[str, Any]:
 def print_snapshot(step: Step) -> None:
     """Print the verdicts of a snapshot for a person."""
     for verdict in step.verdicts[:1]:
-        known = f", known from {verdict.available_at}" if verdict.available_at else ""
+        known_at = next((one.available_at for one in step.verdicts if one.available_at), None)
+        known = f", known from {known_at}" if known_at else ""
         click.echo(f"\nsnapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
         click.echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
     for verdict in step.verdicts:
@@ -181,7 +199,7 @@ def print_changes(step: Step) -> None:
     """Print the changes of state of a snapshot for a person."""
     for change in step.changes:
         what = "ALARM" if change.alarm else "state"
-        why = f": {change.reason}" if change.reason and change.alarm else ""
+        why = f": {change.reason}" if change.reason and change.after is not Status.AUTHENTIC else ""
         click.echo(f"{what} {change.time} E{change.svid:02d}: {change.before.name} -> {change.after.name}{why}")
 
 
@@ -196,23 +214,26 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
         click.echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
-def print_table(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int]) -> None:
-    """Print the verdicts for a person as they come, and what they come to; `wanted` are the satellites with RECS."""
+def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> None:
+    """Print the verdicts for a person as they come, and what they come to."""
     tally = Tally()
     for step in steps:
         print_snapshot(step)
         tally.add(step)
-    unseen = sorted(wanted - tally.seen)
-    if not tally.counts:
-        why = "no satellite of the RECS is seen on E1" if unseen else "no RECS is of this recording's time"
-        click.echo(f"no verdict: {why}; vestige inspect says what is there")
+    if tally.nothing:
+        click.echo(f"{tally.nothing}; vestige inspect says what is there")
     click.echo(f"\nhardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
-    if unseen:
-        click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
+    print_not_seen(tally)
     click.echo(f"result: {tally}")
 
 
-def print_json(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int], remarks: Mapping[str, Any]) -> None:
+def print_not_seen(tally: Tally, *, err: bool = False) -> None:
+    """Print the satellites with RECS that E1 never showed, if there are any."""
+    if unseen := tally.not_seen_on_e1:
+        click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
+
+
+def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
     """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
     tally, separator, found = Tally(), "", []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
@@ -223,7 +244,7 @@ def print_json(steps: Iterable[Step], *, hardware_bias_s: float, wanted: set[int
             separator = ", "
         found += positions(step)
         tally.add(step)
-    click.echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(sorted(wanted - tally.seen))}}}')
+    click.echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
 
 
 @contextmanager

@@ -40,8 +40,9 @@ class Accelerometers:
     kind: Literal["bias-and-walk"] = "bias-and-walk"
 
     def __post_init__(self) -> None:
-        if not (0 <= self.sigma_bias_mps2 <= 10 and 0 <= self.walk_mps_per_sqrt_s <= 10):
-            raise ValueError("errors of accelerometers lie between 0 and 10")
+        for name in ("sigma_bias_mps2", "walk_mps_per_sqrt_s"):
+            if not 0 <= getattr(self, name) <= 10:
+                raise ValueError(f"{name} from 0 to 10")
 
     def gained_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int

@@ -195,7 +195,7 @@ class Following:
             searchable=self.searchable,
         )
         own = tuple(one for one in segments_between(assistance, sent, sent) if one.transmit_time == sent)
-        snapshot = source.snapshot(self.index, sent, own, self.live.track)
+        snapshot = source.snapshot(self.index, sent, own, self.live.observed())
         self.live.release(sent)
         self.index, self.after = self.index + 1, sent
         second = None if self.second is None else self.second.found.assistance

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.observation_epoch import EpochParser, ObservationEpoch
-from vestige.recording.observations import KINDS, kind_of_line
+from vestige.recording.observations import FIRST_LINE, KINDS, kind_of_line
 from vestige.recording.text_lines import GrowingLines
 
 
@@ -41,6 +41,16 @@ class GrowingObservations:
     def n_bytes(self) -> int:
         """Size of the file, 0 before it is there."""
         return self.path.stat().st_size if self.path.exists() else 0
+
+    @property
+    def begun(self) -> bool:
+        """Whether the first line is there."""
+        return self.path.exists() and GrowingLines(self.path).take() is not None
+
+    def missing(self) -> InputFileError:
+        """Return what is wrong with a file that has not begun."""
+        found = "an empty file" if self.path.exists() else "no file"
+        return InputFileError(self.path, "line 1", found, FIRST_LINE)
 
     def end(self) -> None:
         """Say that the file grows no more: its last epoch is whole."""
@@ -84,8 +94,7 @@ class _GrowingEpochs:
     def _opened(self, line: str) -> EpochParser:
         kind = kind_of_line(line)
         if kind is None:
-            expected = "RINEX observations, or CSV with gst_week, gst_second, svid, …"
-            raise InputFileError(self._file.path, "line 1", line, expected)
+            raise InputFileError(self._file.path, "line 1", line, FIRST_LINE)
         return KINDS[kind][1](self._file.path)
 
     def _last(self, parser: EpochParser) -> ObservationEpoch | None:

@@ -16,7 +16,7 @@ from vestige.errors import InputFileError, VestigeError
 from vestige.recording.description import RecordingDescription
 from vestige.recording.growing_observations import GrowingObservations
 from vestige.recording.observations import ObservationTrack
-from vestige.recording.recording import OBSERVATION_NAMES, Recording
+from vestige.recording.recording import Recording, observation_names
 from vestige.recording.sample_stream import SampleStream
 from vestige.recording.samples import SampleReader, samples_so_far
 from vestige.recording.snapshots import E1_WINDOW_S
@@ -36,6 +36,8 @@ class LiveRecording:
         What it is.
     observations
         The file of E1 observations, which need not be there yet; None to measure them in the E1 samples.
+    replaceable
+        Whether E1 is measured in the samples if that file stays empty, as in a finished recording.
     stream
         The E6 samples, if they come from a pipe.
     uncertainty_s
@@ -54,6 +56,7 @@ class LiveRecording:
         description: RecordingDescription,
         *,
         observations: Path | None,
+        replaceable: bool = False,
         stream: SampleStream | None = None,
         uncertainty_s: float = 0.0,
         warn: Callable[[VestigeError], None],
@@ -61,6 +64,7 @@ class LiveRecording:
         if Band.E6 not in description.bands:
             raise InputFileError(description.path, "E6", "no samples", "E6 samples, in which the RECS are")
         self.description = description
+        self._replaceable, self._warn = replaceable and Band.E1 in description.bands, warn
         self._stream = stream
         self._before_s, self._after_s = BEFORE_S + uncertainty_s, AFTER_S + uncertainty_s
         self._observations = None if observations is None else GrowingObservations(observations, warn=warn)
@@ -83,6 +87,32 @@ class LiveRecording:
         if any(now < then for now, then in zip(ends, before, strict=False)):
             raise InputFileError(self.description.path, "samples", "fewer than before", "a recording that grows")
         return seen != before
+
+    def observed(self) -> ObservationTrack | None:
+        """Return the observations to judge an epoch by that is not waited for any longer; None to measure E1 anew.
+
+        Raises
+        ------
+        InputFileError
+            If nothing more is written, and no observation was.
+        """
+        file = self._observations
+        if file is None or file.begun:
+            return self.track
+        if self._replaceable:
+            self._warn(VestigeError(f"{file.missing()}; E1 is measured in the samples"))
+            return None
+        if file.ended:
+            raise file.missing()
+        self._warn(file.missing())
+        return self.track
+
+    @property
+    def extent(self) -> str:
+        """How much of E6 there is, in words."""
+        span_s = self.end - self.start
+        where = "standard input" if self._stream is not None else str(self.description.bands[Band.E6].path)
+        return f"{where}: {span_s:g} s of E6 samples from {self.start} on" if span_s else f"{where}: no E6 sample"
 
     @property
     def end(self) -> GalileoTime:
@@ -153,10 +183,9 @@ def buffer_s(uncertainty_s: float) -> float:
     return BEFORE_S + AFTER_S + 2 * uncertainty_s
 
 
-def awaited_observations(folder: Path) -> Path | None:
+def awaited_observations(description: RecordingDescription) -> Path | None:
     """Return the file of a recording's folder that will hold observations by its name, but has no first line yet."""
-    names = [path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and path.is_file()]
-    return next((path for path in names if b"\n" not in _beginning(path)), None)
+    return next((path for path in observation_names(description) if b"\n" not in _beginning(path)), None)
 
 
 def _beginning(path: Path) -> bytes:

@@ -28,6 +28,7 @@ KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = 
     "CSV": (is_csv_observations, CsvParser),
 }
 
+FIRST_LINE = "RINEX observations, or CSV with gst_week, gst_second, svid, pseudorange_m"  # what one begins with
 GAP_INTERVALS = 2  # an epoch may be missing; more is a new track
 INTERVAL_EPOCHS = 16  # looked at to learn the interval
 
@@ -68,8 +69,7 @@ def open_observations(path: Path) -> ObservationFile:
     """
     kind = kind_of(path)
     if kind is None:
-        line = next(numbered_lines(path), (1, "an empty file"))[1]
-        raise InputFileError(path, "line 1", line, "RINEX observations, or CSV with gst_week, gst_second, svid, …")
+        raise InputFileError(path, "line 1", next(numbered_lines(path), (1, "an empty file"))[1], FIRST_LINE)
     return ObservationFile(path=path, kind=kind)
 
 

@@ -156,6 +156,31 @@ def find_observations(folder: Path) -> Path | None:
     return paths[0] if paths else None
 
 
+def named_observations(description: RecordingDescription) -> bool:
+    """Return whether observations are what a description names, not what lies in the folder of the recording."""
+    return description.path.suffix == ".toml" or description.path == Path("-")
+
+
+def observation_names(description: RecordingDescription) -> list[Path]:
+    """Return the files that may be a recording's observations, by their names."""
+    if named_observations(description):
+        return []
+    folder = description.path if description.path.is_dir() else description.path.parent
+    return [path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and path.is_file()]
+
+
+def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
+    """Return what is wrong with the files of a recording that are observations by name and not by content."""
+    wrong = []
+    for path in observation_names(description):
+        if "obs" in path.name.lower():
+            try:
+                open_observations(path)
+            except InputFileError as error:
+                wrong.append(error)
+    return tuple(wrong)
+
+
 def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Recording:
     """Return the recording at `path`, ready to be processed.
 
@@ -180,6 +205,9 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
     for reader in readers.values():
         _ = reader.start  # fails now, not at the first sample, if nothing tells the time
     observations = None if description.observations is None else open_observations(description.observations)
+    if observations is None:
+        notes = tuple(f"{wrong}; not used" for wrong in unread_observations(description))
+        description = replace(description, notes=description.notes + notes)
     return Recording(
         description=description, e1=readers.get(Band.E1), e6=readers.get(Band.E6), observations=observations
     )

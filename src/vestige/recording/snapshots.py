@@ -98,7 +98,8 @@ class RecordingSource:
         track
             The observations, None to measure them in the E1 samples.
         """
-        time, observations = self._observe(transmit_time, {segment.svid for segment in segments}, track)
+        svids = frozenset(segment.svid for segment in segments)
+        time, observations = self._observe(transmit_time, svids, track)
         duration_s = max(segment.n_chips for segment in segments) / E6C.chip_rate_hz
         batch = self._e6(transmit_time, observations, duration_s)
         uncertainty = self.recording.description.time_uncertainty_s
@@ -108,6 +109,7 @@ class RecordingSource:
             received_at=time if batch is None else batch.start + batch.samples.size / batch.sample_rate_hz,
             time_uncertainty_s=uncertainty if self.time_uncertainty_s is None else self.time_uncertainty_s,
             observations=observations,
+            recs=svids,
             e6=None if batch is None else CorrelatableSamples(batch, self.recording.e6 if self.searchable else None),
             **(self._for_searches(transmit_time, batch) if self.searchable else {}),
         )
@@ -127,7 +129,7 @@ class RecordingSource:
         return e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.label_error_s))
 
     def _observe(
-        self, transmit_time: GalileoTime, svids: set[int], track: ObservationTrack | None
+        self, transmit_time: GalileoTime, svids: frozenset[int], track: ObservationTrack | None
     ) -> tuple[GalileoTime, dict[int, E1Observation]]:
         if track is not None:
             time = transmit_time + MEDIAN_TRAVEL_TIME_S

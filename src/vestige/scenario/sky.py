@@ -59,6 +59,8 @@ class Constellation(Section):
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that is to be simulated, by ascending SVID."""
+        if len(set(self.svids)) < len(self.svids):
+            raise MisfitError("constellation.svids", list(self.svids), "each satellite once")
         found = {one.svid: one for one in self.ephemerides(start)}
         missing = sorted(set(self.svids) - set(found))
         if missing:

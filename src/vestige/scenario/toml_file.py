@@ -143,7 +143,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
             place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
             raise InputFileError(path, place, first["ctx"].get("tag", "nothing"), kinds or "a kind") from error
-        found, expected = _found_and_expected(first, _keys(adapter.json_schema()))
+        found, expected = _found_and_expected(first, _keys(adapter.json_schema()), _table_of(raw, first["loc"][:-1]))
         raise InputFileError(path, place or "top level", found, expected) from error
 
 
@@ -172,11 +172,14 @@ _EXPECTED = {
 }
 
 
-def _found_and_expected(first: ErrorDetails, keys: Iterable[str]) -> tuple[object, str]:
-    """Return what stands at the place of an error and what should."""
+def _found_and_expected(first: ErrorDetails, keys: Iterable[str], table: Mapping[str, Any]) -> tuple[object, str]:
+    """Return what stands at the place of an error, in a table, and what should."""
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         unknown = str(first["loc"][-1])
         near = difflib.get_close_matches(unknown, keys, n=1)
+        if near == [unknown]:  # a key of another table, or of another kind of this one
+            kind = f" of kind {table['kind']}" if "kind" in table else ""
+            return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"
         return f"an unknown key {unknown}", near[0] if near else "one of those in docs/scenarios.md"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
@@ -187,7 +190,17 @@ def _found_and_expected(first: ErrorDetails, keys: Iterable[str]) -> tuple[objec
         ):  # "40" looks like a number without its quotes
             found = f'the text "{found}"'
         return found, expected.format(**first.get("ctx", {}))
+    if isinstance(found, dict):
+        found = ", ".join(f"{key} = {value}" for key, value in found.items())
     return found, first["msg"].removeprefix("Value error, ")
+
+
+def _table_of(raw: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
+    """Return the table at a place."""
+    for part in loc:
+        inside = part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
+        raw = raw[part] if inside else raw  # the names of kinds are no keys
+    return raw if isinstance(raw, dict) else {}
 
 
 def _keys(schema: Any) -> set[str]:
@@ -215,7 +228,9 @@ def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
         if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
             return  # no power
-        raise InputFileError(path, place, value, f"a number of at most {LARGEST_NUMBER:g}")
+        finite = math.isfinite(value)
+        expected = f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}" if finite else "a finite number"
+        raise InputFileError(path, place, value, expected)
 
 
 def _place(raw: Any, loc: tuple[int | str, ...]) -> str:

@@ -90,6 +90,8 @@ class Attack:
             raise ValueError(f"an attack starts at 0 s or later and then stops, found {self.start_s} and {self.stop_s}")
         if not all(1 <= svid <= MAX_SVID for svid in self.svids):
             raise ValueError(f"satellites have numbers from 1 to {MAX_SVID}, found {self.svids}")
+        if len(set(self.svids)) < len(self.svids):
+            raise ValueError("each satellite once in svids")
 
     @property
     def outside_assumption_2(self) -> str:

@@ -37,6 +37,37 @@ def test_a_state_falls_step_by_step() -> None:
     assert shown == [Status.SPOOFED, Status.SPOOFED, Status.SUSPECT, Status.AUTHENTIC]
 
 
+def test_a_status_is_held_for_three_recs_of_the_service() -> None:
+    """One RECS each 30 s: 60 s after an alarm it still stands, 90 s after it does not."""
+    state, _ = AlarmState().step(11, START, Status.SUSPECT, "")
+    for time_s, shown in (
+        (30.0, Status.SUSPECT),
+        (60.0, Status.SUSPECT),
+        (89.9, Status.SUSPECT),
+        (90.0, Status.AUTHENTIC),
+    ):
+        state, _ = state.step(11, START + time_s, Status.AUTHENTIC, "")
+        assert state.shown[11] is shown
+    status = np.array([[list(Status).index(one)] for one in (Status.SUSPECT, *[Status.AUTHENTIC] * 3)], np.int8)
+    block = state_block(status, np.array([0.0, 60.0, 89.9, 90.0]))[:, 0]
+    assert [list(Status)[one] for one in block] == [*[Status.SUSPECT] * 3, Status.AUTHENTIC]
+
+
+def test_a_satellite_that_e1_lost_is_not_authentic_and_an_alarm_stands() -> None:
+    state, _ = AlarmState().step(11, START, Status.AUTHENTIC, "")
+    state, change = state.lost(11, START + 1.0, "gone")
+    assert change == StateChange(
+        time=START + 1.0, svid=11, before=Status.AUTHENTIC, after=Status.NOT_AVAILABLE, reason="gone"
+    )
+    state, change = state.lost(11, START + 2.0, "gone")
+    assert change is None
+    state, _ = state.step(11, START + 30.0, Status.SPOOFED, "")
+    state, change = state.lost(11, START + 119.0, "gone")
+    assert (state.shown[11], change) == (Status.SPOOFED, None)
+    state, change = state.lost(11, START + 120.0, "gone")
+    assert state.shown[11] is Status.NOT_AVAILABLE
+
+
 def test_satellites_do_not_share_a_state() -> None:
     state, _ = AlarmState().step(11, START, Status.SPOOFED, "")
     state, change = state.step(12, START, Status.AUTHENTIC, "")

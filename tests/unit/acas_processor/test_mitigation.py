@@ -71,6 +71,25 @@ def test_the_range_limit_is_kappa_sigma() -> None:
     assert checks[1].threshold == pytest.approx(26.6, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [
+        ("E6 power", Status.NOT_DETECTED),
+        ("E1-E6 range", Status.SPOOFED),
+        ("E6 second signal", Status.SPOOFED),  # somebody sends what the satellite did not
+        ("E1 vestigial search", Status.SPOOFED),
+        ("E6 exhaustive search", Status.SPOOFED),
+        ("OSNMA agreement", Status.SPOOFED),
+    ],
+)
+def test_what_finds_a_second_sender_says_spoofed_and_all_else_is_suspicion(name: str, status: Status) -> None:
+    failure = CheckResult(name=name, outcome=Outcome.FAIL, unit="", reason="it failed")
+    assert combine(3, [failure]) == (status, "it failed")
+    graver = {row.name for row in LEVELS[3] if row.failure is not Status.SUSPECT}
+    assert len(graver) == 6
+    assert name in graver
+
+
 @given(
     st.lists(
         st.tuples(st.booleans(), st.floats(-60, 60), st.one_of(st.floats(0, 1), st.just(float("nan")))), min_size=1

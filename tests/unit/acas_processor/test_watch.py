@@ -24,6 +24,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import (
     Assistance,
     ChipSequence,
+    E1Observation,
     Handover,
     Measurement,
     Outcome,
@@ -149,6 +150,21 @@ def test_alarms_come_once() -> None:
         state, changes = watch.learn(state, snapshot, measurement, own)
         alarms += [(n, change.svid, change.after) for change in changes if change.alarm]
     assert alarms == [(3, 3, Status.SPOOFED)]
+
+
+def test_a_satellite_that_e1_lost_is_due_for_an_hour_and_one_never_seen_is_not() -> None:
+    def snapshot(time_s: float, *seen: int) -> Snapshot:
+        unknown = dict.fromkeys(("carrier_phase_cycles", "doppler_hz", "doppler_rate_hz_per_s", "cn0_dbhz"), math.nan)
+        observations = {svid: E1Observation(svid=svid, pseudorange_m=2.4e7, **unknown) for svid in seen}
+        return replace(_snapshot(0)[0], time=START + time_s, observations=observations, recs=frozenset({3, 5, 8}))
+
+    state, _ = Watch().learn(WatchState(), snapshot(0.0, 3, 5), _snapshot(0)[1], ())
+    assert state.lost(snapshot(30.0, 3)) == (5,)
+    state, _ = Watch().learn(state, snapshot(30.0, 3), _snapshot(0)[1], ())
+    assert state.lost(snapshot(3599.0)) == (3, 5)
+    assert state.lost(snapshot(3600.0)) == (3,)
+    assert state.lost(snapshot(3600.0, 3)) == ()
+    assert sorted(state.on_e1) == [3, 5]
 
 
 def _key(number: int, data: int) -> ValidatedKey:

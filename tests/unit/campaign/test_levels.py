@@ -85,6 +85,14 @@ def test_nothing_is_in_use_between_recs(meaconed: dict[int, LevelVerdicts]) -> N
     assert np.all(np.isnan(meaconed[2].range_error_m[between]))
 
 
+@pytest.mark.parametrize(("j_over_n_db", "seen"), [(-5.0, False), (-3.0, True)])
+def test_a_front_end_that_may_drift_hides_a_rise_below_its_limit(j_over_n_db: float, seen: bool) -> None:
+    """One alarm a day of twelve checks is 4.8 σ, of 0.3 dB 1.4 dB: noise adds 1.19 dB, or 1.76 dB."""
+    attack = f'attack=[{{kind="osnma-denial", start_s=330, j_over_n_db={j_over_n_db}}}]'
+    failures = dict(verdicts(attack)[2].first_failures(ALL))
+    assert ("E1 received power" in failures) is seen
+
+
 def test_nulling_needs_the_exhaustive_search() -> None:
     found = verdicts(NULLED)
     assert "E1 vestigial search" not in dict(found[2].first_failures(ALL))

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sky_builder import sky_scenario
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
 from vestige.campaign.store import open_results
 from vestige.campaign.sweep import TABLE, Row, Width, run_sweep
+from vestige.campaign.threat_matrix import measure, window_of
+from vestige.cli.campaign_report import sweep_table
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
@@ -67,6 +70,43 @@ def test_the_table_has_the_rows(whole: tuple[Path, list[Row]]) -> None:
         assert int(cells["detections_maximum"]) == row.detections["maximum"].successes
         assert float(cells["high_early"]) == row.detections["early"].high
         assert (folder / cells["store"]).is_dir()
+
+
+def test_a_row_of_an_attack_says_what_came_of_it_at_the_level(tmp_path: Path) -> None:
+    """A copy on both bands, 600 m late, 6 dB over the true signal: level 1 takes it, level 2 sees it at once."""
+    attack = 'attack=[{kind="meaconing", start_s=120, delay_s=2e-6, power_db=6.0, acquired=true}]'
+    campaigns = [
+        ({"processor.level": level}, sky_scenario(attack, "epochs=240", f"processor.level={level}")) for level in (1, 2)
+    ]
+    rows = list(run_sweep(campaigns, tmp_path, chunk_epochs=CHUNK))
+    first, second = (row.outcome for row in rows)
+    assert first is not None
+    assert second is not None
+    assert (first.word, first.detected, first.worst_range_m) == ("missed", False, pytest.approx(600, abs=5))
+    assert (second.detected, second.missed, second.time_to_detect_s) == (True, False, 0.0)
+    for (_, scenario), row in zip(campaigns, rows, strict=True):
+        all_columns = scenario.processor.model_copy(update={"level": 3})
+        threat = measure(scenario.replaced(processor=all_columns), window_of(scenario))
+        assert repr(row.outcome) == repr(threat[row.level - 1])  # NaN is not equal to itself
+    with (tmp_path / TABLE).open() as file:
+        table = list(csv.DictReader(file))
+    assert [(cells["level"], cells["word"], cells["detected"]) for cells in table] == [
+        ("1", "missed", "0"), ("2", second.word, "1"),
+    ]  # fmt: skip
+    assert float(table[0]["worst_accepted_m"]) == first.worst_range_m
+    assert table[1]["time_to_detect_s"] == "0.0"
+    text = sweep_table(rows, tmp_path / TABLE).splitlines()
+    assert "what came of it" in text[0]
+    assert text[1].split()[:4] == ["1", "1", "missed", "none"]
+    assert "after 0 s" in text[2]
+
+
+def test_a_row_without_attack_or_cut_short_has_no_outcome(whole: tuple[Path, list[Row]], tmp_path: Path) -> None:
+    assert {row.outcome for row in whole[1]} == {None}
+    attack = 'attack=[{kind="meaconing", start_s=0, delay_s=2e-6, power_db=6.0}]'
+    campaigns = [({"seed": 0}, scenario(attack, "receiver.cn0_e1_dbhz=45"))]
+    (row,) = run_sweep(campaigns, tmp_path, chunk_epochs=CHUNK, width=Width(width=0.5))
+    assert (row.epochs, row.outcome) == (CHUNK, None)
 
 
 @pytest.mark.parametrize("width", [Width(width=0.06), Width(width=0.5, relative=True)])

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import isnan, nan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +12,12 @@ from hypothesis.extra.numpy import arrays
 
 from vestige.acas_processor.alarm_budget import Share
 from vestige.campaign.levels import LevelVerdicts
-from vestige.campaign.statistics import proportion
+from vestige.campaign.statistics import count_interval, proportion
 from vestige.campaign.threat_outcome import (
     Agreement,
     RunOutcome,
     SceneOutcome,
     agreement,
-    count_interval,
     run_outcome,
     scene_outcome,
 )
@@ -135,7 +135,28 @@ def test_alarms_and_failures_are_counted_against_their_budget() -> None:
     assert found.budget_alarms == pytest.approx(28.8 * 240 / 86_400)
     assert found.budget_failures == pytest.approx(0.08)
     assert found.checks == "C/N0 30"
+    assert (found.exact_failures, found.budget_exact_failures, found.range_failures) == (0, 0.0, 0)
+    assert found.budget_range_alarms == found.budget_range_failures == 0.0
     assert of([A, P, P, A], first=2).alarms == 0  # that one stood before
+
+
+def test_the_range_check_and_exact_checks_are_counted_apart() -> None:
+    found, n = verdicts_of([A, S, P, A]), 4
+    names = ("E6 power", "E1-E6 range", "RAIM")
+    failed = {name: np.arange(n)[:, None] == place for place, name in enumerate(names, 1)}
+    own = Share(p_fa=0.25, alarms_a_day=50.0, chosen=False)
+    found = replace(
+        found,
+        tests=dict(found.tests) | dict.fromkeys(names, np.ones((n, 1), np.bool_)),
+        failed=dict(found.failed) | failed,
+        budget=dict(found.budget) | dict.fromkeys(names, own) | {"RAIM": replace(own, chosen=True)},
+    )
+    outcome = run_outcome(found, 30.0 * np.arange(n), np.ones(n, np.bool_), LIMIT_M, np.full(n, nan))
+    assert (outcome.failures, outcome.budget_failures) == (2, pytest.approx(0.04 + 1.0))
+    assert (outcome.exact_failures, outcome.budget_exact_failures) == (1, 1.0)
+    assert (outcome.range_failures, outcome.budget_range_failures) == (1, 1.0)
+    assert outcome.budget_range_alarms == pytest.approx(50.0 * 120 / 86_400)
+    assert outcome.budget_alarms == pytest.approx((28.8 + 150.0) * 120 / 86_400)
 
 
 def test_without_epochs() -> None:
@@ -151,7 +172,9 @@ def test_without_epochs() -> None:
 
 def _run(**what: bool | int | float | str) -> RunOutcome:
     usual = {
-        "duration_s": 86_400.0, "alarms": 0, "budget_alarms": 3.0, "failures": 0, "budget_failures": 1.0,
+        "duration_s": 86_400.0, "alarms": 0, "budget_alarms": 3.0, "budget_range_alarms": 2.0,
+        "failures": 0, "budget_failures": 1.0, "exact_failures": 0, "budget_exact_failures": 0.5,
+        "range_failures": 0, "budget_range_failures": 2.0,
         "detected": False, "mitigated": True, "protected": True, "missed": False, "denied": False, "checks": "",
         "time_to_detect_s": nan, "worst_range_m": nan, "worst_position_m": nan,
     }  # fmt: skip
@@ -170,7 +193,7 @@ def test_a_scene_counts_its_runs() -> None:
     assert found.by_chance == proportion(1, 3)
     assert (found.alarms, found.budget_alarms, found.duration_s) == (5, 9.0, 3 * 86_400)
     assert (found.time_to_detect_s, found.worst_range_m) == (60.0, -90.0)
-    assert found.alarms_a_day[0] == pytest.approx(5 / 3)
+    assert found.a_day("alarms")[0] == pytest.approx(5 / 3)
     assert [(one.name, one.failed, one.time_s) for one in found.checks] == [
         ("C/N0", proportion(2, 3), 3.0),
         ("RAIM", proportion(1, 3), 30.0),
@@ -183,12 +206,19 @@ def test_the_interval_of_a_count() -> None:
     assert count_interval(5) == pytest.approx((5, 1.6235, 11.6683), abs=1e-4)
 
 
-def _scene(n: int = 20, **counts: int) -> SceneOutcome:
+SUMS = {
+    "alarms": 0, "budget_alarms": 62.0, "budget_range_alarms": 61.0, "failures": 0, "budget_failures": 2.0,
+    "exact_failures": 0, "budget_exact_failures": 1.0, "range_failures": 0, "budget_range_failures": 61.0,
+    "duration_s": 86_400.0,
+}  # fmt: skip
+
+
+def _scene(n: int = 20, **counts: float) -> SceneOutcome:
     usual = {"detected": 0, "mitigated": 0, "protected": n, "missed": 0, "denied": 0, "succeeded": 0, "by_chance": 0}
-    shares = {name: proportion(count, n) for name, count in (usual | counts).items() if name != "alarms"}
+    shares = {name: proportion(int(counts.get(name, count)), n) for name, count in usual.items()}
+    sums: dict[str, Any] = SUMS | {name: count for name, count in counts.items() if name in SUMS}
     return SceneOutcome(
-        **shares, checks=(), alarms=counts.get("alarms", 0), budget_alarms=3.0, failures=0, budget_failures=1.0,
-        duration_s=86_400.0, time_to_detect_s=nan, worst_range_m=nan, worst_position_m=nan,
+        **shares, **sums, checks=(), time_to_detect_s=nan, worst_range_m=nan, worst_position_m=nan
     )  # fmt: skip
 
 
@@ -199,7 +229,11 @@ YES, NO, MAYBE = Agreement.AGREES, Agreement.DIFFERS, Agreement.UNDECIDED
     ("expected", "counts", "how"),
     [
         ("detect", {"detected": 20}, YES),
+        ("detect", {"detected": 14}, MAYBE),  # 70 %, but the interval begins at 45.7 %
+        ("detect", {"detected": 15}, YES),  # 50.9 %
         ("detect", {"detected": 10}, MAYBE),
+        ("detect", {"detected": 6}, MAYBE),  # its end is 54.3 %
+        ("detect", {"detected": 5}, NO),
         ("detect", {"detected": 0}, NO),
         ("miss", {"succeeded": 20}, YES),
         ("miss", {"succeeded": 20, "detected": 20}, NO),
@@ -212,9 +246,19 @@ YES, NO, MAYBE = Agreement.AGREES, Agreement.DIFFERS, Agreement.UNDECIDED
         ("deny", {}, NO),
         ("partial", {"detected": 10}, YES),
         ("partial", {"detected": 20}, NO),
-        ("pass", {"alarms": 0}, YES),
-        ("pass", {"alarms": 7}, YES),  # of 3; the interval of 7 begins at 2.81
-        ("pass", {"alarms": 12}, NO),
+        ("pass", {}, YES),
+        ("pass", {"alarms": 7, "budget_alarms": 3.0}, YES),  # the interval of 7 begins at 2.81
+        ("pass", {"alarms": 12, "budget_alarms": 3.0}, NO),
+        ("pass", {"alarms": 60}, YES),  # of 62, if nothing else says that the budget is not kept
+        ("pass", {"alarms": 60, "failures": 60}, NO),
+        ("pass", {"failures": 6}, YES),  # two events of three epochs; their interval begins at 0.24, of 0.67
+        ("pass", {"failures": 12}, NO),  # four events: 1.09
+        ("pass", {"failures": 9, "exact_failures": 9, "budget_failures": 100.0}, NO),  # 0.62 of 0.33
+        ("pass", {"budget_exact_failures": 11.0, "budget_failures": 11.0}, YES),  # none of 3.67; the end is 3.69
+        ("pass", {"budget_exact_failures": 11.2, "budget_failures": 11.2}, NO),  # a test that is never done
+        ("pass", {"failures": 0, "budget_failures": 90.0}, YES),  # a bound
+        ("pass", {"range_failures": 90}, YES),
+        ("pass", {"range_failures": 120}, NO),
         ("", {}, Agreement.NOT_EXPECTED),
     ],
 )

@@ -15,6 +15,27 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
     [
         ("receiver.cn0_dbz=1", "receiver.cn0_dbz: found an unknown key cn0_dbz, expected cn0_dbhz"),
         ("zzz=1", "zzz: found an unknown key zzz, expected one of those in docs/scenarios.md"),
+        (
+            'trajectory={kind="static", latitude_deg=48.0, longitude_deg=11.0, height_m=0.0, speed_mps=5.0}',
+            "trajectory.speed_mps: found an unknown key speed_mps, "
+            "expected a key of this table of kind static: docs/scenarios.md has them",
+        ),
+        (
+            "svids=[6]",
+            "svids: found an unknown key svids, "
+            "expected a key of this table of kind campaign: docs/scenarios.md has them",
+        ),
+        (
+            "receiver.accelerometers.sigma_bias_mps2=-1",
+            "receiver.accelerometers: found sigma_bias_mps2 = -1, expected sigma_bias_mps2 from 0 to 10",
+        ),
+        (
+            'attack=[{kind="osnma-denial", j_over_n_db=10, svids=[6, 6]}]',
+            "attack.0: found kind = osnma-denial, j_over_n_db = 10, svids = [6, 6], "
+            "expected each satellite once in svids",
+        ),
+        ("receiver.cn0_dbhz=nan", "receiver.cn0_dbhz: found nan, expected a finite number"),
+        ("receiver.cn0_dbhz=-1e16", "receiver.cn0_dbhz: found -1e+16, expected a number between -1e+15 and 1e+15"),
         ("receiver.cn0_dbhz=none", "receiver.cn0_dbhz: found nothing, expected a value: the key is needed"),
         ("receiver.cn0_dbhz=90", "receiver.cn0_dbhz: found 90, expected at most 80"),
         ("receiver.cn0_dbhz=-1", "receiver.cn0_dbhz: found -1, expected at least 0"),
