@@ -10,14 +10,43 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor, ClockEpoch
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
-from vestige.navigation.position_fix import Fix, position_fix, transmission, velocity_fix
+from vestige.navigation.position_fix import Fix, Transmission, position_fix, transmission, velocity_fix
 from vestige.records import CheckResult, E1Observation
 from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotFix:
+    """The fix of a snapshot, and what it was made of: one epoch, its satellites along the second axis.
+
+    Attributes
+    ----------
+    time, svids
+        Of the snapshot, and the satellites with an orbit.
+    sent
+        The satellites at transmission.
+    fix
+        Of all of them.
+    range_rate_mps
+        Rates of the pseudoranges, from the Doppler.
+    """
+
+    time: GalileoTime
+    svids: tuple[int, ...]
+    sent: Transmission
+    fix: Fix
+    range_rate_mps: Float[np.ndarray, "1 m"]
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is a position."""
+        return bool(self.fix.valid[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +78,30 @@ class FixChecks:
             separation=SolutionSeparationMonitor.of_budget(p_fa["solution separation"]),
         )
 
+    def solve(self, time: GalileoTime, observations: Mapping[int, E1Observation]) -> SnapshotFix | None:
+        """Return the fix of a snapshot, which need not be valid; None if there is no orbit of any of its satellites.
+
+        Parameters
+        ----------
+        time, observations
+            Of the snapshot.
+        """
+        orbits = nearest_ephemerides(self.ephemerides, time)
+        seen = [observations[svid] for svid in sorted(observations) if svid in orbits]
+        if not seen:
+            return None
+        range_m = np.array([[one.pseudorange_m for one in seen]])
+        sent = transmission([orbits[one.svid] for one in seen], time, np.zeros(1), range_m)
+        return SnapshotFix(
+            time=time,
+            svids=tuple(one.svid for one in seen),
+            sent=sent,
+            fix=position_fix(sent, range_m, np.full(range_m.shape, self.sigma_m)),
+            range_rate_mps=np.array([[-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * one.doppler_hz for one in seen]]),
+        )
+
     def step(
-        self, history: tuple[ClockEpoch, ...], time: GalileoTime, observations: Mapping[int, E1Observation]
+        self, history: tuple[ClockEpoch, ...], solved: SnapshotFix | None
     ) -> tuple[tuple[ClockEpoch, ...], tuple[CheckResult, ...]]:
         """Return the clock's history with this snapshot, and the five checks.
 
@@ -58,24 +109,15 @@ class FixChecks:
         ----------
         history
             What this function returned before; `()` at first.
-        time, observations
-            Of the snapshot.
+        solved
+            What `solve` returned.
         """
-        orbits = nearest_ephemerides(self.ephemerides, time)
-        seen = [observations[svid] for svid in sorted(observations) if svid in orbits]
-        svids = [one.svid for one in seen]
-        fix, epoch = (None, None) if not seen else self._fixed(time, seen, [orbits[svid] for svid in svids])
+        fix, svids = (None, ()) if solved is None else (solved.fix, solved.svids)
+        epoch = None if solved is None or not solved.valid else _clock_epoch(solved)
         history, clock = self.clock.step(history, epoch)
         return history, (*clock, self.raim.check(fix, svids), self.separation.check(fix, svids))
 
-    def _fixed(
-        self, time: GalileoTime, seen: list[E1Observation], orbits: list[Ephemeris]
-    ) -> tuple[Fix, ClockEpoch | None]:
-        range_m = np.array([[one.pseudorange_m for one in seen]])
-        rate_mps = np.array([[-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * one.doppler_hz for one in seen]])
-        sent = transmission(orbits, time, np.zeros(1), range_m)
-        fix = position_fix(sent, range_m, np.full(range_m.shape, self.sigma_m))
-        if not fix.valid[0]:
-            return fix, None
-        drift_mps = float(velocity_fix(sent, fix, rate_mps)[1][0])
-        return fix, ClockEpoch(time=time, bias_m=float(fix.clock_m[0]), drift_mps=drift_mps)
+
+def _clock_epoch(solved: SnapshotFix) -> ClockEpoch:
+    drift_mps = float(velocity_fix(solved.sent, solved.fix, solved.range_rate_mps)[1][0])
+    return ClockEpoch(time=solved.time, bias_m=float(solved.fix.clock_m[0]), drift_mps=drift_mps)

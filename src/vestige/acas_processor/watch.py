@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 Steps 1 and 2 look at one snapshot alone. The others compare with what was: power, C/N0 and noise floor with what they
-usually are (`learned_checks.py`), the clock with its history, and the searches look as far as the clock may be wrong.
+usually are (`learned_checks.py`), the clock with its history, the range rates with those before and the accelerometers
+(`inertial_bridging.py`), and the searches look as far as the clock may be wrong.
 All of that is `WatchState`, and `Watch.step` folds over snapshots:
 
     state, snapshot, measurement → state, further checks of each satellite
@@ -26,11 +27,11 @@ from dataclasses import dataclass, field, replace
 from vestige.acas_processor.alarm import AlarmState, StateChange
 from vestige.acas_processor.alarm_budget import SUBFRAME_S, Cadence, false_alarm_budget
 from vestige.acas_processor.fix_checks import FixChecks
+from vestige.acas_processor.inertial_bridging import InertialBridging, RateEpoch
 from vestige.acas_processor.learned_checks import LearnedReferences
 from vestige.acas_processor.mitigation import ALARMS, LEVELS
 from vestige.acas_processor.monitors.clock_drift import ClockEpoch
 from vestige.acas_processor.monitors.decision_map import PowerDistortionMonitor
-from vestige.acas_processor.monitors.inertial import InertialMonitor
 from vestige.acas_processor.monitors.judgement import not_run
 from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor
 from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
@@ -59,7 +60,7 @@ FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is 
 TRAVEL_TIME_SPREAD_S = 0.07  # of any satellite to any receiver on Earth
 POSITION_SATELLITES = 4
 OSNMA_SUBFRAMES = 20  # in which keys are looked for, 10 minutes
-_BRIDGING = (PowerDistortionMonitor(), InertialMonitor())
+_NO_TAPS = not_run(PowerDistortionMonitor(), "a snapshot has no E1 correlators of the time since the one before")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +75,8 @@ class WatchState:
         References of power, C/N0 and noise floor.
     clock
         History of the fix.
+    rates
+        Range rates of the last snapshot; None without accelerations.
     searched_at
         Time of the last exhaustive search.
     found_twice
@@ -87,6 +90,7 @@ class WatchState:
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     usual: LearnedReferences = field(default_factory=LearnedReferences)
     clock: tuple[ClockEpoch, ...] = ()
+    rates: RateEpoch | None = None
     searched_at: GalileoTime | None = None
     found_twice: bool = False
     alarm: AlarmState = field(default_factory=AlarmState)
@@ -129,6 +133,8 @@ class Watch:
         The exhaustive search, and the time between two when nothing is wrong.
     second_channel
         OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
+    inertial
+        The check against accelerometers, with what they say.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
@@ -137,6 +143,7 @@ class Watch:
     exhaustive: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
     exhaustive_period_s: float = 3600.0
     second_channel: Assistance | None = None
+    inertial: InertialBridging = field(default_factory=InertialBridging)
 
     def step(
         self,
@@ -162,7 +169,8 @@ class Watch:
         p_fa = {name: share.p_fa for name, share in budget.items()}
         if "E1 vestigial search" not in names:
             return state, Further()
-        clock, of_fix = self.fix.with_budget(p_fa).step(state.clock, snapshot.time, snapshot.observations)
+        solved = self.fix.solve(snapshot.time, snapshot.observations)
+        clock, of_fix = self.fix.with_budget(p_fa).step(state.clock, solved)
         of_receiver = (*state.usual.of_receiver(snapshot, p_fa), *of_fix)
         if "OSNMA reception" in names:
             of_receiver = (*of_receiver, *self._osnma(snapshot, assistance, p_fa))
@@ -178,16 +186,18 @@ class Watch:
             for one in measurement.satellites
         }
         state = replace(state, clock=clock)
+        if "inertial range rate" in names:
+            rates, inertial = self.inertial.step(state.rates, solved, checks, p_fa["inertial range rate"])
+            checks = {svid: (*own, _NO_TAPS, inertial[svid]) for svid, own in checks.items()}
+            state = replace(state, rates=rates)
         if "E6 exhaustive search" in names:
             failed = failed or any(check.outcome is Outcome.FAIL for own in checks.values() for check in own)
             state, found = self._exhaustive(
                 state, snapshot, measurement, assistance, failed=failed, p_fa=p_fa["E6 exhaustive search"]
             )
-            why = "a snapshot is of one moment: nothing is known of the time since the one before"
-            bridging = tuple(not_run(monitor, why) for monitor in _BRIDGING)
             for svid, own in checks.items():
                 check = found[svid].check if svid in found else not_run(self.exhaustive, "not due")
-                checks[svid] = (*own, check, *bridging)
+                checks[svid] = (*own, check)
                 searches.setdefault(svid, []).extend([found[svid]] if svid in found else [])
         return state, Further(checks=checks, true_offset_m=_true_offsets(measurement, searches))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.inertial import InertialMonitor
+from vestige.acas_processor.monitors.inertial import InertialMonitor, gained_towards_mps
 from vestige.acas_processor.monitors.judgement import two_sided_factor
 from vestige.campaign.track import Track, oscillator, values
 from vestige.navigation.earth import local_axes_at
@@ -47,9 +47,7 @@ def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: f
         gained = np.cumsum(gained, axis=0)
         gained = gained[now] - gained[before]
         mean = (place[now] - place[before]) / interval_s[:, None]
-        # −Δ(e·v) = −(ē·Δv + Δe·v̄): a receiver that moves sees the line of sight turn
-        own = np.einsum("nmi,ni->nm", (towards[now] + towards[before]) / 2, gained)
-        own += np.einsum("nmi,ni->nm", towards[now] - towards[before], mean)
+        own = gained_towards_mps(towards[before], towards[now], gained, mean)
         standing = values(results, "e1_standing_rate_mps", "epoch", "satellite")
         statistic[now] = monitor.statistic(rate[now] - rate[before], standing[now] - standing[before], own)
         measured = values(results, "e1_rate_sigma_mps", "epoch", "satellite") ** 2

@@ -36,6 +36,8 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
     def given(names: tuple[str, ...]) -> str:
         return ", ".join(f"--{name.replace('_', '-')}" for name in names if options[name])
 
+    if options["accelerations"] and options["level"] != "3":
+        raise click.UsageError("--accelerations: for level 3")
     if options["follow"]:
         if unfit := given(FINISHED_ONLY):
             raise click.UsageError(f"{unfit}: for a recording that is finished, not with --follow")
@@ -80,7 +82,8 @@ def _run(
         for epoch in following:
             if not tally.snapshots:
                 _say_what_is_missing(following, warn)
-            watch = replace(processor.watch, second_channel=epoch.second_channel)
+            inertial = replace(processor.watch.inertial, accelerations=epoch.accelerations)
+            watch = replace(processor.watch, second_channel=epoch.second_channel, inertial=inertial)
             step = replace(processor, watch=watch).step(state, epoch.snapshot, epoch.assistance)
             state = step.state
             text = lines(step)
@@ -146,6 +149,7 @@ def _say_what_is_missing(
 def _following(recording: Path, options: dict[str, Any], warn: Callable[[object], None]) -> Following:
     from vestige.constants import SPEED_OF_LIGHT_MPS
     from vestige.errors import VestigeError
+    from vestige.recording.accelerations import GrowingAccelerations
     from vestige.recording.e1_observation import LABEL_TOLERANCE_S
     from vestige.recording.following import Following, Patience
     from vestige.recording.growing_assistance import GrowingAssistance
@@ -185,11 +189,12 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             raise click.UsageError("samples on standard input need --assistance")
         folder = (recording if recording.is_dir() else recording.parent) / "assistance"
     trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
-    second = options["second_channel"]
+    second, sensed = options["second_channel"], options["accelerations"]
     return Following(
         live=live,
         folder=GrowingAssistance(folder, **trust, certificates=options["certificates"], warn=warn),
         second=None if second is None else GrowingAssistance(second, **trust, warn=warn),
+        accelerations=None if sensed is None else GrowingAccelerations(sensed, warn=warn),
         time_uncertainty_s=around_s,
         searchable=searchable,
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,

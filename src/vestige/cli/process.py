@@ -12,6 +12,7 @@ from vestige.cli.follow import check_usage, follow
 from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
+    from vestige.acas_processor.inertial_bridging import InertialBridging
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.acas_processor.watch import Watch
     from vestige.recording.recording import Recording
@@ -39,6 +40,10 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
 @click.option("--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix.")
 @click.option("--second-channel", type=_path, help="Folder with OSNMA keys or pages of another channel, level 3.")
+@click.option("--accelerations", type=_path, help="CSV of inertial sensors, for level 3.")
+@click.option(
+    "--acceleration-bias-mps2", type=FiniteRange(0, 10), default=0.01, show_default=True, help="Their bias, 1 sigma."
+)
 @click.option(
     "--search-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True, help="Level 3."
 )
@@ -224,6 +229,21 @@ def _watch(options: dict[str, Any]) -> Watch:
         exhaustive=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         second_channel=None if options["follow"] else _second_channel(options),
+        inertial=_inertial(options),
+    )
+
+
+def _inertial(options: dict[str, Any]) -> InertialBridging:
+    """Return the check against accelerometers; of a recording that grows, what they say comes with each epoch."""
+    from dataclasses import replace
+
+    from vestige.acas_processor.inertial_bridging import InertialBridging
+    from vestige.recording.accelerations import read_accelerations
+
+    path, settings = options["accelerations"], InertialBridging()
+    return InertialBridging(
+        accelerations=None if path is None or options["follow"] else read_accelerations(path),
+        monitor=replace(settings.monitor, sigma_bias_mps2=options["acceleration_bias_mps2"]),
     )
 
 

@@ -4,9 +4,9 @@ Theory of operation
 -------------------
 An epoch needs four things, which come at different times: its RECS (downloaded days ago), its samples, the E1
 observations around it, and the OSNMA key, which is complete half a minute to a minute after the samples were taken.
-Where there is a second channel, its keys of that time are waited for, too. Then its snapshot is that of the finished
-recording, bit for bit: the samples reach as far as any search may look, and
-more observations would change nothing (`ObservationTrack.settled`).
+Where there is a second channel or there are accelerometers, the keys and the accelerations of that time are waited for,
+too. Then its snapshot is that of the finished recording, bit for bit: the samples reach as far as any search may look,
+and more observations would change nothing (`ObservationTrack.settled`).
 
 Epochs are handed out in the order of time, because the state of the receiver goes from one to the next. One that waits
 for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
@@ -23,13 +23,15 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from vestige.acas_processor.inertial_bridging import Accelerations
 from vestige.acas_processor.processor import segments_between
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.recording.accelerations import GrowingAccelerations
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.live_recording import LiveRecording
-from vestige.recording.snapshots import RecordingSource
+from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot
 from vestige.time import GalileoTime
 
@@ -65,12 +67,15 @@ class FollowedEpoch:
         What is known by now.
     second_channel
         What the second channel has of OSNMA by now; None without one.
+    accelerations
+        Since the epoch before and further; None without sensors.
     """
 
     sent: GalileoTime
     snapshot: Snapshot
     assistance: Assistance
     second_channel: Assistance | None
+    accelerations: Accelerations | None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -79,8 +84,8 @@ class Following:
 
     Attributes
     ----------
-    live, folder, second
-        What grows; the second channel's folder of OSNMA keys, if there is one.
+    live, folder, second, accelerations
+        What grows; the second channel's folder of OSNMA keys and the file of inertial sensors, if there are such.
     time_uncertainty_s
         Bound on the receiver clock's error.
     searchable
@@ -98,6 +103,7 @@ class Following:
     live: LiveRecording
     folder: GrowingAssistance
     second: GrowingAssistance | None = None
+    accelerations: GrowingAccelerations | None = None
     time_uncertainty_s: float
     searchable: bool
     hardware_bias_s: float | None = None
@@ -136,6 +142,8 @@ class Following:
         changed |= self.folder.look(begin if self.after is None else self.after, max(self.live.end, begin))
         if self.second is not None:
             changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
+        if self.accelerations is not None:
+            changed |= self.accelerations.look()
         for one in [one for one in complete_since if self.after is not None and one <= self.after]:
             del complete_since[one]
         complete = [one for one in self._to_come() if self.live.complete(one)]
@@ -162,7 +170,7 @@ class Following:
             if sent not in complete_since:
                 return None
             overdue = time.monotonic() - complete_since[sent] >= self.patience.wait_s
-            if not (overdue or (self._has_keys(sent) and self._is_observed(sent))):
+            if not (overdue or (self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent))):
                 return None
         return self._handed_out(sent)
 
@@ -184,6 +192,10 @@ class Following:
         travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()]
         return self.live.complete(sent, max(travel_s, default=0.0))
 
+    def _is_sensed(self, sent: GalileoTime) -> bool:
+        """Return whether the accelerations reach as far as the snapshot's time may be."""
+        return self.accelerations is None or self.accelerations.reaches(sent + (MEDIAN_TRAVEL_TIME_S + E1_WINDOW_S))
+
     def _handed_out(self, sent: GalileoTime) -> FollowedEpoch:
         assistance = self.folder.found.assistance
         if self.hardware_bias_s is not None:
@@ -199,7 +211,12 @@ class Following:
         self.live.release(sent)
         self.index, self.after = self.index + 1, sent
         second = None if self.second is None else self.second.found.assistance
-        return FollowedEpoch(sent=sent, snapshot=snapshot, assistance=assistance, second_channel=second)
+        sensed = None if self.accelerations is None else self.accelerations.found
+        if self.accelerations is not None:
+            self.accelerations.release(snapshot.time)
+        return FollowedEpoch(
+            sent=sent, snapshot=snapshot, assistance=assistance, second_channel=second, accelerations=sensed
+        )
 
 
 def _sent(segment: EncryptedSegment) -> GalileoTime:

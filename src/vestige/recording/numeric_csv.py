@@ -22,13 +22,6 @@ WAYPOINTS: Mapping[str, tuple[float, float]] = {
     "longitude_deg": (-360.0, 360.0),
     "height_m": (-1e4, 1e6),
 }
-# Kinematic acceleration (gravity taken off) in local axes
-ACCELERATIONS: Mapping[str, tuple[float, float]] = {
-    "time_s": _TIME,
-    "east_mps2": (-1e4, 1e4),
-    "north_mps2": (-1e4, 1e4),
-    "up_mps2": (-1e4, 1e4),
-}
 
 
 def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> Float[np.ndarray, "n k"]:
@@ -47,18 +40,15 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
         If the header is another, a row is not as long, a value is no number within its limits, or the first column does
         not rise.
     """
-    header = ",".join(columns)
     lines = numbered_lines(path)
-    _, found = next(lines, (1, ""))
-    if found.strip() != header:
-        raise InputFileError(path, "line 1", found.strip() or "nothing", header)
+    check_header(path, next(lines, (1, ""))[1], columns)
     rows: list[list[float]] = []
     for number, line in lines:
         if not line.strip():
             continue
         if len(rows) == MOST_ROWS:
             raise InputFileError(path, f"line {number}", "another row", f"at most {MOST_ROWS} rows")
-        rows.append(_row(path, number, line, columns))
+        rows.append(numeric_row(path, number, line, columns))
         if len(rows) > 1 and not rows[-1][0] > rows[-2][0]:
             raise InputFileError(path, f"line {number}: {next(iter(columns))}", rows[-1][0], f"more than {rows[-2][0]}")
     if len(rows) < 2:
@@ -66,7 +56,22 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
     return np.array(rows)
 
 
-def _row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
+def check_header(path: Path, line: str, columns: Mapping[str, tuple[float, float]]) -> None:
+    """Raise InputFileError unless the first line of a file names just these columns."""
+    if line.strip() != (header := ",".join(columns)):
+        raise InputFileError(path, "line 1", line.strip() or "nothing", header)
+
+
+def numeric_row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
+    """Return the values of a line; raises as `read_numeric_csv`.
+
+    Parameters
+    ----------
+    path, number, line
+        The file, and the line in it.
+    columns
+        As `read_numeric_csv`.
+    """
     texts = line.split(",")
     if len(texts) != len(columns):
         raise InputFileError(path, f"line {number}", f"{len(texts)} fields", f"{len(columns)}: {','.join(columns)}")

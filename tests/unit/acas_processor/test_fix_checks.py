@@ -46,7 +46,7 @@ def _night(late_m: list[dict[int, float]]) -> list[dict[str, CheckResult]]:
     history: tuple[ClockEpoch, ...] = ()
     found = []
     for n, late in enumerate(late_m):
-        history, checks = CHECKS.step(history, START + 30.0 * n, _observations(30.0 * n, late))
+        history, checks = CHECKS.step(history, CHECKS.solve(START + 30.0 * n, _observations(30.0 * n, late)))
         assert [check.name for check in checks] == NAMES
         found.append({check.name: check for check in checks})
     return found
@@ -79,7 +79,8 @@ def test_all_pulled_alike_is_the_clocks_and_raim_is_blind() -> None:
 
 
 def test_without_orbits_there_is_no_fix() -> None:
-    history, checks = replace(CHECKS, ephemerides=()).step((), START, _observations(0.0, {}))
+    blind = replace(CHECKS, ephemerides=())
+    history, checks = blind.step((), blind.solve(START, _observations(0.0, {})))
     assert history == ()
     assert [check.outcome for check in checks] == [Outcome.NOT_RUN] * 5
     assert {check.reason for check in checks} == {"no position fix, so no receiver clock", "no position fix"}

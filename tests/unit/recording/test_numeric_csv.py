@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vestige.errors import InputFileError
-from vestige.recording.numeric_csv import ACCELERATIONS, WAYPOINTS, read_numeric_csv
+from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
 
 HEADER = "time_s,latitude_deg,longitude_deg,height_m\n"
 GOOD = HEADER + "0,48.0,11.0,500\n10.5,48.001,11.0,5e2\n"
@@ -19,9 +19,6 @@ def _read(path: Path, text: str) -> np.ndarray:
 
 def test_rows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(_read(tmp_path / "way.csv", GOOD + "\n"), [[0, 48, 11, 500], [10.5, 48.001, 11, 500]])
-    path = tmp_path / "imu.csv"
-    path.write_text("time_s,east_mps2,north_mps2,up_mps2\n0,0,0,0\n1,0.1,-0.2,0\n")
-    assert read_numeric_csv(path, ACCELERATIONS).shape == (2, 4)
 
 
 @pytest.mark.parametrize(

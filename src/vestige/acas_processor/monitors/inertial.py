@@ -5,7 +5,8 @@ Theory of operation
 Between two epochs the rate of the pseudorange changes by the satellite's motion, which the ephemeris predicts for a
 receiver that does not accelerate, by the receiver's acceleration along the line of sight, and by its clock:
 
-    ρ̇₁ − ρ̇₀ = Δ_satellite − ∫ e·a dt + Δdrift            e: unit vector to the satellite, a: acceleration
+    ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
+    Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means over the interval, a: acceleration
 
 so the difference of both sides is bounded by what is left of each:
 
@@ -15,7 +16,7 @@ with σ_bias the accelerometers' bias, N their velocity random walk and Sg that 
 fails beyond K standard deviations. A pull-off that stays below the oscillator's and the accelerometers' drift, and one
 that is over before the next epoch with the rate back where it was, are not seen.
 
-Accelerations are kinematic (gravity taken off) in local axes.
+Accelerations are kinematic: the second derivative of the place against the Earth, gravity taken off.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ from jaxtyping import Float
 from vestige.acas_processor.monitors.judgement import (
     check_budget,
     judged,
-    not_run,
     two_sided_detection,
     two_sided_factor,
 )
@@ -37,26 +37,23 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CheckResult
 
 
-def integrated_acceleration_mps(
-    time_s: Float[np.ndarray, " n"], acceleration_mps2: Float[np.ndarray, "n 3"], start_s: float, end_s: float
-) -> Float[np.ndarray, " 3"] | None:
-    """Return ∫ a dt over an interval in local axes, a linear between its samples; None if they do not cover it.
+def gained_towards_mps(
+    before: Float[np.ndarray, "*n m 3"],
+    now: Float[np.ndarray, "*n m 3"],
+    gained_mps: Float[np.ndarray, "*n 3"],
+    mean_mps: Float[np.ndarray, "*n 3"],
+) -> Float[np.ndarray, "*n m"]:
+    """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
 
     Parameters
     ----------
-    time_s
-        Ascending times of the samples.
-    acceleration_mps2
-        East, north, up.
-    start_s, end_s
-        The interval, in the same time.
+    before, now
+        e, unit vectors to the satellites at both ends.
+    gained_mps, mean_mps
+        Δv = ∫ a dt and the mean velocity of the receiver, all in one system of axes.
     """
-    if not (time_s.size >= 2 and time_s[0] <= start_s <= end_s <= time_s[-1]):
-        return None
-    inside = (time_s > start_s) & (time_s < end_s)
-    knots = np.concatenate(([start_s], time_s[inside], [end_s]))
-    values = np.stack([np.interp(knots, time_s, axis) for axis in acceleration_mps2.T], axis=1)
-    return np.sum((values[1:] + values[:-1]) / 2 * np.diff(knots)[:, None], axis=0)
+    own = np.einsum("...mi,...i->...m", (before + now) / 2, gained_mps)
+    return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +117,7 @@ class InertialMonitor:
         satellite_change_mps
             What it would be without acceleration of the receiver.
         gained_mps
-            Velocity gained towards the satellite, ∫ e·a dt.
+            Velocity gained towards the satellite, Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + gained_mps
 
@@ -129,31 +126,18 @@ class InertialMonitor:
         return two_sided_detection(pull_mps / self.sigma_mps(np.asarray([interval_s]))[0], self.p_fa)
 
     def check(
-        self,
-        rate_change_mps: float,
-        satellite_change_mps: float,
-        gained_mps: Float[np.ndarray, " 3"] | None,
-        towards: Float[np.ndarray, " 3"],
-        interval_s: float,
+        self, rate_change_mps: float, satellite_change_mps: float, gained_mps: float, interval_s: float
     ) -> CheckResult:
         """Return the check of one satellite.
 
         Parameters
         ----------
-        rate_change_mps, satellite_change_mps
-            As for `statistic`; NaN if not known.
-        gained_mps
-            ∫ a dt in local axes, None without accelerometers.
-        towards
-            e, unit vector to the satellite in local axes.
+        rate_change_mps, satellite_change_mps, gained_mps
+            As for `statistic`.
         interval_s
             T.
         """
         threshold = float(self.threshold_mps(np.array([interval_s]))[0])
-        if gained_mps is None:
-            return not_run(self, "no accelerations for the time since the RECS before", threshold)
-        if math.isnan(rate_change_mps) or math.isnan(satellite_change_mps):
-            return not_run(self, "no range rate at both ends", threshold)
-        change = rate_change_mps - satellite_change_mps + float(towards @ gained_mps)
+        change = rate_change_mps - satellite_change_mps + gained_mps
         failure = f"the range rate changed by {change:+.2f} m/s more than the motion explains"
         return judged(self, change, threshold, failure)

@@ -1,0 +1,168 @@
+"""Accelerations of the receiver as CSV, out of inertial sensors, finished or still being written.
+
+The first line names the columns; times are those of the receiver's clock, as in its observations::
+
+    gst_week,gst_second,east_mps2,north_mps2,up_mps2
+    1421,561616.00,0.013,-0.002,0.008
+
+The acceleration is that of the antenna against the Earth along local axes, with gravity taken off: what a strap-down
+system gives that knows its attitude. There is a row a second or more.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.inertial_bridging import Accelerations
+from vestige.constants import SECONDS_PER_WEEK
+from vestige.errors import InputFileError, VestigeError
+from vestige.recording.numeric_csv import MOST_ROWS, check_header, numeric_row
+from vestige.recording.text_lines import GrowingLines, numbered_lines
+from vestige.time import GalileoTime
+
+# column -> smallest and largest value
+COLUMNS: Mapping[str, tuple[float, float]] = {
+    "gst_week": (0, 99_999),
+    "gst_second": (0, math.nextafter(SECONDS_PER_WEEK, 0)),
+    "east_mps2": (-1e4, 1e4),
+    "north_mps2": (-1e4, 1e4),
+    "up_mps2": (-1e4, 1e4),
+}
+GRAVITY_MPS2 = 9.8  # 9.78 at the equator to 9.83 at the poles
+_GRAVITY_TOLERANCE_MPS2 = 0.2
+_GRAVITY_S = 20.0  # nobody accelerates at 1 g in one direction for half of so long
+_TOLD = 4  # numbers of a row that are kept: elapsed time and acceleration
+
+
+def read_accelerations(path: Path) -> Accelerations:
+    """Return the accelerations of a file.
+
+    Raises
+    ------
+    InputFileError
+        If the columns are others, a value is no number or out of its limits, time does not advance, there are fewer
+        than two rows, or gravity is still in them.
+    """
+    table = _Table(path)
+    for number, line in numbered_lines(path):
+        table.take(number, line)
+    if not table.begun:
+        check_header(path, "", COLUMNS)  # which an empty file has
+    if table.n_rows < 2:
+        raise InputFileError(path, "file", f"{table.n_rows} rows", "two or more")
+    return table.accelerations()
+
+
+class GrowingAccelerations:
+    """A file of accelerations that grows; it need not be there yet.
+
+    Parameters
+    ----------
+    path
+        The file.
+    warn
+        Is told what is wrong with a row, which is left out.
+    """
+
+    def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:
+        self._table, self._lines, self._warn = _Table(path), GrowingLines(path), warn
+
+    def look(self) -> bool:
+        """Take in what is new; return whether anything is.
+
+        Raises
+        ------
+        InputFileError
+            If the columns are others, or the file became shorter.
+        """
+        changed = False
+        while (line := self._lines.take()) is not None:
+            changed, begun = True, self._table.begun
+            try:
+                self._table.take(*line)
+            except VestigeError as error:
+                if not begun:
+                    raise
+                self._warn(error)
+        return changed
+
+    def reaches(self, time: GalileoTime) -> bool:
+        """Return whether there is a row of a time or later."""
+        return self._table.n_rows > 0 and self._table.end >= time
+
+    @property
+    def found(self) -> Accelerations:
+        """What is known by now; raises InputFileError if gravity is still in it."""
+        return self._table.accelerations()
+
+    def release(self, time: GalileoTime) -> None:
+        """Forget what lies before a time."""
+        self._table.release(time)
+
+
+class _Table:
+    """The rows of a file, as they come."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._start = GalileoTime(0, 0)
+        self._last = (0.0, -math.inf)
+        self._rows = array("d")
+        self.begun = False
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows that are kept."""
+        return len(self._rows) // _TOLD
+
+    @property
+    def end(self) -> GalileoTime:
+        """Time of the last row."""
+        return self._start + self._rows[-_TOLD]
+
+    def take(self, number: int, line: str) -> None:
+        """Take the next line."""
+        if not self.begun:
+            check_header(self._path, line, COLUMNS)
+            self.begun = True
+        elif line.strip():
+            week, second, *acceleration = numeric_row(self._path, number, line, COLUMNS)
+            if week != int(week):
+                raise InputFileError(self._path, f"line {number}: gst_week", week, "a whole number")
+            if not (week, second) > self._last:
+                found, last = (f"{int(w)}:{s:.10g}" for w, s in ((week, second), self._last))
+                raise InputFileError(self._path, f"line {number}: gst_week, gst_second", found, f"more than {last}")
+            if self.n_rows == MOST_ROWS:
+                raise InputFileError(self._path, f"line {number}", "another row", f"at most {MOST_ROWS} rows")
+            if math.isinf(self._last[1]):
+                self._start = GalileoTime(int(week), int(second))
+            self._last = (week, second)
+            elapsed_s = (week - self._start.week) * SECONDS_PER_WEEK + (second - self._start.second)
+            self._rows.extend((elapsed_s, *acceleration))
+
+    def accelerations(self) -> Accelerations:
+        """Return the rows."""
+        rows = np.array(self._rows).reshape(-1, _TOLD)
+        _check_gravity(self._path, rows)
+        return Accelerations(start=self._start, elapsed_s=rows[:, 0].copy(), acceleration_mps2=rows[:, 1:].copy())
+
+    def release(self, time: GalileoTime) -> None:
+        """Forget the rows before the last that is not later than a time."""
+        elapsed_s = np.array(self._rows[::_TOLD])
+        first = int(np.searchsorted(elapsed_s, time - self._start, side="right")) - 1
+        del self._rows[: _TOLD * max(first, 0)]
+
+
+def _check_gravity(path: Path, rows: Float[np.ndarray, "n 4"]) -> None:
+    """Raise InputFileError if the middle of what is sensed is as large as gravity, in whatever axes."""
+    if len(rows) and rows[-1, 0] - rows[0, 0] >= _GRAVITY_S:
+        usual = float(np.linalg.norm(np.median(rows[:, 1:], axis=0)))
+        if abs(usual - GRAVITY_MPS2) <= _GRAVITY_TOLERANCE_MPS2:
+            expected = "kinematic accelerations along east, north, up: gravity taken off"
+            raise InputFileError(path, "file", f"{usual:.2f} m/s² in the middle of all rows", expected)
