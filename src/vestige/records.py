@@ -247,20 +247,12 @@ class ValidatedKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedOsnma:
-    """The OSNMA of one satellite and subframe as it was demodulated: not validated, good for comparison alone.
+    """The OSNMA of one satellite and subframe as it was demodulated: not validated, good for comparison alone."""
 
-    Attributes
-    ----------
-    svid, time
-        Satellite, None where a file of keys does not tell; start of the subframe (GST_SF).
-    fields, key
-        15 OSNMA fields of 5 bytes, None where the page is lost or a dummy; None where no chain says where the key is.
-    """
-
-    svid: int | None
-    time: GalileoTime
-    fields: tuple[bytes | None, ...] = ()
-    key: bytes | None = None
+    svid: int | None  # None where a file of keys does not tell
+    time: GalileoTime  # start of the subframe (GST_SF)
+    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost or a dummy
+    key: bytes | None = None  # None where no chain says where it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
