@@ -80,3 +80,22 @@ def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -
 def test_without_orbits_there_is_none(night: Path) -> None:
     assert json.loads(invoke(process, night, *BIAS, "--json").stdout)["positions"] == []
     assert "position" not in invoke(process, night, *BIAS).stdout
+
+
+def test_orbits_of_the_day_before_are_named(night: Path) -> None:
+    old = walker_ephemerides(GalileoTime.parse("2026-11-20T12:00:00 GST"))
+    later = walker_ephemerides(GalileoTime.parse("2026-11-20T13:00:00 GST"))
+    write_rinex_navigation(night.parent / "old.rnx", (*later, *old))
+    expected = (
+        f"warning: {night.parent / 'old.rnx'}: no satellites have an ephemeris within 4 h of "
+        "2026-11-21T12:00:16.000 GST, "
+        "and a position needs 4; those found are of 2026-11-20T12:00:00.000 GST "
+        "to 2026-11-20T13:00:00.000 GST"
+    )
+    for more in ((), ("--follow", "--idle-s", 0.2, "--poll-s", 0.02, "--time-uncertainty", 0.02)):
+        found = invoke(process, night, *BIAS, "--navigation", night.parent / "old.rnx", *more)
+        assert [line for line in found.stderr.splitlines() if "ephemeris" in line] == [expected]
+        assert "AUTHENTIC" in found.stdout
+        assert "position" not in found.stdout
+    good = invoke(process, night, *BIAS, "--navigation", night.parent / "night.rnx")
+    assert "ephemeris" not in good.stderr

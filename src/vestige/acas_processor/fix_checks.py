@@ -15,8 +15,15 @@ from jaxtyping import Float
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor, ClockEpoch
 from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
-from vestige.navigation.position_fix import Fix, Transmission, position_fix, transmission, velocity_fix
+from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides, why_no_orbits
+from vestige.navigation.position_fix import (
+    UNKNOWNS,
+    Fix,
+    Transmission,
+    position_fix,
+    transmission,
+    velocity_fix,
+)
 from vestige.records import CheckResult, E1Observation
 from vestige.time import GalileoTime
 
@@ -99,6 +106,10 @@ class FixChecks:
             fix=position_fix(sent, range_m, np.full(range_m.shape, self.sigma_m)),
             range_rate_mps=np.array([[-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * one.doppler_hz for one in seen]]),
         )
+
+    def why_no_fix(self, time: GalileoTime) -> str | None:
+        """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""
+        return why_no_orbits(self.ephemerides, time, UNKNOWNS) if self.ephemerides else None
 
     def step(
         self, history: tuple[ClockEpoch, ...], solved: SnapshotFix | None

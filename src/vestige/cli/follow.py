@@ -82,6 +82,8 @@ def _run(
         for epoch in following:
             if not tally.snapshots:
                 _say_what_is_missing(following, warn)
+                if why := processor.watch.fix.why_no_fix(epoch.sent):
+                    warn(f"{options['navigation']}: {why}")
             inertial = replace(processor.watch.inertial, accelerations=epoch.accelerations)
             watch = replace(processor.watch, second_channel=epoch.second_channel, inertial=inertial)
             step = replace(processor, watch=watch).step(state, epoch.snapshot, epoch.assistance)

@@ -124,6 +124,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
         )
+    processor = _processor(options)
     source = RecordingSource(
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
@@ -131,8 +132,10 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
     )
+    if (sent := min(source.epochs(), default=None)) and (why := processor.watch.fix.why_no_fix(sent)):
+        click.echo(f"warning: {options['navigation']}: {why}", err=True)
     with progress() as report, ExitStack() as stack:
-        steps, bias_s = _steps(_processor(options), replace(source, progress=report), calibrate=options["calibrate"])
+        steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
         if options["write_bias"]:
             write_hardware_bias(options["write_bias"], bias_s)
         if options["output"]:

@@ -184,3 +184,26 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
         if age_s <= FIT_INTERVAL_S and (best is None or age_s <= abs(time - best.toe)):
             chosen[ephemeris.svid] = ephemeris
     return dict(sorted(chosen.items()))
+
+
+def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: int) -> str | None:
+    """Return why fewer than `needed` satellites have an ephemeris for a time, as text; None if they have.
+
+    Parameters
+    ----------
+    ephemerides
+        At least one.
+    time
+        When they are to be used.
+    needed
+        How many satellites a fix needs.
+    """
+    known = tuple(ephemerides)
+    usable = nearest_ephemerides(known, time)
+    if len(usable) >= needed:
+        return None
+    toes = sorted(one.toe for one in known)
+    return (
+        f"{len(usable) or 'no'} satellites have an ephemeris within {FIT_INTERVAL_S / 3600:g} h of {time}, and a "
+        f"position needs {needed}; those found are of {toes[0]} to {toes[-1]}"
+    )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from vestige.navigation.ephemeris import FIT_INTERVAL_S
 from vestige.receiver.front_end_correlation import range_offset_scale
 from vestige.receiver.staircase import commensurate_tread_m
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
+from vestige.scenario.sky import RinexConstellation
 from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import Spoofer
 
@@ -18,7 +20,7 @@ def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).cautions(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
-    return (*attacks, *_never(scenario), *stairs, *_round_peak(scenario))
+    return (*attacks, *_never(scenario), *_old_orbits(scenario), *stairs, *_round_peak(scenario))
 
 
 def _never(scenario: CampaignScenario) -> tuple[str, ...]:
@@ -27,6 +29,22 @@ def _never(scenario: CampaignScenario) -> tuple[str, ...]:
         f"attack.{number}.start_s: {attack.start_s:g} s is not before the end of the scenario, {end_s:g} s"
         for number, attack in enumerate(scenario.attack)
         if attack.start_s >= end_s
+    )
+
+
+def _old_orbits(scenario: CampaignScenario) -> tuple[str, ...]:
+    """Return a word on broadcast orbits that serve longer than they are made for; Walker's hold for ever."""
+    if not isinstance(scenario.constellation, RinexConstellation):
+        return ()
+    end = scenario.start_time + scenario.epochs * scenario.interval_s
+    toes = [one.elevation.path.ephemeris.toe for one in scenario.simulations if one.elevation is not None]
+    age_s = end - min(toes)
+    if age_s <= FIT_INTERVAL_S:
+        return ()
+    return (
+        f"constellation.path: the run ends {age_s / 3600:.1f} h after the toe of {min(toes)}, beyond the "
+        f"{FIT_INTERVAL_S / 3600:g} h that ephemerides are made for; each satellite keeps its one ephemeris, for orbit "
+        "and receiver alike",
     )
 
 

@@ -13,6 +13,7 @@ from vestige.errors import VestigeError
 from vestige.receiver.constellation import walker_ephemerides
 from vestige.receiver.trajectory import WaypointTrajectory
 from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.scenario.cautions import cautions
 from vestige.time import GalileoTime
 
 WAYPOINTS = "time_s,latitude_deg,longitude_deg,height_m\n"
@@ -106,3 +107,15 @@ def test_each_satellite_has_the_strength_of_its_highest_elevation() -> None:
         assert one.elevation is not None
         assert one.cn0_e1_dbhz == pytest.approx(45 - 9 * (1 - np.sin(one.elevation.highest_rad)))
         assert (one.n_epochs, one.interval_s, one.truth_interval_s) == (120, 30.0, 1.0)
+
+
+def test_a_run_that_outlasts_the_orbits_of_a_file_gets_a_word(tmp_path: Path) -> None:
+    """The toe is an hour before the start: three hours are left of four. Walker's orbits hold for ever."""
+    write_rinex_navigation(tmp_path / "day.rnx", walker_ephemerides(GalileoTime.parse("2026-11-21T15:00:00 GST")))
+    text = SCENARIO.read_text(encoding="utf-8").replace('kind = "walker"', 'kind = "rinex"\npath = "day.rnx"')
+    (tmp_path / "day.toml").write_text(text, encoding="utf-8")
+    step = "interval_s=30.0"
+    assert cautions(sky_scenario("epochs=360", step, path=tmp_path / "day.toml")) == ()
+    (line,) = cautions(sky_scenario("epochs=1440", step, path=tmp_path / "day.toml"))
+    assert line.startswith("constellation.path: the run ends 13.0 h after the toe of 2026-11-21T15:00:00")
+    assert cautions(sky_scenario("epochs=1440", step)) == ()
