@@ -136,6 +136,13 @@ def _agreements(verdicts: list[dict]) -> list[str]:
     return [check["outcome"] for one in verdicts for check in one["checks"] if check["name"] == "OSNMA agreement"]
 
 
+@pytest.mark.parametrize("more", [(), ONCE])
+def test_an_estimator_of_the_cn0_needs_e1_out_of_samples(night: Path, more: tuple[str, ...]) -> None:
+    result = invoke(process, night, "--cn0-estimator", "moments", *more)
+    assert isinstance(result.exception, click.UsageError)
+    assert "observations" in str(result.exception)
+
+
 def test_keys_of_a_second_channel_are_waited_for(night: Path, tmp_path: Path) -> None:
     """They come after everything else; what is compared is what the finished recording compares."""
     second = _second_channel(night, tmp_path / "second", ("public_key.pem",))

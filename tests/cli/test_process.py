@@ -142,6 +142,23 @@ def _snapshot_in_memory(e1: SampleBatch, e6: SampleBatch, like: Snapshot) -> Sna
     return replace(like, time=time, observations=observations, e6=CorrelatableSamples(cut))
 
 
+def test_the_cn0_comes_from_the_estimator_that_is_asked_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, list[float]] = {}
+
+    def noted(batch: SampleBatch, svids: list[int], *, cn0_estimator: str, **more: object) -> object:
+        found = observe(batch, svids, cn0_estimator=cn0_estimator, **more)  # type: ignore[arg-type]
+        seen[cn0_estimator] = [one.cn0_dbhz for one in found[1].values()]
+        return found
+
+    monkeypatch.setattr("vestige.recording.snapshots.observe", noted)
+    _json(process, folder)
+    _json(process, folder, "--cn0-estimator", "narrow-to-wide")
+    assert list(seen) == ["noise-floor", "narrow-to-wide"]
+    assert len(seen["noise-floor"]) == len(seen["narrow-to-wide"]) > 2
+    assert seen["noise-floor"] != seen["narrow-to-wide"]
+    assert seen["narrow-to-wide"] == pytest.approx(seen["noise-floor"], abs=5.0)  # five standard deviations
+
+
 def test_disclosed_key(folder: Path) -> None:
     result = _json(process, folder, "--time-uncertainty", "6")
     assert {one["status"] for one in result["verdicts"]} == {"NOT_AVAILABLE"}

@@ -199,9 +199,17 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         accelerations=None if sensed is None else GrowingAccelerations(sensed, warn=warn),
         time_uncertainty_s=around_s,
         searchable=searchable,
+        cn0_estimator=cn0_estimator(options, measured=observations is None),
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
         patience=Patience(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
     )
+
+
+def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
+    """Return the estimator of the C/N0 of E1; one that is asked for needs E1 to be measured in the samples."""
+    if options["cn0_estimator"] is not None and not measured:
+        raise click.UsageError("--cn0-estimator is for E1 out of samples; here a file of observations tells the C/N0")
+    return options["cn0_estimator"] or "noise-floor"
 
 
 def _live(

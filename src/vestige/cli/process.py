@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.follow import check_usage, follow
+from vestige.cli.follow import check_usage, cn0_estimator, follow
 from vestige.cli.options import FiniteRange, time_option
 
 if TYPE_CHECKING:
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 _path = click.Path(path_type=Path)
 FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+CN0_ESTIMATORS = (
+    "noise-floor",
+    "narrow-to-wide",
+    "moments",
+    "signal-to-noise-variance",
+    "beaulieu",
+    "real-signal-complex-noise",
+)
 LAYOUTS = ("real", "iq", "qi")
 MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
@@ -58,6 +66,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--kappa", type=FiniteRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
 @click.option("--min-pd", type=FiniteRange(0, 1), default=0.9, show_default=True)
 @click.option("--hardware-bias-m", type=FiniteRange(-1e7, 1e7), help="Delay of E6 minus E1 in the receiver, in m.")
+@click.option("--cn0-estimator", type=click.Choice(CN0_ESTIMATORS), help="E1 out of samples [noise-floor].")
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
@@ -131,6 +140,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         time_uncertainty_s=options["time_uncertainty"],
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
+        cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.watch.fix.why_no_fix(sent)):
         click.echo(f"warning: {options['navigation']}: {why}", err=True)

@@ -16,7 +16,7 @@ import numpy as np
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import E1Observation, SampleBatch
 from vestige.sample_processor.acquisition import acquire
-from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
+from vestige.sample_processor.e1_snapshot import NOISE_FLOOR, E1Snapshot, measure_e1
 from vestige.time import GalileoTime
 
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
@@ -30,6 +30,7 @@ def observe(
     svids: Iterable[int],
     *,
     label_error_s: float = 0.0,
+    cn0_estimator: str = NOISE_FLOOR,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
     """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
@@ -42,11 +43,14 @@ def observe(
         Satellites to look for.
     label_error_s
         By how much the time label of the batch is known to be late.
+    cn0_estimator
+        As `measure_e1`.
     progress
         Called with the number of satellites that have been looked for, and of all.
     """
     acquired = acquire(batch, svids, progress=progress)
-    measured = [found for found in (measure_e1(batch, one) for one in acquired) if found is not None]
+    tried = (measure_e1(batch, one, cn0_estimator=cn0_estimator) for one in acquired)
+    measured = [found for found in tried if found is not None]
     kept = {one.svid: one for one in measured if one.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB}
     middle = batch.start + batch.samples.size / batch.sample_rate_hz / 2
     phases_s = {svid: (one.time.fraction - one.transmit_phase_s) for svid, one in kept.items()}

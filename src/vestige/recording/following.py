@@ -33,6 +33,7 @@ from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.live_recording import LiveRecording
 from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot
+from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.time import GalileoTime
 
 
@@ -90,6 +91,8 @@ class Following:
         Bound on the receiver clock's error.
     searchable
         As `RecordingSource`.
+    cn0_estimator
+        As `RecordingSource`.
     hardware_bias_s
         Delay of E6 minus E1 in the receiver, in place of that of the folder.
     patience
@@ -106,6 +109,7 @@ class Following:
     accelerations: GrowingAccelerations | None = None
     time_uncertainty_s: float
     searchable: bool
+    cn0_estimator: str = NOISE_FLOOR
     hardware_bias_s: float | None = None
     patience: Patience
     index: int = 0
@@ -205,6 +209,7 @@ class Following:
             assistance=assistance,
             time_uncertainty_s=self.time_uncertainty_s,
             searchable=self.searchable,
+            cn0_estimator=self.cn0_estimator,
         )
         own = tuple(one for one in segments_between(assistance, sent, sent) if one.transmit_time == sent)
         snapshot = source.snapshot(self.index, sent, own, self.live.observed())

@@ -21,6 +21,7 @@ from vestige.recording.recording import Recording
 from vestige.recording.samples import SampleReader
 from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
@@ -51,6 +52,8 @@ class RecordingSource:
         open, a multiple of 100 ms; observations of a tracking receiver need no such thing.
     searchable
         Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
+    cn0_estimator
+        Of E1 where it is measured in the samples, as `measure_e1`.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
     """
@@ -60,6 +63,7 @@ class RecordingSource:
     time_uncertainty_s: float | None = None
     label_error_s: float = 0.0
     searchable: bool = False
+    cn0_estimator: str = NOISE_FLOOR
     progress: Callable[[str, int, int], None] | None = None
 
     def __iter__(self) -> Iterator[Snapshot]:
@@ -139,7 +143,13 @@ class RecordingSource:
             return transmit_time + MEDIAN_TRAVEL_TIME_S, {}
         window = self._e1(reader, transmit_time)
         step = self._step(f"E1 search for the RECS of {transmit_time}")
-        return observe(window, sorted(svids), label_error_s=self.label_error_s, progress=step)
+        return observe(
+            window,
+            sorted(svids),
+            label_error_s=self.label_error_s,
+            cn0_estimator=self.cn0_estimator,
+            progress=step,
+        )
 
     def _step(self, name: str) -> Callable[[int, int], None] | None:
         report = self.progress

@@ -14,8 +14,8 @@ data bits are wiped off.
 | Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
 | real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
 
-The narrow-to-wide ratio is the best single choice: no bias beyond 0.2 dB from 25 to 45 dBHz and the least spread where
-it matters. An estimate that the noise drove beyond its definition is NaN, never a number.
+The narrow-to-wide ratio is the best of these: no bias beyond 0.2 dB from 25 to 45 dBHz and the least spread where it
+matters. An estimate that the noise drove beyond its definition is NaN, never a number.
 """
 
 from __future__ import annotations

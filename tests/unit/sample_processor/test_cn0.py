@@ -48,6 +48,18 @@ def test_bias_and_spread(cn0_dbhz: int, k: int, expected: list[tuple[float, floa
         assert known.std() == pytest.approx(spread, abs=0.005 + 4 * 1.5 * spread / np.sqrt(RUNS)), name
 
 
+@pytest.mark.parametrize("cn0_dbhz", [25, 30, 35, 40, 45, 50])
+def test_a_tenth_of_a_second_is_enough_for_a_decibel_or_two(cn0_dbhz: int) -> None:
+    """Two groups of 12 prompts of 4 ms: 22 spare degrees of freedom scatter by 4.34/√22 = 0.93 dB at any strength."""
+    prompts = _prompts(cn0_dbhz, 0.004, RUNS, 24, stream(12, "cn0", cn0_dbhz))
+    error = narrow_to_wide_dbhz(prompts, 0.004, together=12) - cn0_dbhz
+    assert np.all(np.isfinite(error[np.abs(error) < 10]))
+    known = error[np.isfinite(error)]
+    assert known.size > 0.99 * RUNS
+    assert abs(known.mean()) < 0.35
+    assert 0.85 < known.std() < (1.1 if cn0_dbhz >= 35 else 1.8)
+
+
 @given(scale=st.floats(1e-6, 1e6))
 def test_the_gain_does_not_matter(scale: float) -> None:
     prompts = _prompts(38.0, 0.004, 3, 250, stream(11, "cn0"))

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from builders import START, batch_of, received_batch, satellite
+from vestige.cli.process import CN0_ESTIMATORS
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.sample_processor.acquisition import Acquisition, acquire
-from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.e1_snapshot import ESTIMATORS, measure_e1
 
 
 def _pseudorange_error_m(transmit_phase_s: float, at_s: float, range_m: float, rate_mps: float) -> float:
@@ -46,6 +47,34 @@ def test_code_phase_is_unbiased() -> None:
         errors.append(_pseudorange_error_m(measured.transmit_phase_s, measured.time - START, range_m, 100.0))
     assert np.std(errors) < 3.5
     assert abs(np.mean(errors)) < 5 * np.std(errors, ddof=1) / 4
+
+
+@pytest.mark.parametrize(
+    ("estimator", "tolerance_db"),
+    [
+        ("noise-floor", 0.5),  # one standard deviation is 0.1 dB, and the same for all others
+        ("narrow-to-wide", 3.7),  # 0.94 dB
+        ("moments", 5.3),  # 1.3 dB
+        ("signal-to-noise-variance", 4.0),
+        ("beaulieu", 6.2),  # 1.55 dB
+        ("real-signal-complex-noise", 6.0),
+    ],
+)
+def test_cn0_by_every_estimator(estimator: str, tolerance_db: float) -> None:
+    """Of 0.1 s at 45 dBHz, within four standard deviations of the Monte Carlo in docs/checks/cn0.md."""
+    batch = received_batch(Band.E1, [satellite(8, 2.35e7, 100.0, 45.0, 45.0)], rate_hz=8.3e6, seed=3)
+    (found,) = acquire(batch, [8])
+    measured = measure_e1(batch, found, cn0_estimator=estimator)
+    reference = measure_e1(batch, found)
+    assert measured is not None
+    assert reference is not None
+    assert measured.cn0_dbhz == pytest.approx(45.0, abs=tolerance_db)
+    assert (measured.cn0_dbhz == reference.cn0_dbhz) is (estimator == "noise-floor")
+    assert (measured.time, measured.transmit_phase_s) == (reference.time, reference.transmit_phase_s)
+
+
+def test_the_estimators_of_the_command_line_are_these() -> None:
+    assert CN0_ESTIMATORS == ESTIMATORS
 
 
 def test_too_short() -> None:
