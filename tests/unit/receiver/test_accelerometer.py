@@ -46,5 +46,5 @@ def test_any_cut_gives_the_same_bits() -> None:
 
 
 def test_impossible_errors_are_refused() -> None:
-    with pytest.raises(ValueError, match="accelerometers"):
+    with pytest.raises(ValueError, match="sigma_bias_mps2"):
         Accelerometers(sigma_bias_mps2=-1.0)
