@@ -14,6 +14,23 @@ from vestige.signals.definitions import ALL_SIGNALS, CARRIER_HZ, E6C
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 480_136)  # 2025-12-12 13:22:16 GST, 16 s into a subframe
+# a replay of both bands on a single line of sight, in the model of the correlators
+MEACONED = """
+kind = "campaign"
+seed = 1
+start = "2026-11-21T12:00:00 GST"
+epochs = 20
+interval_s = 30.0
+fidelity = "correlators"
+[receiver]
+cn0_dbhz = 40.0
+cn0_e1_dbhz = 40.0
+[[attack]]
+kind = "meaconing"
+start_s = 300
+delay_s = 2e-6
+power_db = 6.0
+"""
 
 
 def random_chips(rng: np.random.Generator, n: int, svid: int = 11) -> ChipSequence:

@@ -14,6 +14,7 @@ import pytest
 import xarray
 from click.testing import CliRunner, Result
 
+from builders import MEACONED
 from vestige.campaign.executors import ONE_THREAD
 from vestige.campaign.store import open_results
 from vestige.cli.attack_report import attack_lines, attack_values
@@ -60,24 +61,6 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     assert f"attack on E11: 1000 epochs from 500 s on, first alarm after {early['time_to_detect_s']:g} s" in text
     assert f"the true signal for good after {early['time_to_mitigate_s']:g} s" in text
     assert "never the true signal for good" in text.splitlines()[-1]
-
-
-MEACONED = """
-kind = "campaign"
-seed = 1
-start = "2026-11-21T12:00:00 GST"
-epochs = 20
-interval_s = 30.0
-fidelity = "correlators"
-[receiver]
-cn0_dbhz = 40.0
-cn0_e1_dbhz = 40.0
-[[attack]]
-kind = "meaconing"
-start_s = 300
-delay_s = 2e-6
-power_db = 6.0
-"""
 
 
 @pytest.mark.parametrize(("level", "after_s", "worst_m"), [(1, None, 599.6), (2, 0.0, None)])

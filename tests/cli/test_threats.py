@@ -8,26 +8,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from builders import MEACONED
 from vestige.cli.plot import command as plot
 from vestige.cli.threats import command
 from vestige.errors import VestigeError
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
-MINE = """
-kind = "campaign"
-seed = 1
-start = "2026-11-21T12:00:00 GST"
-epochs = 20
-interval_s = 30.0
-[receiver]
-cn0_dbhz = 40.0
-cn0_e1_dbhz = 40.0
-[[attack]]
-kind = "meaconing"
-start_s = 300
-delay_s = 2e-6
-power_db = 6.0
-"""
 
 
 def threats(*arguments: object) -> Result:
@@ -98,7 +84,7 @@ def test_a_folder_without_a_table_has_no_figure(tmp_path: Path) -> None:
 
 
 def test_an_attack_of_ones_own(tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text(MINE)
+    (tmp_path / "mine.toml").write_text(MEACONED)
     text = measured("--attack", tmp_path / "mine.toml", "--quick", "-o", tmp_path / "out")
     (level_1,) = (line for line in text.splitlines() if "mine" in line and "(54–100)" in line)
     assert " missed " in level_1
@@ -107,7 +93,7 @@ def test_an_attack_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "bad.toml").write_text(MINE.replace("2e-6", "-1"))
+    (tmp_path / "bad.toml").write_text(MEACONED.replace("2e-6", "-1"))
     for file, message in (
         (tmp_path / "bad.toml", "delays by 0 to 60 s"),
         (SCENARIOS / "first_light.toml", "expected 'campaign'"),

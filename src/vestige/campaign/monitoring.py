@@ -20,7 +20,6 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -41,9 +40,8 @@ from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.power_distortion_track import power_distortion_track
 from vestige.campaign.sky_columns import SKY_COLUMNS
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz, snapshot_tracks
-from vestige.campaign.track import Track, oscillator, values
+from vestige.campaign.track import Track, observed_scenario, oscillator, values
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.errors import VestigeError
 from vestige.navigation.position_fix import UNKNOWNS
 from vestige.navigation.raim import chi_square_threshold
 from vestige.receiver.e1_taps import INTEGRATION_S, TAP_CHIPS
@@ -91,9 +89,7 @@ def tracks(
     VestigeError
         If the results hold no observations of E1.
     """
-    if "e1_taps" not in results:
-        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
-    scenario = json.loads(results.attrs["scenario"])
+    scenario = observed_scenario(results)
 
     def share(name: str) -> float:
         return p_fa if isinstance(p_fa, float) else p_fa.get(name, P_FA)

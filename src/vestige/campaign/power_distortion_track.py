@@ -5,18 +5,15 @@ A map is of one C/N0, so there is one for every 3 dB of what is expected of a sa
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz
-from vestige.campaign.track import Track, values
-from vestige.errors import VestigeError
+from vestige.campaign.track import Track, observed_scenario, values
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
 from vestige.signals.pulse import BOC11
 
@@ -55,9 +52,7 @@ def power_distortion(results: xarray.Dataset) -> PowerDistortion:
     VestigeError
         If the results hold no observations of E1.
     """
-    if "e1_taps" not in results:
-        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
-    scenario: Mapping[str, Any] = json.loads(results.attrs["scenario"])
+    scenario = observed_scenario(results)
     expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_e1_dbhz")
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
     monitor = PowerDistortionMonitor(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.campaign.statistics import Proportion, proportion
+from vestige.errors import VestigeError
 from vestige.receiver.clock import TwoStateClock
 
 if TYPE_CHECKING:
@@ -53,6 +55,20 @@ class Track:
     def alarms(self) -> Proportion:
         """Failures of all tests that were run."""
         return proportion(int(np.count_nonzero(self.failed)), int(np.count_nonzero(self.run)))
+
+
+def observed_scenario(results: xarray.Dataset) -> Mapping[str, Any]:
+    """Return the scenario of results that hold observations of E1.
+
+    Raises
+    ------
+    VestigeError
+        If they hold none.
+    """
+    if "e1_taps" not in results:
+        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
+    scenario: Mapping[str, Any] = json.loads(results.attrs["scenario"])
+    return scenario
 
 
 def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
