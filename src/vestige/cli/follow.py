@@ -69,7 +69,6 @@ def _run(
     from dataclasses import replace
 
     from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
-    from vestige.errors import VestigeError
     from vestige.recording.follow_journal import Progress
 
     state, tally = None, Tally()
@@ -99,24 +98,31 @@ def _run(
             tally.add(step)
     except KeyboardInterrupt as stop:
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
-        stop.add_note(f"{tally.snapshots} snapshots: {tally}")
-        if following.live.n_dropped:
-            stop.add_note(f"the E6 samples of {following.live.n_dropped} of them were dropped")
+        stop.add_note(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}")
         if journal is not None:
             stop.add_note(f"the same command goes on from {options['output']}")
         raise
-    n_dropped = following.live.n_dropped
-    _print_end(tally, n_dropped, as_json=options["as_json"])
+    _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
     if tally.nothing and (tally.snapshots or state is None):
         click.echo(f"{tally.nothing}: {following.live.extent}", err=True)
-    click.echo(f"{tally.snapshots} snapshots: {tally}", err=True)
+    click.echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
+    _check_nothing_dropped(following.live.n_dropped, tally)
+
+
+def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
+    from vestige.errors import VestigeError
+
     if n_dropped:
         raise VestigeError(
-            f"standard input: {n_dropped} of {tally.snapshots} snapshots are NOT_AVAILABLE, because their E6 samples "
-            "were dropped; a larger --buffer-mb drops fewer"
+            f"standard input: the E6 samples of {n_dropped} of {tally.snapshots} snapshots were dropped, so they are "
+            "NOT_AVAILABLE; a larger --buffer-mb drops fewer"
         )
+
+
+def _dropped(n_dropped: int) -> str:
+    return f"; the E6 samples of {n_dropped} were dropped" if n_dropped else ""
 
 
 def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:

@@ -12,6 +12,9 @@ Epochs are handed out in the order of time, because the state of the receiver go
 for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
 `wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
 
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs; both
+questions, which samples are there and which may go, are answered as of that look.
+
 Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
 is handed out as it is, as from a finished recording.
 """
@@ -184,9 +187,7 @@ class Following:
 
     def _is_ready(self, sent: GalileoTime) -> bool:
         """Return whether everything is there that the finished recording will have for an epoch."""
-        return (
-            self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
-        )
+        return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:
         assistance = self.folder.found.assistance

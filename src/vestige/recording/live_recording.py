@@ -183,8 +183,8 @@ class LiveRecording:
 
     def _say_dropped(self, stream: SampleStream, sent: GalileoTime) -> None:
         self.n_dropped += 1
-        why = "the RECS came too late" if stream.can_wait else "the buffer was full (--buffer-mb), or the RECS came too late"
-        self._warn(VestigeError(f"RECS of {sent}: the E6 samples were dropped: {why}"))
+        full = "" if stream.can_wait else "the buffer was full (--buffer-mb), or "
+        self._warn(VestigeError(f"RECS of {sent}: the E6 samples were dropped: {full}the RECS came too late"))
 
     def wait(self, timeout_s: float) -> None:
         """Wait until it is worth another look, at most so long."""
