@@ -12,8 +12,8 @@ Epochs are handed out in the order of time, because the state of the receiver go
 for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
 `wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs; both
-questions, which samples are there and which may go, are answered as of that look.
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
+which samples are there and which may go is answered as of that same look.
 
 Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
 is handed out as it is, as from a finished recording.
