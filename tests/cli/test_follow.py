@@ -21,6 +21,7 @@ import pytest
 from click.testing import CliRunner
 
 from night import invoke
+from vestige.cli.main import main
 from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
 from vestige.errors import InputFileError, VestigeError
@@ -331,18 +332,45 @@ def test_a_description_may_say_what_standard_input_is(night: Path, tmp_path: Pat
     assert [one["status"] for one in _objects(printed.decode())] == ["AUTHENTIC"] * N_EPOCHS
 
 
-def test_nothing_is_kept_of_an_epoch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A hundred epochs of a receiver whose E6 antenna is unplugged: memory is what it was after the first thirty."""
-    settings = [*SETTINGS, "interval_s=0.1", "receiver.sample_rate_hz=3e6", "epochs=100"]
+def _unplugged(folder: Path, n_epochs: int) -> None:
+    """Write a recording of a receiver whose E6 antenna is unplugged, with a RECS each 0.1 s."""
+    settings = [*SETTINGS, "interval_s=0.1", "receiver.sample_rate_hz=3e6", f"epochs={n_epochs}"]
     scenario = placed(load_scenario(QUICK, settings))  # type: ignore[arg-type]
-    write_companions(AcasTestCase(scenario=scenario, first=0, end=100), tmp_path)
-    (tmp_path / "recording.toml").write_text(
+    write_companions(AcasTestCase(scenario=scenario, first=0, end=n_epochs), folder)
+    (folder / "recording.toml").write_text(
         'start = "2026-11-21T12:00:00 GST"\ntime_uncertainty_s = 1.0\nsample_rate_hz = 3e6\n'
         '[e6]\nfile = "zeros"\nformat = "int8"\nlayout = "iq"\ncenter_frequency_hz = 1278.75e6\n'
-        '[observations]\nfile = "observations.csv"\n'
+        f'[observations]\nfile = "{folder / "observations.csv"}"\n'
     )
-    with (tmp_path / "zeros").open("wb") as stream:
-        os.truncate(stream.fileno(), round(10.5 * 3e6 * 2))  # sparse
+    with (folder / "zeros").open("wb") as stream:
+        os.truncate(stream.fileno(), round((0.1 * n_epochs + 0.5) * 3e6 * 2))  # sparse
+
+
+def test_what_had_to_be_dropped_is_said_and_the_exit_status_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A source that cannot wait, keys that never come, a buffer of 2.3 s: 40 RECS in 4 s do not fit."""
+    _unplugged(tmp_path, 40)
+    (tmp_path / "assistance" / "keys.csv").unlink()
+    with (tmp_path / "zeros").open() as samples:
+        monkeypatch.setattr(sys, "stdin", samples)
+        with pytest.raises(SystemExit) as stop:
+            main(
+                ["process", "-", *FAST, "--json", "--description", str(tmp_path / "recording.toml"),
+                 "--assistance", str(tmp_path / "assistance"), "--buffer-mb", "14", "--real-time"]
+            )  # fmt: skip
+    printed, errors = capsys.readouterr()
+    assert stop.value.code == 1
+    (end,) = _objects(printed, "end")
+    assert end["snapshots"] == 40
+    assert 0 < end["dropped"] < 40
+    assert errors.count("the E6 samples were dropped") == end["dropped"]
+    assert f"the E6 samples of {end['dropped']} of 40 snapshots were dropped" in errors.splitlines()[-1]
+
+
+def test_nothing_is_kept_of_an_epoch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred epochs: memory is what it was after the first thirty."""
+    _unplugged(tmp_path, 100)
     held: list[int] = []
     follow = Following.__iter__
 
@@ -409,6 +437,7 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
         ("night", "--follow", "--calibrate"),
         ("night", "--follow", "--format", "int8"),
         ("night", "--observations", "x"),
+        ("night", "--follow", "--real-time"),
         ("night", "--follow", "--poll-s", "nan"),
     ],
 )
@@ -473,7 +502,7 @@ def test_a_satellite_that_e1_never_shows_is_named_once_at_the_end(night: Path, t
     folder = _changed(night, tmp_path / "night", observations=other)
     followed = invoke(process, folder, *ONCE)
     assert _objects(followed.stdout) == _finished(folder)["verdicts"] == []
-    assert _objects(followed.stdout, "end") == [{"snapshots": N_EPOCHS, "not_seen_on_e1": [11]}]
+    assert _objects(followed.stdout, "end") == [{"snapshots": N_EPOCHS, "dropped": 0, "not_seen_on_e1": [11]}]
     assert _finished(folder)["not_seen_on_e1"] == [11]
     assert followed.stderr.count("RECS, but not seen on E1: E11") == 1
     assert "no verdict: no satellite of the RECS is seen on E1" in followed.stderr

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import importlib
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 
 from vestige.cli.main import VERBS, main
@@ -58,3 +62,56 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_package_can_be_run_as_a_module() -> None:
     done = subprocess.run([sys.executable, "-m", "vestige", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("vestige ")
+
+
+@pytest.fixture
+def not_killed() -> Iterator[None]:
+    """SIGTERM that no command catches is an error of the test, not its end."""
+
+    def uncaught(_number: int, _frame: object) -> None:
+        raise AssertionError("SIGTERM was not caught")
+
+    before = signal.signal(signal.SIGTERM, uncaught)
+    yield
+    assert signal.signal(signal.SIGTERM, before) is uncaught  # and is given back
+
+
+@pytest.mark.usefixtures("not_killed")
+@pytest.mark.parametrize("verb", VERBS)
+def test_sigterm_is_ctrl_c_for_every_verb(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, verb: str
+) -> None:
+    @click.command()
+    def stopped() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt as stop:
+            stop.add_note("3 of 5 are kept")
+            raise
+
+    monkeypatch.setattr(importlib.import_module(VERBS[verb][0]), "command", stopped)
+    code, _, err = _exit(capsys, verb)
+    assert code == 130
+    assert err.splitlines()[-1] == "interrupted; 3 of 5 are kept"
+
+
+@pytest.mark.usefixtures("not_killed")
+def test_sigterm_says_what_a_run_keeps(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from vestige.campaign.store import Store
+
+    write = Store.write
+
+    def written(self: Store, chunk: int, results: object) -> None:
+        write(self, chunk, results)  # type: ignore[arg-type]
+        if chunk == 1:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(Store, "write", written)
+    quick = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
+    arguments = ("run", str(quick), "-o", str(tmp_path / "a.zarr"), "--set", "epochs=50", "--chunk", "10")
+    code, _, err = _exit(capsys, *arguments)
+    assert code == 130
+    assert err.splitlines()[-1].startswith("interrupted; ")
+    assert f"of 50 epochs are stored in {tmp_path / 'a.zarr'}; the same run again continues there" in err

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 
 STDIN = Path("-")
 FINISHED_ONLY = ("calibrate", "write_bias", "strict")
-STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
+STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz", "real_time")
 FOLLOW_ONLY = ("observations", *STDIN_ONLY)
 # Options on which no verdict depends
 _HOW = {"follow", "as_json", "output", "poll_s", "idle_s", "wait_s", "buffer_mb", "observations", "start", *STDIN_ONLY}
@@ -57,7 +55,7 @@ def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -
     following = _following(recording, options, warn)
     settings = _settings(recording, options, following.live)
     output = options["output"]
-    with _terminable(), nullcontext() if output is None else FollowJournal(output, settings) as journal:
+    with nullcontext() if output is None else FollowJournal(output, settings) as journal:
         _run(following, processor, options, journal, warn)
 
 
@@ -99,27 +97,43 @@ def _run(
                 print_changes(step)
             tally.add(step)
     except KeyboardInterrupt as stop:
-        _print_end(tally, as_json=options["as_json"])
-        stop.add_note(f"{tally.snapshots} snapshots: {tally}")
+        _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
+        stop.add_note(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}")
         if journal is not None:
             stop.add_note(f"the same command goes on from {options['output']}")
         raise
-    _print_end(tally, as_json=options["as_json"])
+    _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
     if tally.nothing and (tally.snapshots or state is None):
         click.echo(f"{tally.nothing}: {following.live.extent}", err=True)
-    click.echo(f"{tally.snapshots} snapshots: {tally}", err=True)
+    click.echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
+    _check_nothing_dropped(following.live.n_dropped, tally)
 
 
-def _print_end(tally: Tally, *, as_json: bool) -> None:
+def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
+    from vestige.errors import VestigeError
+
+    if n_dropped:
+        raise VestigeError(
+            f"standard input: the E6 samples of {n_dropped} of {tally.snapshots} snapshots were dropped, so they are "
+            "NOT_AVAILABLE; a larger --buffer-mb drops fewer"
+        )
+
+
+def _dropped(n_dropped: int) -> str:
+    return f"; the E6 samples of {n_dropped} were dropped" if n_dropped else ""
+
+
+def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
     """Print what is known at the end only: the satellites with RECS that E1 never showed."""
     import json
 
     from vestige.cli.verdicts import print_not_seen
 
     if as_json:
-        click.echo(json.dumps({"kind": "end", "snapshots": tally.snapshots, "not_seen_on_e1": tally.not_seen_on_e1}))
+        counts = {"snapshots": tally.snapshots, "dropped": n_dropped, "not_seen_on_e1": tally.not_seen_on_e1}
+        click.echo(json.dumps({"kind": "end"} | counts))
     print_not_seen(tally, err=True)
 
 
@@ -230,13 +244,13 @@ def _live(
     if e6 is not None and e6.path == STDIN:
         capacity = round(options["buffer_mb"] * 1e6)
         second_bytes = e6.sample_rate_hz * e6.form.sample_bytes
-        needed_mb = 1.5 * buffer_s(around_s) * second_bytes / 1e6
+        needed_mb = buffer_s(around_s) * second_bytes / 1e6
         if needed_mb * 1e6 > capacity:
             raise VestigeError(
                 f"--buffer-mb: found {options['buffer_mb']:g}, expected at least {math.ceil(needed_mb)} for a clock "
                 f"that may be wrong by {around_s:g} s (--time-uncertainty)"
             )
-        stream = SampleStream(sys.stdin.fileno(), e6, capacity_bytes=capacity)
+        stream = SampleStream(sys.stdin.fileno(), e6, capacity_bytes=capacity, can_wait=not options["real_time"])
     return LiveRecording(
         description,
         observations=observations,
@@ -321,20 +335,3 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
     if recording != STDIN:  # a pipe begins anew each time
         samples += f", from {exact_gst(live.start)}"
     return settings | {"vestige": version("vestige"), "recording": samples}
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM, with which services are stopped, be what Ctrl-C is."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(_number: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

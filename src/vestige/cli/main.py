@@ -1,13 +1,18 @@
 """`vestige`: finds the verb, runs it, turns errors into exit codes. Nothing heavy is imported before a verb runs.
 
-Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 for usage.
+Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 for usage; 130 after Ctrl-C or SIGTERM,
+with a line that says what is kept.
 """
 
 from __future__ import annotations
 
 import importlib
 import logging
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import click
 
@@ -66,7 +71,8 @@ def vestige() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit."""
     try:
-        vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
+        with _terminable():
+            vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.ClickException as error:
@@ -84,6 +90,23 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
     sys.exit(0)
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM, with which services and batch systems stop a program, be what Ctrl-C is."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _notes(error: BaseException | None) -> str:

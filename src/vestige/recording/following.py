@@ -12,12 +12,16 @@ Epochs are handed out in the order of time, because the state of the receiver go
 for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
 `wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
 
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
+which samples are there and which may go is answered as of that same look.
+
 Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
 is handed out as it is, as from a finished recording.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -120,15 +124,14 @@ class Following:
         complete_since: dict[GalileoTime, float] = {}
         news_s = time.monotonic()
         while True:
-            ended = self.live.ended  # before the look: what came until then is seen by it
-            if self._look(complete_since):
+            if self._look(complete_since) or self.live.full:  # a pipe that is not read cannot have news
                 news_s = time.monotonic()
             while (epoch := self._next(complete_since, finished=False)) is not None:
                 yield epoch
                 news_s = time.monotonic()
                 self._look(complete_since)
             idle = self.patience.idle_s is not None and time.monotonic() - news_s >= self.patience.idle_s
-            if ended or idle:
+            if self.live.ended or idle:
                 break
             self.live.wait(self.patience.poll_s)
         self.live.finish()
@@ -150,11 +153,17 @@ class Following:
             changed |= self.accelerations.look()
         for one in [one for one in complete_since if self.after is not None and one <= self.after]:
             del complete_since[one]
-        complete = [one for one in self._to_come() if self.live.complete(one)]
-        for one in complete:
-            complete_since.setdefault(one, time.monotonic())
-        self.live.hold(complete)
+        to_come = self._to_come()
+        for number, one in enumerate(to_come):
+            if self.live.complete(one) or (self.live.full and number == 0):
+                complete_since.setdefault(one, time.monotonic())
+        self.live.keep(to_come, self._known_until)
         return changed
+
+    @property
+    def _known_until(self) -> GalileoTime:
+        """Time of transmission up to which it is known which RECS may be in the samples by now."""
+        return min(self.live.end + -TRAVEL_TIME_S[0], self.folder.until)
 
     def _to_come(self) -> list[GalileoTime]:
         """Return the times of the RECS that need a snapshot yet, as far as they may be in the samples by now."""
@@ -162,7 +171,7 @@ class Following:
         low = bisect_left(segments, self.live.start + -TRAVEL_TIME_S[1], key=_sent)
         if self.after is not None:
             low = max(low, bisect_right(segments, self.after, key=_sent))
-        high = bisect_right(segments, self.live.end + -TRAVEL_TIME_S[0], key=_sent)
+        high = bisect_right(segments, self._known_until, key=_sent)
         return sorted({one.transmit_time for one in segments[low:high]})
 
     def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
@@ -171,12 +180,14 @@ class Following:
         if sent is None:
             return None
         if not finished:
-            if sent not in complete_since:
-                return None
-            overdue = time.monotonic() - complete_since[sent] >= self.patience.wait_s
-            if not (overdue or (self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent))):
+            overdue = time.monotonic() - complete_since.get(sent, math.inf) >= self.patience.wait_s
+            if not (overdue or self._is_ready(sent)):
                 return None
         return self._handed_out(sent)
+
+    def _is_ready(self, sent: GalileoTime) -> bool:
+        """Return whether everything is there that the finished recording will have for an epoch."""
+        return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:
         assistance = self.folder.found.assistance
@@ -193,8 +204,8 @@ class Following:
             return True
         if not track.settled(at):
             return False
-        travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()]
-        return self.live.complete(sent, max(travel_s, default=0.0))
+        self.live.place([one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()])
+        return self.live.complete(sent)
 
     def _is_sensed(self, sent: GalileoTime) -> bool:
         """Return whether the accelerations reach as far as the snapshot's time may be."""
@@ -213,7 +224,6 @@ class Following:
         )
         own = tuple(one for one in segments_between(assistance, sent, sent) if one.transmit_time == sent)
         snapshot = source.snapshot(self.index, sent, own, self.live.observed())
-        self.live.release(sent)
         self.index, self.after = self.index + 1, sent
         second = None if self.second is None else self.second.found.assistance
         sensed = None if self.accelerations is None else self.accelerations.found

@@ -56,6 +56,11 @@ class GrowingAssistance:
         self._wrong: dict[str, tuple[float, VestigeError]] = {}  # since when
         self.found = AssistanceFolder(assistance=Assistance(), files=(), problems=(), missing=())
 
+    @property
+    def until(self) -> GalileoTime:
+        """Time up to which RECS were read; those after it are not in `found`, though they may be in the folder."""
+        return self._window[1]
+
     def look(self, first: GalileoTime, last: GalileoTime) -> bool:
         """Bring `found` up to date, for RECS from one time to another; return whether something changed.
 

@@ -1,13 +1,14 @@
 """A recording that another process is still writing, as far as it goes: sample files, or E6 from a pipe.
 
-`look` says what is new. Out of files every window can be read at any time. Out of a pipe the windows of RECS epochs are
-cut when they are complete, and held until their snapshot was processed.
+`look` says what is new, and until the next look everything here is as of that moment. Out of files every window can be
+read at any time. Out of a pipe `keep` says which RECS still need a snapshot; the samples of all others are let go.
 """
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vestige.acas_processor.processor import SEGMENT_WINDOW_S
@@ -17,7 +18,7 @@ from vestige.recording.description import RecordingDescription
 from vestige.recording.growing_observations import GrowingObservations
 from vestige.recording.observations import ObservationTrack
 from vestige.recording.recording import Recording, observation_names
-from vestige.recording.sample_stream import SampleStream
+from vestige.recording.sample_stream import SampleStream, StreamState
 from vestige.recording.samples import SampleReader, samples_so_far
 from vestige.recording.snapshots import E1_WINDOW_S
 from vestige.records import Band
@@ -25,6 +26,7 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
+ROOM = 1.5  # windows that a buffer has to hold at least
 
 
 class LiveRecording:
@@ -43,7 +45,15 @@ class LiveRecording:
     uncertainty_s
         How far from their place a search may look for the RECS, in s.
     warn
-        Is told what is wrong with a line of observations.
+        Is told what is wrong with a line of observations, which samples were dropped, and that the writer of a pipe is
+        held up.
+
+    Attributes
+    ----------
+    n_dropped
+        Snapshots so far whose samples were read out of a pipe and dropped.
+    full
+        Whether nothing more can be read out of a pipe before a RECS that waits has its snapshot.
 
     Raises
     ------
@@ -70,8 +80,10 @@ class LiveRecording:
         self._observations = None if observations is None else GrowingObservations(observations, warn=warn)
         self.track = None if self._observations is None else ObservationTrack(self._observations)
         self._readers: dict[Band, SampleReader] = {}
-        self._held: dict[GalileoTime, SampleReader] = {}
+        self._read: StreamState | None = None
+        self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
+        self.n_dropped, self.full = 0, False
         self.look()
         self.start = SampleReader(file=description.bands[Band.E6], n_samples=0).start  # fails if nothing tells it
 
@@ -81,7 +93,8 @@ class LiveRecording:
         self._readers = {band: samples_so_far(file) for band, file in files.items()}
         ends = [reader.end_sample for reader in self._readers.values()]
         if self._stream is not None:
-            ends.append(self._stream.end_sample)
+            self._read = self._stream.look()
+            ends.append(self._read.end_sample)
         seen = (*ends, 0 if self._observations is None else self._observations.n_bytes)
         before, self._seen = self._seen, seen
         if any(now < then for now, then in zip(ends, before, strict=False)):
@@ -117,70 +130,111 @@ class LiveRecording:
     @property
     def end(self) -> GalileoTime:
         """Receiver-clock time after the last E6 sample."""
-        if self._stream is not None:
-            return self._stream.end
+        if self._read is not None:
+            return SampleReader(file=self.description.bands[Band.E6], n_samples=0).time_of(self._read.end_sample)
         reader = self._readers[Band.E6]
         return reader.time_of(reader.end_sample)
 
     @property
     def ended(self) -> bool:
         """Whether no more samples can come; a file does not say so."""
-        return self._stream is not None and self._stream.ended
+        return self._read is not None and self._read.ended
 
-    def complete(self, sent: GalileoTime, travel_s: float = 0.0) -> bool:
-        """Return whether all samples are there that a snapshot of the RECS of a time may need.
+    def complete(self, sent: GalileoTime) -> bool:
+        """Return whether all samples are there that a snapshot of the RECS of a time may need."""
+        ends = [reader.time_of(reader.end_sample) for reader in self._readers.values()] + [self.end]
+        return min(ends) - sent >= self._span_s[1]
+
+    def place(self, travel_s: Sequence[float]) -> None:
+        """Take in how long signals are under way by the receiver's clock: its error places the windows of all RECS."""
+        if travel_s:
+            early, late = TRAVEL_TIME_S
+            most_s = self._most_clock_s
+            self._clock_s = (min(max(early - min(travel_s), 0.0), most_s), min(max(max(travel_s) - late, 0.0), most_s))
+
+    def keep(self, sent: Sequence[GalileoTime], until: GalileoTime) -> None:
+        """Let go of what was read out of a pipe and is not needed any more.
 
         Parameters
         ----------
-        travel_s
-            Longest time that one of them was under way by the receiver's clock, if it is known.
+        sent
+            Times of the RECS that need a snapshot yet, as far as they are known.
+        until
+            Up to when they are known.
         """
-        ends = [reader.time_of(reader.end_sample) for reader in self._readers.values()] + [self.end]
-        return min(ends) - sent >= self._after_s + max(travel_s - TRAVEL_TIME_S[1], 0.0)
-
-    def hold(self, sent: Iterable[GalileoTime]) -> None:
-        """Cut the windows of the RECS of these times, all complete, out of a pipe; let go of what is before."""
         if self._stream is None:
             return
-        for one in sent:
-            if one not in self._held:
-                self._held[one] = self._window(self._stream, one)
-        span_s = self._before_s + self._after_s
-        self._stream.forget(self._stream.end_sample - round(span_s * self._stream.file.sample_rate_hz))
+        windows, (first, _) = [self._window(one) for one in sent], self._window(until)
+        unplaced = self._observations is not None and self._clock_s is None  # by how much the clock is wrong is unknown
+        if unplaced and self._stream.keep(windows, self._stream.file.first_sample):
+            self.full = False
+        else:
+            self.full = not self._stream.keep(windows, first)
 
     def recording(self, sent: GalileoTime) -> Recording:
-        """Return the recording in which to process the RECS of a time."""
+        """Return the recording in which to process the RECS of a time; warns if its samples were dropped."""
         e6 = self._readers.get(Band.E6)
         if self._stream is not None:
-            e6 = self._held.get(sent) or self._window(self._stream, sent)
+            e6 = self._stream.cut(*self._window(sent))
+            if e6 is None:  # a part of a window would be searched in vain
+                self._say_dropped(self._stream, sent)
+                e6 = self._stream.nothing()
         return Recording(description=self.description, e1=self._readers.get(Band.E1), e6=e6, observations=None)
 
-    def release(self, sent: GalileoTime) -> None:
-        """Let go of the window of the RECS of a time."""
-        self._held.pop(sent, None)
+    def _say_dropped(self, stream: SampleStream, sent: GalileoTime) -> None:
+        self.n_dropped += 1
+        full = "" if stream.can_wait else "the buffer was full (--buffer-mb), or "
+        self._warn(VestigeError(f"RECS of {sent}: the E6 samples were dropped: {full}the RECS came too late"))
 
     def wait(self, timeout_s: float) -> None:
         """Wait until it is worth another look, at most so long."""
         if self._stream is None:
             time.sleep(timeout_s)
-        else:
-            self._stream.wait(timeout_s)
+            return
+        if self.full:
+            then = (
+                "the program that writes the pipe has to wait (a receiver that cannot wait: --real-time)"
+                if self._stream.can_wait
+                else "samples are dropped"
+            )
+            self._warn(
+                VestigeError(
+                    "standard input: the buffer is full of RECS whose keys or observations are not there yet: "
+                    f"{then}; a larger --buffer-mb holds more"
+                )
+            )
+        self._stream.wait(timeout_s)
 
     def finish(self) -> None:
         """Say that no more is written."""
         if self._observations is not None:
             self._observations.end()
 
-    def _window(self, stream: SampleStream, sent: GalileoTime) -> SampleReader:
-        rate_hz, start = stream.file.sample_rate_hz, stream.file.first_sample
-        since_s = sent - self.start
-        first, end = (start + round((since_s + s) * rate_hz) for s in (-self._before_s, self._after_s))
-        return stream.cut(first, end)
+    def _window(self, sent: GalileoTime) -> tuple[int, int]:
+        """Return the first E6 sample and the end of what a RECS of a time may need."""
+        file, since_s = self.description.bands[Band.E6], sent - self.start
+        first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in self._span_s)
+        return first, end
+
+    @property
+    def _span_s(self) -> tuple[float, float]:
+        """From when to when the samples are that a RECS may need, after it was sent."""
+        early_s, late_s = self._clock_s or (0.0, 0.0)
+        return -self._before_s - early_s, self._after_s + late_s
+
+    @property
+    def _most_clock_s(self) -> float:
+        """Clock error up to which windows fit into the buffer; an absurd observation must not fill it."""
+        if self._stream is None:
+            return math.inf
+        file = self._stream.file
+        capacity_s = self._stream.capacity_bytes / file.form.sample_bytes / file.sample_rate_hz
+        return max(capacity_s / ROOM - self._before_s - self._after_s, 0.0) / 2
 
 
 def buffer_s(uncertainty_s: float) -> float:
-    """Return how many seconds of a pipe one RECS needs, its place being known to ± `uncertainty_s`."""
-    return BEFORE_S + AFTER_S + 2 * uncertainty_s
+    """Return how many seconds of a pipe a buffer has to hold, the place of a RECS being known to ± `uncertainty_s`."""
+    return ROOM * (BEFORE_S + AFTER_S + 2 * uncertainty_s)
 
 
 def awaited_observations(description: RecordingDescription) -> Path | None:

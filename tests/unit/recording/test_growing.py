@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from builders import START
@@ -186,7 +186,7 @@ def test_a_stream_is_cut_like_a_file(header_bytes: int) -> None:
         sample_rate_hz=1e6, center_frequency_hz=1278.75e6, first_sample=7000, start=START, header_bytes=header_bytes,
     )  # fmt: skip
     reading, writing = os.pipe()
-    stream = SampleStream(reading, file, capacity_bytes=100_000)
+    stream = SampleStream(reading, file, capacity_bytes=3 * BLOCK_BYTES)
 
     def feed() -> None:
         with os.fdopen(writing, "wb") as pipe:
@@ -195,21 +195,61 @@ def test_a_stream_is_cut_like_a_file(header_bytes: int) -> None:
     feeder = threading.Thread(target=feed)
     feeder.start()
     done = 7000
-    while not (stream.ended and done == stream.end_sample):
+    while True:
         stream.wait(1.0)
-        end = stream.end_sample
+        seen = stream.look()
+        end = seen.end_sample
         cut = stream.cut(done, end)
+        assert cut is not None
         assert (cut.first_sample, cut.end_sample) == (done, end)
         batch = cut.read(done, end - done)
         own = values[2 * (done - 7000) : 2 * (end - 7000)].astype(np.float32)
         assert np.array_equal(batch.samples.view(np.float32), own)
         assert batch.start - START == pytest.approx((done - 7000) / 1e6, abs=1e-12)
-        stream.forget(end)
-        assert end - stream.cut(0, 10**9).first_sample <= BLOCK_BYTES // 2  # whole blocks are let go
+        assert stream.keep([], end)
+        assert end < 7000 + BLOCK_BYTES or stream.cut(7000, end) is None
         done = end
+        if seen.ended:
+            break
     feeder.join()
     os.close(reading)
     assert done == 107_000
+
+
+@settings(max_examples=40)
+@given(
+    st.lists(st.integers(1, 3 * BLOCK_BYTES), max_size=8),
+    st.lists(st.tuples(st.integers(0, 12), st.integers(1, 6)), max_size=5),
+    st.integers(0, 16),
+)
+def test_what_is_kept_is_whole_and_no_more_than_that(
+    pieces: list[int], chosen: list[tuple[int, int]], rest: int
+) -> None:
+    """Against the plain definition: a window is there if no byte of it was let go, and nothing else is."""
+    file = BandFile(
+        band=Band.E6, path=Path("-"), described_in=Path("-"), form=SampleFormat(component="int8", layout="iq"),
+        sample_rate_hz=1e6, center_frequency_hz=1278.75e6, start=START,
+    )  # fmt: skip
+    unit = BLOCK_BYTES // 4  # samples, half a block
+    windows = [(first * unit, (first + length) * unit) for first, length in chosen]
+    with Path(os.devnull).open("rb") as nothing:
+        stream = SampleStream(nothing.fileno(), file, capacity_bytes=1 << 30)
+        stream._changed.acquire()
+        stream._changed.wait_for(lambda: stream._ended)
+        stream._changed.release()
+    content = np.random.default_rng(1).bytes(sum(pieces))
+    for size in pieces:
+        stream._append(content[stream._end_byte : stream._end_byte + size])
+        stream._end_byte += size
+    end = len(content) // 2
+    assert stream.keep(windows, rest * unit)
+    for first, last in (*windows, (rest * unit, end)):
+        cut = stream.cut(first, last)
+        assert cut is not None
+        assert cut.held == content[2 * first : 2 * min(last, end)]
+    wanted = sum(min(2 * last, len(content)) - 2 * first for first, last in windows if first < end)
+    most = wanted + max(len(content) - 2 * rest * unit, 0) + 2 * 3 * BLOCK_BYTES * (len(windows) + 1)
+    assert stream._n_kept <= most
 
 
 def test_problems_of_the_assistance_folder_are_told_when_they_stay(
