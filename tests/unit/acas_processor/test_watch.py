@@ -153,8 +153,8 @@ def test_alarms_come_once() -> None:
 
 def test_a_satellite_that_e1_lost_is_due_for_an_hour_and_one_never_seen_is_not() -> None:
     def snapshot(time_s: float, *seen: int) -> Snapshot:
-        unknown = dict.fromkeys(("carrier_phase_cycles", "doppler_hz", "doppler_rate_hz_per_s", "cn0_dbhz"), math.nan)
-        observations = {svid: E1Observation(svid=svid, pseudorange_m=2.4e7, **unknown) for svid in seen}
+        values = {"doppler_hz": 0.0, "doppler_rate_hz_per_s": 0.0, "cn0_dbhz": 40.0, "carrier_phase_cycles": math.nan}
+        observations = {svid: E1Observation(svid=svid, pseudorange_m=2.4e7, **values) for svid in seen}
         return replace(_snapshot(0)[0], time=START + time_s, observations=observations, recs=frozenset({3, 5, 8}))
 
     state, _ = Watch().learn(WatchState(), snapshot(0.0, 3, 5), _snapshot(0)[1], ())
