@@ -65,7 +65,7 @@ def test_trusted_by_user_says_so() -> None:
         trusted_by_user(ClaimedPublicKey(pkid=1, leaf=0, point=bytes(33)))
 
 
-# Key and signatures of [RFC 6979], A.2.7: the message "sample" under P-521 with SHA-512.
+# Key and signature of RFC 6979 (T. Pornin, 2013), A.2.7: the message "sample" under P-521 with SHA-512.
 RFC_X = (
     "01894550D0785932E00EAA23B694F213F8C3121F86DC97A04E5A7167DB4E5BCD37"
     "1123D46E45DB6B5D5370A7F20FB633155D38FFA16D2BD761DCAC474B9A2F5023A4"
