@@ -101,6 +101,13 @@ class RecordingDescription:
     observations: Path | None = None
     notes: tuple[str, ...] = ()
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Return the files that hold and describe the recording."""
+        described = (path for file in self.bands.values() for path in (file.path, file.described_in))
+        observations = () if self.observations is None else (self.observations,)
+        return tuple(dict.fromkeys((self.path, *described, *observations)))
+
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
     """Return the band whose carrier lies in the sampled spectrum (the nearest one), or None."""
