@@ -12,7 +12,7 @@ class VestigeError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+        super().__init__(printable(" ".join(message.split())))
 
 
 class InputFileError(VestigeError):
@@ -29,7 +29,7 @@ class InputFileError(VestigeError):
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
-        super().__init__(f"{path}: {place}: found {_short(found)}, expected {_short(expected)}")
+        super().__init__(f"{printable(str(path))}: {place}: found {_short(found)}, expected {_short(expected)}")
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
     def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
@@ -45,8 +45,18 @@ class UnsupportedError(VestigeError):
     """The input is valid, but vestige does not support this part of the standard; the message says which."""
 
 
+def printable(text: str) -> str:
+    """Return `text` with what is not printable as escapes: control and C1 characters, line breaks, bidirectional marks.
+
+    Names and contents of files come from outside. Printed as they are, they can clear a terminal's screen, or show a
+    line that says something else than its characters do.
+    """
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in text)
+
+
 def _short(value: object, limit: int = 80) -> str:
     """Return `value` as printable text of at most `limit` characters (files may hold anything)."""
-    text = value if isinstance(value, str) else repr(value)
-    text = "".join(character if character.isprintable() else "?" for character in text)
+    text = printable((value if isinstance(value, str) else repr(value))[: limit + 1])
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -392,6 +392,15 @@ def test_nothing_is_kept_of_an_epoch(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert held[1] - held[0] < 30_000  # 65 verdicts with their measurements would be some 200 kB
 
 
+@pytest.mark.parametrize("name", ["", "assistance"])
+def test_the_verdicts_are_not_kept_in_an_input_folder(night: Path, name: str) -> None:
+    before = sorted(night.rglob("*"))
+    refused = invoke(process, night, *ONCE, "-o", night / name).exception
+    assert isinstance(refused, InputFileError)
+    assert "output: found an input of this command" in str(refused)
+    assert sorted(night.rglob("*")) == before
+
+
 def test_another_recording_or_other_settings_are_refused(night: Path, tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     assert invoke(process, night, *ONCE, "-o", kept).exception is None

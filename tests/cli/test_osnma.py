@@ -127,6 +127,17 @@ def test_a_start_time_can_be_given(folder: Path) -> None:
     assert "tells a time that is not the recording's" in wrong.stdout
 
 
+def test_keys_are_not_written_over_what_they_come_from(folder: Path) -> None:
+    (folder / "again.csv").hardlink_to(folder / "pages.csv")
+    (folder / "link.csv").symlink_to(folder / "notes.txt")
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    for output in ("pages.csv", "key.pem", "tree.xml", "again.csv", "link.csv"):
+        result = run(folder, "pages.csv", "--public-key", "key.pem", "--merkle-tree", "tree.xml", "-o", output)
+        assert isinstance(result.exception, InputFileError), output
+        assert f"{output}: output: found" in str(result.exception)
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
 def test_usage_and_bad_files(folder: Path) -> None:
     assert run(folder, "pages.csv").exit_code == 2
     assert run(folder, "pages.csv", "--public-key", "key.pem", "--start", "yesterday").exit_code == 2

@@ -233,3 +233,10 @@ def test_help_names_every_kind_and_loads_nothing_heavy() -> None:
         assert kind.help in text
     code = "import sys, vestige.cli.plot; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
+
+
+def test_a_figure_is_not_written_into_results(store: Path) -> None:
+    before = sorted(store.rglob("*"))
+    line = refused("range-offset", store, "-o", store / "a.png")
+    assert line.startswith(f"{store / 'a.png'}: output: found a place in the results {store.name}")
+    assert sorted(store.rglob("*")) == before

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from vestige.acas_processor.processor import AcasProcessor
 from vestige.cli.process import command as process
 from vestige.cli.recs_make import command as recs_make
 from vestige.cli.simulate import command as simulate
+from vestige.cli.verdicts import COLUMNS, csv_writer
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance import read_assistance
@@ -90,6 +93,54 @@ def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_
     for row, one in zip(rows, calibrated["verdicts"], strict=True):
         assert int(row["svid"]) == one["svid"]
         assert float(row["range_offset_m"]) == one["range_offset_m"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "e6.sigmf-data",
+        "e1.sigmf-meta",
+        "observations.csv",
+        "verdicts.csv",
+        "recording.sigmf-collection",
+        "osnma/keys.csv",
+    ],
+)
+def test_verdicts_are_not_written_over_the_recording_or_into_it(folder: Path, name: str) -> None:
+    before = {path: path.stat().st_size for path in folder.rglob("*")}
+    result = invoke(process, folder, "-o", folder / name)
+    assert isinstance(result.exception, InputFileError)
+    assert f"{name}: output: found a place in the input folder night" in str(result.exception)
+    if name != "osnma/keys.csv" and (folder / name).exists():  # the recording named as a file: what it consists of
+        named = invoke(process, folder / "recording.sigmf-collection", "-o", folder / name)
+        assert isinstance(named.exception, InputFileError)
+        assert f"{name}: output: found an input" in str(named.exception)
+    assert {path: path.stat().st_size for path in folder.rglob("*")} == before
+
+
+def test_the_bias_is_written_through_no_link(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years")
+    (tmp_path / "receiver.toml").symlink_to(tmp_path / "thesis.tex")
+    result = invoke(process, folder, "--write-bias", tmp_path)
+    assert isinstance(result.exception, InputFileError)
+    assert (tmp_path / "thesis.tex").read_text() == "years"
+
+
+def test_ctrl_c_keeps_the_verdicts_until_then(tmp_path: Path) -> None:
+    path, step = tmp_path / "verdicts.csv", SimpleNamespace(verdicts=(), measurement=None)
+    path.write_text("an earlier run")
+    with pytest.raises(KeyboardInterrupt), csv_writer(path):
+        raise KeyboardInterrupt
+    assert path.read_text() == "an earlier run"
+    with pytest.raises(KeyboardInterrupt) as stop, csv_writer(path) as write:  # noqa: PT012
+        write(step)  # type: ignore[arg-type]
+        raise KeyboardInterrupt
+    assert stop.value.__notes__ == [f"{path} has the verdicts until then"]
+    assert path.read_text() == ",".join(COLUMNS) + "\n"
+    with pytest.raises(OSError, match="No space"), csv_writer(path) as write:  # noqa: PT012
+        write(step)  # type: ignore[arg-type]
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [one.name for one in tmp_path.iterdir()] == ["verdicts.csv"]
 
 
 def test_the_maximum_detector_agrees_without_a_spoofer(folder: Path, calibrated: dict) -> None:

@@ -142,6 +142,13 @@ def test_decrypt_in_counter_mode(tmp_path: Path) -> None:
     assert (tmp_path / "ecs.bin").read_bytes() == PACKED[0] + PACKED[1]
 
 
+def test_chips_are_not_written_over_what_they_come_from(file: Path) -> None:
+    before = {path: path.read_bytes() for path in file.parent.iterdir()}
+    for output in before:
+        assert isinstance(run("decrypt", file, *keys_of(file), "-o", output).exception, InputFileError)
+    assert {path: path.read_bytes() for path in file.parent.iterdir()} == before
+
+
 def test_decrypt_needs_trust(file: Path) -> None:
     result = run("decrypt", file, "--keys", file.parent / "keys.csv")
     assert isinstance(result.exception, click.UsageError)

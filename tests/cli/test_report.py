@@ -126,3 +126,10 @@ def test_help_loads_nothing_heavy() -> None:
     assert "needs no network" in report("--help").stdout
     code = "import sys, vestige.cli.report; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
+
+
+def test_a_page_is_not_written_into_results(store: Path) -> None:
+    before = sorted(store.rglob("*"))
+    line = refused(store, "-o", store / "a.html")
+    assert line.startswith(f"{store / 'a.html'}: output: found a place in the results {store.name}")
+    assert sorted(store.rglob("*")) == before

@@ -141,6 +141,9 @@ def test_a_sweep_writes_over_nothing_else(tmp_path: Path) -> None:
     assert str(into_store).startswith(f"{alone}: sweep: found the store of one campaign, expected a folder")
     assert open_results(alone).sizes["epoch"] == 5
     assert not list(alone.glob("seed*"))
+    inside = _invoke(QUICK, "-o", alone / "b", "--set", "epochs=5").exception
+    assert str(inside).startswith(f"{alone / 'b'}: output: found a place in the results a, expected")
+    assert not (alone / "b").exists()
 
     assert _invoke(QUICK, "-o", swept, "--sweep", "epochs=5,6").exception is None
     table = (swept / "sweep.csv").read_text()

@@ -17,7 +17,7 @@ from vestige.cli import search as module
 from vestige.cli.recs_make import command as recs_make
 from vestige.cli.search import command as search
 from vestige.cli.simulate import command as simulate
-from vestige.errors import VestigeError
+from vestige.errors import InputFileError, VestigeError
 
 
 def _json(*arguments: object) -> dict:
@@ -139,6 +139,15 @@ def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypat
     samples.write_bytes(samples.read_bytes()[::-1])
     other = invoke(search, "exhaustive", swapped, *command[2:], "-o", cut).exception
     assert "search of another recording" in str(other)
+
+
+def test_what_was_found_is_not_written_over_the_recording(night: Path) -> None:
+    before = {path: path.stat().st_size for path in night.rglob("*")}
+    for name in ("e6.sigmf-data", "new.json", "assistance/keys.csv"):
+        refused = invoke(search, "exhaustive", night, "--svids", "8", "-o", night / name).exception
+        assert isinstance(refused, InputFileError)
+        assert f"{name}: output: found a place in the input folder" in str(refused)
+    assert {path: path.stat().st_size for path in night.rglob("*")} == before
 
 
 def test_what_came_when_the_key_may_have_been_known_proves_nothing(night: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import socket
+import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from functools import partial
@@ -23,6 +24,8 @@ R = TypeVar("R")
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://(?P<host>\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
 CONNECT_S = 10.0  # a scheduler that is there answers in milliseconds
+NO_WORKERS_S = 10.0  # a worker that is started again is there sooner
+LOOK_EVERY_S = 2.0
 
 
 class ClusterExecutor(Executor):
@@ -32,8 +35,14 @@ class ClusterExecutor(Executor):
     is fetched. These do.
     """
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
+    def __init__(self, client: Any, address: str, warn: Callable[[str], None]) -> None:
+        self._client, self._address, self._warn = client, address, warn
+        self._closed = threading.Event()
+        threading.Thread(target=self._watch, name="vestige cluster", daemon=True).start()
+
+    @property
+    def _gone(self) -> str:
+        return f"{self._address}: the dask scheduler does not answer"
 
     @property
     def workers(self) -> int:
@@ -45,23 +54,65 @@ class ClusterExecutor(Executor):
         outer: Future[R] = Future()
         # One object, because dask looks for its own futures inside of arguments. Not pure, because equal calls would
         # share a result, and to find them dask hashes everything.
-        inner = self._client.submit(partial(fn, *args, **kwargs), pure=False)
-        inner.add_done_callback(lambda done: _pass_on(done, outer))
+        try:
+            inner = self._client.submit(partial(fn, *args, **kwargs), pure=False)
+        except Exception as error:
+            if self._client.status == "running":
+                raise
+            raise BrokenExecutor(self._gone) from error
+        inner.add_done_callback(lambda done: self._pass_on(done, outer))
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002  (no use for them)
         """End the connection; calls that have not ended are cancelled."""
+        self._closed.set()
         self._client.close()
 
+    def _pass_on(self, inner: Any, outer: Future[R]) -> None:
+        """Give `outer` the outcome of a dask future; what dask says of its own troubles becomes `BrokenExecutor`."""
+        killed_worker = import_module("distributed").KilledWorker
+        if not outer.set_running_or_notify_cancel():
+            return
+        try:
+            outer.set_result(inner.result())
+        except (CancelledError, killed_worker, OSError) as error:
+            gone = self._client.status != "running"
+            outer.set_exception(BrokenExecutor(self._gone if gone else f"{type(error).__name__}: {error}"))
+        except BaseException as error:  # raised again where the result is asked for
+            outer.set_exception(error)
 
-def connect(address: str) -> ClusterExecutor:
+    def _watch(self) -> None:
+        """Say when the cluster has had no workers for a while, and when it has some again."""
+        without_s, told = 0.0, False
+        while not self._closed.wait(LOOK_EVERY_S):
+            try:
+                workers = self.workers
+            except Exception:  # of a connection that has ended: the calls that wait say so
+                return
+            without_s = 0.0 if workers else without_s + LOOK_EVERY_S
+            if not workers and not told and without_s >= NO_WORKERS_S:
+                self._warn(f"{self._address}: the dask cluster has no workers left; waiting for new ones")
+            elif workers and told:
+                self._warn(f"{self._address}: the dask cluster has workers again: {workers}")
+            told = not workers and without_s >= NO_WORKERS_S
+
+
+def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -> ClusterExecutor:
     """Return an executor on the dask cluster whose scheduler is at `address`, e.g. `tcp://host:8786`.
 
     It is a context manager; leaving it ends the connection:
 
         with connect("tcp://host:8786") as cluster:
             run(plan, store, executor=cluster, workers=cluster.workers)
+
+    Parameters
+    ----------
+    address
+        Of the scheduler.
+    warn
+        Called from a thread of its own with one line when the cluster has had no workers for `NO_WORKERS_S`, and when
+        it has some again: calls wait meanwhile.
 
     Raises
     ------
@@ -76,7 +127,7 @@ def connect(address: str) -> ClusterExecutor:
         raise UnsupportedError("a cluster needs dask.distributed: pip install 'vestige[distributed]'") from error
     _check_answer(address)
     client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    cluster = ClusterExecutor(client)
+    cluster = ClusterExecutor(client, address, warn)
     if not cluster.workers:
         cluster.shutdown()
         raise VestigeError(f"{address}: the dask scheduler has no workers")
@@ -92,16 +143,3 @@ def _check_answer(address: str) -> None:
         socket.create_connection((match["host"].strip("[]"), int(match["port"])), timeout=CONNECT_S).close()
     except (OSError, UnicodeError) as error:  # UnicodeError: a name that no network can have
         raise VestigeError(f"{address}: no dask scheduler answers ({error})") from error
-
-
-def _pass_on(inner: Any, outer: Future[R]) -> None:
-    """Give `outer` the outcome of a dask future; what dask says of its own troubles becomes `BrokenExecutor`."""
-    killed_worker = import_module("distributed").KilledWorker
-    if not outer.set_running_or_notify_cancel():
-        return
-    try:
-        outer.set_result(inner.result())
-    except (CancelledError, killed_worker, OSError) as error:
-        outer.set_exception(BrokenExecutor(f"{type(error).__name__}: {error}"))
-    except BaseException as error:  # raised again where the result is asked for
-        outer.set_exception(error)

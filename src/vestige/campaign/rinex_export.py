@@ -20,8 +20,8 @@ import xarray
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
+from vestige.output import new_folder
 from vestige.receiver.e1_loop import LOCK_DBHZ
-from vestige.recording.new_folder import new_folder
 from vestige.recording.observation_epoch import ObservationEpoch
 from vestige.recording.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
 from vestige.recording.rinex_writer import write_rinex_observations

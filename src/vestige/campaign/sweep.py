@@ -32,6 +32,7 @@ from vestige.campaign.sweep_axes import Value, store_name
 from vestige.campaign.threat_matrix import outcomes_of, window_of
 from vestige.campaign.threat_outcome import RunOutcome
 from vestige.errors import InputFileError
+from vestige.output import replacement
 from vestige.scenario.campaign import CampaignScenario
 
 if TYPE_CHECKING:
@@ -216,12 +217,10 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
 def _write_table(path: Path, rows: Sequence[Row]) -> None:
     """Write all rows; the file is there as a whole or not at all."""
     table = [_cells(row) for row in rows]
-    part = path.with_name(f".{path.name}")
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with replacement(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for cells in table for name in cells)))
         writer.writeheader()
         writer.writerows(table)
-    part.replace(path)
 
 
 def _cells(row: Row) -> dict[str, object]:

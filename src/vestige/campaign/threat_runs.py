@@ -10,6 +10,7 @@ from pathlib import Path
 
 from vestige.campaign.threat_outcome import RunOutcome
 from vestige.errors import InputFileError
+from vestige.output import replacement
 
 RUNS = "runs.csv"
 Key = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
@@ -61,9 +62,8 @@ def read_runs(path: Path) -> dict[Key, RunOutcome]:
 
 def write_runs(path: Path, runs: dict[Key, RunOutcome]) -> None:
     """Write all runs; the file is there as a whole or not at all."""
-    part = path.with_name(f".{path.name}")
-    part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
-    part.replace(path)
+    with replacement(path) as part:
+        part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
 
 
 def line_of(key: Key, run: RunOutcome) -> str:

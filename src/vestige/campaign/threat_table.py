@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import math
-import shutil
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
@@ -22,6 +21,7 @@ from vestige.acas_processor.mitigation import LEVELS as ROWS
 from vestige.campaign.origin import vestige_version
 from vestige.campaign.threat_matrix import Cell
 from vestige.errors import InputFileError
+from vestige.output import replacement
 from vestige.scenario.threats import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
@@ -101,17 +101,12 @@ def _parts(found: object) -> tuple[object, ...]:
 def write_table(folder: Path, cells: Sequence[Cell]) -> None:
     """Write the table as CSV and as a store; each is there as a whole or not at all."""
     rows = rows_of(cells)
-    part = folder / f".{TABLE}"
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
         writer.writeheader()
         writer.writerows(rows)
-    part.replace(folder / TABLE)
-    store = folder / f".{STORE}"
-    shutil.rmtree(store, ignore_errors=True)
-    threat_dataset(cells).to_zarr(store, mode="w", consolidated=False)
-    shutil.rmtree(folder / STORE, ignore_errors=True)
-    store.replace(folder / STORE)
+    with replacement(folder / STORE) as store:
+        threat_dataset(cells).to_zarr(store, mode="w", consolidated=False)
 
 
 def read_threat_dataset(folder: Path) -> xarray.Dataset:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.terminal import echo
+
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import Scenario
@@ -30,7 +32,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
     if bool(files) == as_schema:
         raise click.UsageError("expected scenario FILES, or --schema alone")
     if as_schema:
-        click.echo(json.dumps(schema(), indent=2, allow_nan=False))
+        echo(*json.dumps(schema(), indent=2, allow_nan=False).split("\n"))
         return
     resolved: dict[str, object] = {}
     errors: list[VestigeError | OSError] = []
@@ -41,14 +43,14 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
             errors.append(error)
             continue
         for caution in cautions(scenario):
-            click.echo(f"vestige: {path}: {caution}", err=True)
+            echo(f"vestige: {path}: {caution}", err=True)
         resolved[str(path)] = scenario.model_dump(mode="json", by_alias=True)
         if not as_json:
-            click.echo("\n".join(_lines(path, scenario)))
+            echo(*_lines(path, scenario))
     if as_json:
-        click.echo(json.dumps(resolved))
+        echo(json.dumps(resolved))
     for earlier in errors[:-1]:
-        click.echo(f"vestige: {earlier}", err=True)
+        echo(f"vestige: {earlier}", err=True)
     if errors:
         raise errors[-1]
 

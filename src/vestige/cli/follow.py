@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.terminal import echo
+from vestige.output import check_output
+
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.cli.verdicts import Tally
@@ -25,6 +28,7 @@ STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "cente
 FOLLOW_ONLY = ("observations", *STDIN_ONLY)
 # Options on which no verdict depends
 _HOW = {"follow", "as_json", "output", "poll_s", "idle_s", "wait_s", "buffer_mb", "observations", "start", *STDIN_ONLY}
+_READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerations", "description")
 _MOST_WARNINGS = 1000
 
 
@@ -47,6 +51,11 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
         raise click.UsageError(f"{unfit}: only with --follow")
 
 
+def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
+    """Return the files and folders that the command line names to be read."""
+    return (recording, *(options[name] for name in _READ), *options["certificates"])
+
+
 def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
     """Print verdicts and changes of state as they become available, until there is nothing more to come."""
     from vestige.recording.follow_journal import FollowJournal
@@ -54,7 +63,9 @@ def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -
     warn = _Warnings()
     following = _following(recording, options, warn)
     settings = _settings(recording, options, following.live)
-    output = options["output"]
+    output, described = options["output"], following.live.description.files
+    read = (*inputs(recording, options), *described, following.folder.path, options["observations"])
+    check_output(output, (one for one in read if one != STDIN), folder=True)
     with nullcontext() if output is None else FollowJournal(output, settings) as journal:
         _run(following, processor, options, journal, warn)
 
@@ -75,7 +86,7 @@ def _run(
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.watch
-        click.echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
+        echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
     try:
         for epoch in following:
             if not tally.snapshots:
@@ -91,7 +102,7 @@ def _run(
                 journal.record(text, Progress(index=epoch.snapshot.index, sent=epoch.sent, watch=state))
             if options["as_json"]:
                 for line in text:
-                    click.echo(line)
+                    echo(line)
             else:
                 print_snapshot(step)
                 print_changes(step)
@@ -106,8 +117,8 @@ def _run(
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
     if tally.nothing and (tally.snapshots or state is None):
-        click.echo(f"{tally.nothing}: {following.live.extent}", err=True)
-    click.echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
+        echo(f"{tally.nothing}: {following.live.extent}", err=True)
+    echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
     _check_nothing_dropped(following.live.n_dropped, tally)
 
 
@@ -133,7 +144,7 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
 
     if as_json:
         counts = {"snapshots": tally.snapshots, "dropped": n_dropped, "not_seen_on_e1": tally.not_seen_on_e1}
-        click.echo(json.dumps({"kind": "end"} | counts))
+        echo(json.dumps({"kind": "end"} | counts))
     print_not_seen(tally, err=True)
 
 
@@ -147,9 +158,9 @@ class _Warnings:
         line = str(what)
         if line not in self._told and len(self._told) < _MOST_WARNINGS:
             self._told.add(line)
-            click.echo(f"warning: {line}", err=True)
+            echo(f"warning: {line}", err=True)
             if len(self._told) == _MOST_WARNINGS:
-                click.echo("warning: further warnings are not printed", err=True)
+                echo("warning: further warnings are not printed", err=True)
 
 
 def _say_what_is_missing(

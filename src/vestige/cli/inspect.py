@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import time_option
+from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
     from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
@@ -47,10 +48,10 @@ def command(path: Path, **options: Any) -> None:
         check_hash=options["check_hash"],
     )
     if options["as_json"]:
-        click.echo(json.dumps(_json(found), allow_nan=False))
+        echo(json.dumps(_json(found), allow_nan=False))
         return
     for line in _lines(found):
-        click.echo(line)
+        echo(line)
 
 
 def _lines(found: Inspection) -> Iterator[str]:

@@ -13,9 +13,11 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import StringIO
 
 import click
 
+from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
 
 # verb: module of `command`, one line of help
@@ -56,7 +58,7 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
     if value and not ctx.resilient_parsing:
         from importlib.metadata import version
 
-        click.echo(f"vestige {version('vestige')}")
+        echo(f"vestige {version('vestige')}")
         ctx.exit()
 
 
@@ -76,18 +78,20 @@ def main(arguments: list[str] | None = None) -> None:
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.ClickException as error:
-        error.show()
+        text = StringIO()
+        error.show(text)
+        echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a write that was cut off; the notes say it
-        click.echo(f"interrupted{_notes(abort.__cause__)}", err=True)
+        echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
     except VestigeError as error:
-        click.echo(f"vestige: {error}", err=True)
+        echo(f"vestige: {error}{_notes(error)}", err=True)
         sys.exit(1)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
+        echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
     sys.exit(0)
 
@@ -110,7 +114,7 @@ def _terminable() -> Iterator[None]:
 
 
 def _notes(error: BaseException | None) -> str:
-    """Return what an interrupted run says of the work that is kept."""
+    """Return what a run that was interrupted or failed says of the work that is kept."""
     return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
 
 

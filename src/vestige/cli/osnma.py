@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import time_option
+from vestige.cli.terminal import echo
+from vestige.output import check_output
 
 if TYPE_CHECKING:
     from vestige.crypto.osnma_report import OsnmaReport
@@ -60,6 +62,7 @@ def verify(
 
     if public_key is None and merkle_tree is None:
         raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+    check_output(output, (file, public_key, merkle_tree))
     public_keys = load_public_keys(public_key, merkle_tree)
     receiver = OsnmaReceiver(public_keys, None if merkle_tree is None else read_merkle_tree(merkle_tree))
     counts = SbfCounts()
@@ -72,13 +75,14 @@ def verify(
         write_key_file(output, keys, report.verified_roots)
     if as_json:
         described = _describe(report, counts) | {"public_keys": [str(key) for key in public_keys]}
-        click.echo(json.dumps(described | {"file": str(file), "keys": [_describe_key(key) for key in keys]}))
+        echo(json.dumps(described | {"file": str(file), "keys": [_describe_key(key) for key in keys]}))
     else:
-        click.echo(f"{file}\n  public key   " + "\n               ".join(str(key) for key in public_keys))
-        click.echo("\n".join(_lines(report, counts)))
+        labels = ["  public key   ", *[" " * 15] * len(public_keys)]
+        echo(file, *(f"{label}{key}" for label, key in zip(labels, public_keys, strict=False)))
+        echo(*_lines(report, counts))
         if output is not None:
             written = f"{len(keys)} keys written to {output}" if keys else "no file written: no key is validated"
-            click.echo(f"  output       {written}")
+            echo(f"  output       {written}")
     report.raise_if_failed()
 
 

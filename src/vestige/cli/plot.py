@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.terminal import echo
+
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
@@ -132,7 +134,7 @@ def command(
 
     sweep = _read_sweep(results, detector, svid, start_s, stop_s)
     plots.write(plots.detection_curve(sweep, count=_COUNT[kind]), output, width_cm=width_cm)
-    click.echo(str(output))
+    echo(str(output))
 
 
 def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
@@ -143,7 +145,7 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
     if len(folders) > 1:
         raise click.UsageError(f"threats is of one table, found {len(folders)}")
     plots.write(plots.threat_map(read_threat_dataset(folders[0])), output)
-    click.echo(str(output))
+    echo(str(output))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +161,7 @@ class _Choice:
 def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path, choice: _Choice) -> None:
     """Draw one figure into a file, or all of a campaign into a folder, and print the names of the files."""
     from vestige import plots
-    from vestige.errors import VestigeError
+    from vestige.errors import InputFileError, VestigeError
 
     if kind != _ALL:
         figures = [(kind, output, choice)]
@@ -172,9 +174,11 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
                 plots.write_animation(results, file, svid=of.svid, width_cm=of.width_cm)
             else:
                 plots.write(_axes(name, results, of), file, width_cm=of.width_cm)
+        except InputFileError:
+            raise
         except VestigeError as error:
             raise VestigeError(f"{path}: {error}") from error
-        click.echo(str(file))
+        echo(str(file))
 
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
@@ -203,7 +207,7 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 
     results = open_results(path, partial=True)
     if "epoch" in results.coords:
-        click.echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
+        echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
     try:
         return plots.between(results, start_s, stop_s)
     except VestigeError as error:

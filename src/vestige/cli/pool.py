@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
+
+from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the kernels; processes take 200 MB each
+_OF_DASK = ("asyncio", "distributed", "distributed.client", "distributed.comm", "distributed.core", "tornado")
 
 
 @contextmanager
@@ -28,7 +32,9 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
     if scheduler is not None:
         from vestige.campaign.cluster import connect
 
-        with connect(scheduler) as cluster:
+        for name in _OF_DASK:  # what goes wrong is said in one line, by us
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        with connect(scheduler, warn=lambda line: echo(f"vestige: {line}", err=True)) as cluster:
             yield cluster, cluster.workers
         return
 

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.follow import check_usage, cn0_estimator, follow
+from vestige.cli.follow import check_usage, cn0_estimator, follow, inputs
 from vestige.cli.options import FiniteRange, time_option
+from vestige.cli.terminal import echo
+from vestige.output import check_output
 
 if TYPE_CHECKING:
     from vestige.acas_processor.inertial_bridging import InertialBridging
@@ -108,7 +110,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
     from vestige.cli.progress import progress
     from vestige.cli.verdicts import csv_writer, print_json, print_table
     from vestige.recording.assistance import read_assistance
-    from vestige.recording.receiver_corrections import write_hardware_bias
+    from vestige.recording.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
 
@@ -118,6 +120,9 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         options["assistance_path"]
         or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
     )
+    check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
+    if options["write_bias"]:
+        check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
     found = read_assistance(
         folder,
         public_key=options["public_key"],
@@ -127,9 +132,9 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         strict=options["strict"],
     )
     for line in (*recording.notes, *found.problems, *found.missing, *found.cautions):
-        click.echo(f"warning: {line}", err=True)
+        echo(f"warning: {line}", err=True)
     if options["calibrate"]:
-        click.echo(
+        echo(
             "warning: --calibrate takes the hardware bias from this recording itself: "
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
@@ -144,7 +149,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.watch.fix.why_no_fix(sent)):
-        click.echo(f"warning: {options['navigation']}: {why}", err=True)
+        echo(f"warning: {options['navigation']}: {why}", err=True)
     with progress() as report, ExitStack() as stack:
         steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
         if options["write_bias"]:
@@ -181,19 +186,19 @@ def _label_error_s(recording: Recording, assistance: Assistance, around_s: float
     for decision in found.decisions:
         if decision.spoofed:
             times = ", ".join(str(peak.start_time) for peak in decision.peaks)
-            click.echo(
+            echo(
                 f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
                 err=True,
             )
     if found.error_s is None:
-        click.echo(
+        echo(
             f"warning: no RECS was found within the time label's ±{around_s:g} s, so the label is taken to be right "
             f"to {LABEL_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
             err=True,
         )
         return 0.0
     if abs(found.error_s) > LABEL_TOLERANCE_S:
-        click.echo(f"warning: the time label is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+        echo(f"warning: the time label is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
     return found.error_s if abs(found.error_s) > LABEL_TOLERANCE_S else 0.0
 
 
@@ -271,7 +276,7 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
         return None
     found = read_assistance(folder, public_key=options["public_key"], merkle_tree=options["merkle_tree"])
     for problem in found.problems:
-        click.echo(f"warning: {problem}", err=True)
+        echo(f"warning: {problem}", err=True)
     if not found.assistance.keys:
         raise VestigeError(
             f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "

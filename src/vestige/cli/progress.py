@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import click
+from vestige.cli.terminal import echo
+from vestige.errors import printable
 
 if TYPE_CHECKING:
     from vestige.campaign.run import Progress as CampaignProgress
@@ -34,7 +35,7 @@ def _lines() -> Iterator[Report]:
     def report(step: str, _done: int, _total: int) -> None:
         if step not in seen:
             seen.add(step)
-            click.echo(step, err=True)
+            echo(step, err=True)
 
     yield report
 
@@ -43,7 +44,7 @@ def _bar() -> Iterator[Report]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     # Results are printed meanwhile: above the bar on a terminal, and never to stderr if stdout is a file.
     console, above = Console(stderr=True), sys.stdout.isatty()
     with Progress(*columns, console=console, transient=True, redirect_stdout=above) as bar:
@@ -51,7 +52,7 @@ def _bar() -> Iterator[Report]:
 
         def report(step: str, done: int, total: int) -> None:
             if step not in tasks:
-                tasks[step] = bar.add_task(step, total=total)
+                tasks[step] = bar.add_task(printable(step), total=total)
             bar.update(tasks[step], completed=done)
 
         yield report
@@ -73,7 +74,7 @@ def _campaign_lines() -> Iterator[Callable[[str, CampaignProgress], None]]:
         nonlocal last_s
         if time.monotonic() - last_s >= LINE_EVERY_S:
             last_s = time.monotonic()
-            click.echo(f"{name}: {now.epochs_done} of {now.epochs_total} epochs, {_pace(now)}", err=True)
+            echo(f"{name}: {now.epochs_done} of {now.epochs_total} epochs, {_pace(now)}", err=True)
 
     yield report
 
@@ -82,13 +83,15 @@ def _campaign_bar() -> Iterator[Callable[[str, CampaignProgress], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+    name, pace = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[pace]}")
+    columns = (name, BarColumn(), MofNCompleteColumn(), pace)
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, refresh_per_second=REDRAWS_PER_S) as bar:
         task = bar.add_task("", total=None, pace="")
 
         def report(name: str, now: CampaignProgress) -> None:
-            bar.update(task, description=name, completed=now.epochs_done, total=now.epochs_total, pace=_pace(now))
+            done, total = now.epochs_done, now.epochs_total
+            bar.update(task, description=printable(name), completed=done, total=total, pace=_pace(now))
 
         yield report
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import time_option
+from vestige.cli.terminal import echo
+from vestige.output import check_output, replacement
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -90,7 +92,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
         if not as_json:
             _print_description(described[-1])
     if as_json:
-        click.echo(json.dumps({"files": described}))
+        echo(json.dumps({"files": described}))
     _raise_last(errors)
 
 
@@ -124,6 +126,7 @@ def decrypt(
 
     if public_key is None and merkle_tree is None:
         raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+    check_output(output, (file, key_file, public_key, merkle_tree))
     recs = read(file, reference=reference)
     keys = {key.time: key for key in read_key_file(key_file, load_public_keys(public_key, merkle_tree))}
     packed, rows = _decrypt_segments(recs.segments, keys, CipherMode(mode))
@@ -131,15 +134,16 @@ def decrypt(
         times = sorted({segment.key_time for segment in recs.segments})
         raise VestigeError(f"{file}: {key_file} has none of the keys that it needs, from {times[0]} to {times[-1]}")
     if output is not None:
-        output.write_bytes(packed)
+        with replacement(output) as part:
+            part.write_bytes(packed)
     if as_json:
-        click.echo(json.dumps({"file": str(file), "output": output and str(output), "mode": mode, "segments": rows}))
+        echo(json.dumps({"file": str(file), "output": output and str(output), "mode": mode, "segments": rows}))
         return
     for row in rows:
         state = (
             f"bytes {row['offset']}+{row['n_bytes']}  SHA-256 {row['sha256'][:16]}…" if row["decrypted"] else "no key"
         )
-        click.echo(f"E{row['svid']:02d}  {row['transmit_time']}  key {row['key_time']}  {state}")
+        echo(f"E{row['svid']:02d}  {row['transmit_time']}  key {row['key_time']}  {state}")
 
 
 def _describe(file: RecsFile) -> dict[str, Any]:
@@ -179,7 +183,7 @@ def _print_description(file: dict[str, Any]) -> None:
     ]
     if last is not first:
         lines.append(f"  last  at {last['transmit_time']}, key of {last['key_time']}; every {file['period_s']:g} s")
-    click.echo("\n".join(lines))
+    echo(*lines)
 
 
 def _decrypt_segments(
@@ -210,6 +214,6 @@ def _decrypt_segments(
 
 def _raise_last(errors: Sequence[VestigeError]) -> None:
     for earlier in errors[:-1]:
-        click.echo(f"vestige: {earlier}", err=True)
+        echo(f"vestige: {earlier}", err=True)
     if errors:
         raise errors[-1]

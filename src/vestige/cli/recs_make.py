@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vestige.cli.options import FiniteRange, time_option
+from vestige.cli.terminal import echo
 
 _path = click.Path(path_type=Path)
 
@@ -74,7 +75,7 @@ def command(
             progress=lambda done, total: report("E1 search", done, total),
         )
     if as_json:
-        click.echo(
+        echo(
             json.dumps(
                 {
                     "folder": str(output),
@@ -86,7 +87,7 @@ def command(
             )
         )
         return
-    click.echo(f"{output}: {len(made.segments)} RECS of {length_ms} ms")
+    echo(f"{output}: {len(made.segments)} RECS of {length_ms} ms")
     for time in sorted({segment.transmit_time for segment in made.segments}):
         names = " ".join(f"E{segment.svid:02d}" for segment in made.segments if segment.transmit_time == time)
-        click.echo(f"  sent {time}: {names}")
+        echo(f"  sent {time}: {names}")

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.terminal import echo
+
 if TYPE_CHECKING:
     from vestige.report import Page
 
@@ -31,7 +33,7 @@ def command(result: Path, output: Path, question: str) -> None:
     from vestige.report import write_page
 
     write_page(_page(result, question), output)
-    click.echo(str(output))
+    echo(str(output))
 
 
 def _page(path: Path, question: str) -> Page:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from vestige.cli.terminal import echo
+
 
 @click.command()
 @click.argument("results_path", metavar="RESULTS", type=click.Path(path_type=Path))
@@ -28,7 +30,7 @@ def command(results_path: Path, output: Path) -> None:
     except VestigeError as error:
         raise VestigeError(f"{results_path}: {error}") from error
     for path in written.files:
-        click.echo(str(path))
+        echo(str(path))
     satellites = ", ".join(f"E{svid:02d}" for svid in written.svids)
-    click.echo(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides", err=True)
-    click.echo(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}", err=True)
+    echo(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides", err=True)
+    echo(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}", err=True)

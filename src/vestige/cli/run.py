@@ -10,6 +10,8 @@ import click
 
 from vestige.cli.options import WidthType
 from vestige.cli.pool import MAX_THREADS, pool
+from vestige.cli.terminal import echo
+from vestige.output import check_output
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
@@ -68,6 +70,7 @@ def command(
         raise click.UsageError("--width needs --sweep: a single campaign has the epochs of its scenario")
     if scheduler is not None and (workers, threads) != (None, None):
         raise click.UsageError("--scheduler has the cluster's workers: -j, --threads and --processes choose nothing")
+    check_output(output, (scenario,), folder=True)
     os.environ.update(ONE_THREAD)  # before numpy is loaded: chunks are what runs in parallel, and bits stay the same
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
     how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
@@ -98,7 +101,7 @@ def command(
             progress=lambda now: report(scenario.stem, now),
             **how,  # type: ignore[arg-type]
         )
-    click.echo(campaign_json(results) if as_json else campaign_text(results, output))
+    echo(*(campaign_json(results) if as_json else campaign_text(results, output)).split("\n"))
 
 
 def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
@@ -117,7 +120,7 @@ def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
     from vestige.scenario.cautions import cautions
 
     for line in dict.fromkeys(line for scenario in scenarios for line in cautions(scenario)):
-        click.echo(f"vestige: {path}: {line}", err=True)
+        echo(f"vestige: {path}: {line}", err=True)
 
 
 def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
@@ -127,7 +130,7 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
     for store in stores:
         if chunk_epochs is not None and (kept := kept_chunk_epochs(store, chunk_epochs)) is not None:
             line = f"chunks of {kept} epochs, as when the store was made; --chunk {chunk_epochs} changes nothing"
-            click.echo(f"vestige: {store}: {line}", err=True)
+            echo(f"vestige: {store}: {line}", err=True)
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
@@ -158,4 +161,4 @@ def _run_sweep(
     folder.mkdir(parents=True, exist_ok=True)
     with campaign_progress() as report:
         rows = list(run_sweep(campaigns, folder, width=narrow, progress=report, **how))
-    click.echo(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE))
+    echo(*(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE)).split("\n"))

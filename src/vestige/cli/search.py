@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import FiniteRange, parse_svids, time_option
+from vestige.cli.terminal import echo
+from vestige.output import check_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -96,13 +98,13 @@ def e1(
         )  # fmt: skip
     if as_json:
         fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
-        click.echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
+        echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
         return
     if not found:
-        click.echo("no signal found")
+        echo("no signal found")
     for one in found:
         rank = "" if sum(other.svid == one.svid for other in found) == 1 else "  one of several: spoofing"
-        click.echo(
+        echo(
             f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
             f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rank}"
         )
@@ -139,7 +141,8 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     recording = _open(recording_path, start)
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
-    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids), around_s)
+    folder = _assistance_folder(recording_path, options["assistance"])
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s)
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
     signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
@@ -163,7 +166,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         decision = decide_vestigial(code.svid, peaks, proof)
         answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if budget.hypotheses:
-            click.echo(places_line(code.svid, budget), err=True)
+            echo(places_line(code.svid, budget), err=True)
     figure.write([(one.decision, one.budget) for one in answers])
     print_answers(answers, as_json=as_json)
 
@@ -197,9 +200,11 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 
     recording = _open(recording_path, start)
+    folder = _assistance_folder(recording_path, options["assistance"])
+    check_output(options["output"], (recording_path, *recording.description.files, folder))
     e6 = _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
-    codes, assistance = _codes(recording, recording_path, options["assistance"], parse_svids(svids), around_s)
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s)
     search = ExhaustiveSearch(
         integration_s=float(options["integration_ms"]) * 1e-3,
         doppler_span_hz=options["doppler_span_hz"],
@@ -266,7 +271,7 @@ def _log(
 
 
 def _say_jump(jump: Jump) -> None:
-    click.echo(
+    echo(
         f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
         "sample: samples are missing there, or one signal takes the place of another",
         err=True,
@@ -278,7 +283,7 @@ def _open(path: Path, start: GalileoTime | None) -> Recording:
 
     recording = open_recording(path, start=start)
     for line in recording.notes:
-        click.echo(f"warning: {line}", err=True)
+        echo(f"warning: {line}", err=True)
     return recording
 
 
@@ -291,8 +296,12 @@ def _reader(recording: Recording, band: Any) -> SampleReader:
     return reader
 
 
+def _assistance_folder(recording: Path, given: Path | None) -> Path:
+    return given or (recording if recording.is_dir() else recording.parent) / "assistance"
+
+
 def _codes(
-    recording: Recording, path: Path, folder: Path | None, svids: tuple[int, ...], around_s: float
+    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float
 ) -> tuple[list[ChipSequence], Assistance]:
     """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
     from vestige.crypto.recs import decrypt
@@ -300,12 +309,11 @@ def _codes(
     from vestige.recording.assistance import read_assistance
     from vestige.recording.snapshots import time_span
 
-    folder = folder or (path if path.is_dir() else path.parent) / "assistance"
     found = read_assistance(
         folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
     )
     for line in (*found.problems, *found.missing, *found.cautions):
-        click.echo(f"warning: {line}", err=True)
+        echo(f"warning: {line}", err=True)
     keys = {key.time: key for key in found.assistance.keys}
     segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
     if not segments:
@@ -317,7 +325,7 @@ def _around_s(recording: Recording, uncertainty_s: float | None) -> float:
     """Return the bound on the clock's error; says what follows if there is none."""
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
-        click.echo(
+        echo(
             "warning: no bound on the time label's error (--uncertainty-s): "
             "nothing that is found is provably from before the disclosure of its key",
             err=True,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class SearchFigure:
             peaks=[(peak.start_time - sent, peak.magnitude) for peak in decision.peaks],
         )
         plots.write(plots.vestigial_search(trace, title=f"{self.title}, E{decision.svid:02d}"), self.file)
-        click.echo(str(self.file), err=True)
+        echo(str(self.file), err=True)
 
 
 def draw_e1(
@@ -100,7 +101,7 @@ def draw_e1(
         title=f"E1, E{powers.svid:02d}",
     )
     plots.write(ax, file)
-    click.echo(str(file), err=True)
+    echo(str(file), err=True)
 
 
 def _check(file: Path, svids: set[int]) -> None:

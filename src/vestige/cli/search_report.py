@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import click
+from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
     from vestige.acas_processor.search_budget import SearchBudget
@@ -52,7 +52,7 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
         ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
     )
     for name, value in lines:
-        click.echo(f"{name:26}{value}", err=True)
+        echo(f"{name:26}{value}", err=True)
 
 
 def places_line(svid: int, budget: SearchBudget) -> str:
@@ -86,7 +86,7 @@ def follow(
     state, done = before, 0.0
     if before is not None:
         done = before.done
-        click.echo(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks", err=True)
+        echo(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks", err=True)
     begin = reported = time.monotonic()
     try:
         for latest in states:
@@ -95,10 +95,10 @@ def follow(
             state = latest
             each(state.block_start, state.block_magnitude)
             for peak in news:
-                click.echo(f"found: {_peak_line(peak)}", err=True)
+                echo(f"found: {_peak_line(peak)}", err=True)
             if news or now - reported > REPORT_EVERY_S:
                 rate = max(state.done - done, 1.0) / max(now - begin, 1e-9)
-                click.echo(
+                echo(
                     f"{state.done / max(state.total, 1):6.1%}  {rate / 1e6:.0f} million hypotheses/s  "
                     f"{(state.total - state.done) / rate:.0f} s left  {len(state.peaks)} peaks",
                     err=True,
@@ -129,17 +129,17 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
             }
             for one in answers
         ]
-        click.echo(json.dumps({"complete": unsearched is None, "satellites": results}))
+        echo(json.dumps({"complete": unsearched is None, "satellites": results}))
         return
     for one in answers:
         if not one.budget.hypotheses:
-            click.echo(f"E{one.decision.svid:02d}  not searched: {_NOWHERE}")
+            echo(f"E{one.decision.svid:02d}  not searched: {_NOWHERE}")
         elif not one.decision.peaks:
-            click.echo(f"E{one.decision.svid:02d}  not found")
+            echo(f"E{one.decision.svid:02d}  not found")
         for peak in one.decision.peaks:
-            click.echo(f"{_peak_line(peak)}  {_role(peak, one)}")
+            echo(f"{_peak_line(peak)}  {_role(peak, one)}")
     if unsearched is not None:
-        click.echo(f"INTERRUPTED: from {unsearched} on not all was searched, there may be later signals")
+        echo(f"INTERRUPTED: from {unsearched} on not all was searched, there may be later signals")
 
 
 def _role(peak: Peak, answer: Answer) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import FiniteRange
+from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
@@ -64,7 +65,7 @@ def command(scenario: Path, **options: Any) -> None:
     size = f"{source.duration_s:g} s of E1 and E6: {gigabytes:.3g} GB"
     if gigabytes > options["max_gb"]:
         raise VestigeError(f"{size}, which is more than --max-gb {options['max_gb']:g}")
-    click.echo(f"{size}, about {max(source.seconds_to_write(), 1.0):.0f} s of computing on this machine", err=True)
+    echo(f"{size}, about {max(source.seconds_to_write(), 1.0):.0f} s of computing on this machine", err=True)
     with progress() as report:
         files = source.write(
             options["output"],
@@ -74,7 +75,7 @@ def command(scenario: Path, **options: Any) -> None:
             progress=report,
         )
     for path in files:
-        click.echo(str(path))
+        echo(str(path))
 
 
 def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:

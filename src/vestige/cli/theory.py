@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.terminal import echo
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -93,7 +95,7 @@ def command(
         "cn0_required_dbhz": float(theory.required_cn0_dbhz(p_d, *case)),
     }
     if as_json:
-        click.echo(json.dumps(result))
+        echo(json.dumps(result))
     else:
         _print_result(result)
 
@@ -115,7 +117,7 @@ def _print_result(result: Mapping[str, float]) -> None:
     )
     width = max(len(name) for name, _ in lines)
     for name, value in lines:
-        click.echo(f"{name:{width}}  {value}")
+        echo(f"{name:{width}}  {value}")
 
 
 def _print_paper(as_json: bool) -> None:
@@ -123,9 +125,7 @@ def _print_paper(as_json: bool) -> None:
 
     rows = paper_numbers()
     if as_json:
-        click.echo(
-            json.dumps({"rows": [_as_dict(row) for row in rows], "not_computed": NOT_COMPUTED}, ensure_ascii=False)
-        )
+        echo(json.dumps({"rows": [_as_dict(row) for row in rows], "not_computed": NOT_COMPUTED}, ensure_ascii=False))
         return
     table = [("row", "where", "printed", "quantity", "recomputed", "verdict")]
     for row in rows:
@@ -134,7 +134,7 @@ def _print_paper(as_json: bool) -> None:
             table.append((*first, quantity.name, quantity.text, row.verdict if line == 0 else ""))
     _print_table(table)
     for number, reason in NOT_COMPUTED.items():
-        click.echo(f"row {number} is not computed: {reason}")
+        echo(f"row {number} is not computed: {reason}")
 
 
 def _as_dict(row: PaperNumber) -> dict[str, Any]:
@@ -153,4 +153,4 @@ def _as_dict(row: PaperNumber) -> dict[str, Any]:
 def _print_table(table: Sequence[tuple[str, ...]]) -> None:
     widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
     for row in table:
-        click.echo("  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+        echo("  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())

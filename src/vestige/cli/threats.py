@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from vestige.cli.pool import pool
+from vestige.cli.terminal import echo
+from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,18 +86,18 @@ def command(
 
     threats, shown = _chosen(read_threats(), ids), levels or LEVELS
     if expected:
-        click.echo(
-            threats_json([], threats) if as_json else "\n".join(expectations_text(threats, one) for one in shown)
-        )
+        tables = [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in shown]
+        echo(*"\n".join(tables).split("\n"))
         return
     chosen = tuple(case_of(path.stem, _load(path, quick)) for path in files) or cases(threats)
     seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
     with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
         cells = list(_measured(chosen, seeds, output, executor, calls))
-    click.echo(threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown))
+    text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
+    echo(*text.split("\n"))
     if output is not None:
         for path in _written(output, cells):
-            click.echo(f"written: {path}", err=as_json)
+            echo(f"written: {path}", err=as_json)
 
 
 def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:
@@ -106,7 +109,6 @@ def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, 
 
 
 def _load(path: Path, quick: bool) -> CampaignScenario:
-    from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.cautions import cautions
     from vestige.scenario.load import load_scenario
@@ -115,7 +117,7 @@ def _load(path: Path, quick: bool) -> CampaignScenario:
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
     for line in cautions(scenario):
-        click.echo(f"vestige: {path}: {line}", err=True)
+        echo(f"vestige: {path}: {line}", err=True)
     return scenario
 
 
@@ -126,12 +128,15 @@ def _measured(
     from vestige.campaign.threat_matrix import measure_threats
     from vestige.cli.progress import progress
 
+    kept = "" if output is None else f"what was measured is stored in {output}; the same command again continues there"
     try:
         with progress() as report:
             yield from measure_threats(chosen, seeds, executor, workers=calls, folder=output, progress=report)
+    except BrokenExecutor as error:
+        raise VestigeError(f"workers were lost ({error})" + (f"; {kept}" if kept else "")) from error
     except KeyboardInterrupt as stop:
-        if output is not None:
-            stop.add_note(f"what was measured is stored in {output}; the same command again continues there")
+        if kept:
+            stop.add_note(kept)
         raise
 
 

@@ -12,10 +12,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
+from vestige.cli.terminal import echo
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import VestigeError
 from vestige.measurement import Measurement, SatelliteMeasurement
+from vestige.output import replacement
 from vestige.records import Outcome, Status, Verdict
 
 if TYPE_CHECKING:
@@ -168,12 +169,12 @@ def print_snapshot(step: Step) -> None:
     for verdict in step.verdicts[:1]:
         known_at = next((one.available_at for one in step.verdicts if one.available_at), None)
         known = f", known from {known_at}" if known_at else ""
-        click.echo(f"\nsnapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
-        click.echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
+        echo("", f"snapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
+        echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
     for verdict in step.verdicts:
         row = _row(verdict, step.measurement)
         cn0, magnitude, offset = row["cn0_e1_dbhz"], row["magnitude_sigma"], row["range_offset_m"]
-        click.echo(
+        echo(
             f"  E{verdict.svid:02d}   "
             f"{'   - ' if cn0 is None else f'{cn0:4.1f} dBHz'} "
             f"{'     -   ' if magnitude is None else f'{magnitude:6.1f} σ '}"
@@ -181,7 +182,7 @@ def print_snapshot(step: Step) -> None:
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
         if row["true_offset_m"] is not None:
-            click.echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
     _print_position(step)
     _print_not_run(step.verdicts)
 
@@ -189,7 +190,7 @@ def print_snapshot(step: Step) -> None:
 def _print_position(step: Step) -> None:
     if (found := step.position) is not None:
         earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
-        click.echo(
+        echo(
             f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
             f"(1σ {found.horizontal_sigma_m:.1f} m, height {found.vertical_sigma_m:.1f} m) "
             f"from {len(found.svids)} authentic ranges{earlier}, known after {found.latency_s:.1f} s"
@@ -201,7 +202,7 @@ def print_changes(step: Step) -> None:
     for change in step.changes:
         what = "ALARM" if change.alarm else "state"
         why = f": {change.reason}" if change.reason and change.after is not Status.AUTHENTIC else ""
-        click.echo(f"{what} {change.time} E{change.svid:02d}: {change.before.name} -> {change.after.name}{why}")
+        echo(f"{what} {change.time} E{change.svid:02d}: {change.before.name} -> {change.after.name}{why}")
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
@@ -212,7 +213,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
     ):
         why[reason].append(name)
     for reason, names in why.items():
-        click.echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
+        echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
 def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> None:
@@ -222,36 +223,55 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> None:
         print_snapshot(step)
         tally.add(step)
     if tally.nothing:
-        click.echo(f"{tally.nothing}; vestige inspect says what is there")
-    click.echo(f"\nhardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
+        echo(f"{tally.nothing}; vestige inspect says what is there")
+    echo("", f"hardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
     print_not_seen(tally)
-    click.echo(f"result: {tally}")
+    echo(f"result: {tally}")
 
 
 def print_not_seen(tally: Tally, *, err: bool = False) -> None:
     """Print the satellites with RECS that E1 never showed, if there are any."""
     if unseen := tally.not_seen_on_e1:
-        click.echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
+        echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
 
 
 def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
     """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
     tally, separator, found = Tally(), "", []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
-    click.echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
+    echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
     for step in steps:
         for entry in entries(step):
-            click.echo(separator + json.dumps(entry, allow_nan=False), nl=False)
+            echo(separator + json.dumps(entry, allow_nan=False), nl=False)
             separator = ", "
         found += positions(step)
         tally.add(step)
-    click.echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
+    echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
 
 
 @contextmanager
 def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
-    """Yield a function that writes the verdicts of a snapshot to a table."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    """Yield a function that writes the verdicts of a snapshot to a table.
+
+    After Ctrl-C or damaged input the table has the verdicts until then, and the exception has a note that says so.
+    """
+    stop: BaseException | None = None
+    with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
-        yield lambda step: writer.writerows(_row(verdict, step.measurement) for verdict in step.verdicts)
+        written = False
+
+        def write(step: Step) -> None:
+            nonlocal written
+            writer.writerows(_row(verdict, step.measurement) for verdict in step.verdicts)
+            written = True
+
+        try:
+            yield write
+        except (KeyboardInterrupt, VestigeError) as error:
+            if not written:
+                raise
+            stop = error
+    if stop is not None:
+        stop.add_note(f"{path} has the verdicts until then")
+        raise stop

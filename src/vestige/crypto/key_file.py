@@ -31,6 +31,7 @@ from vestige.crypto.public_key import PublicKey
 from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.tesla import Chain, Key, validate
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.output import replacement
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
@@ -64,9 +65,8 @@ def write_key_file(path: Path, keys: Sequence[ValidatedKey], roots: Sequence[Roo
             f"{key.time.week},{key.time.second},{key.chain_id},{key.data.hex()},"
             f"{disclosed.week},{disclosed.second},{key.time}"
         )
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text("\n".join(lines) + "\n", "ascii")
-    unfinished.replace(path)
+    with replacement(path) as part:
+        part.write_text("\n".join(lines) + "\n", "ascii")
 
 
 def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[ValidatedKey, ...]:

@@ -9,6 +9,7 @@ import xarray
 from jaxtyping import Float
 from matplotlib.animation import PillowWriter
 
+from vestige.output import replacement
 from vestige.plots.attack_comparison import DETECTORS, counterfeits
 from vestige.plots.epochs import attribute, column, is_attacked, magnitudes_sigma, select, thinned, title_of
 from vestige.plots.figure import (
@@ -87,7 +88,7 @@ def write_animation(
     figure.set_layout_engine("none")  # the layout of the first frame is that of all: nothing moves but the signal
 
     writer = PillowWriter(fps=FRAMES_A_S)
-    with writer.saving(figure, str(path), DPI):
+    with replacement(Path(path)) as part, writer.saving(figure, str(part), DPI):
         for epoch, at_s in enumerate(time_s):
             curve.set_data(offsets_m, magnitude[epoch])
             for name, mark in marks.items():

@@ -16,6 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 
+from vestige.output import replacement
+
 WIDTH_CM = 8.0  # [WFO], all figures
 HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
@@ -121,4 +123,5 @@ def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
     if width_cm is not None:
         width_inches, height_inches = figure.get_size_inches()
         figure.set_size_inches(width_cm / CM_PER_INCH, height_inches * width_cm / CM_PER_INCH / width_inches)
-    figure.savefig(path, dpi=DPI)
+    with replacement(path) as part:
+        figure.savefig(part, dpi=DPI)

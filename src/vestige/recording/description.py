@@ -105,6 +105,13 @@ class RecordingDescription:
     def __post_init__(self) -> None:
         require_time_uncertainty(self.time_uncertainty_s)
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Return the files that hold and describe the recording."""
+        described = (path for file in self.bands.values() for path in (file.path, file.described_in))
+        observations = () if self.observations is None else (self.observations,)
+        return tuple(dict.fromkeys((self.path, *described, *observations)))
+
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
     """Return the band whose carrier lies in the sampled spectrum (the nearest one), or None."""

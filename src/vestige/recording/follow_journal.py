@@ -21,6 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 from vestige.acas_processor.watch import WatchState
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
+from vestige.output import check_output, replacement
 from vestige.time import GalileoTime
 
 LINES, STATE = "verdicts.jsonl", "state.json"
@@ -76,6 +77,7 @@ class FollowJournal:
         self._lock = os.open(folder, os.O_RDONLY)
         try:
             self.progress, self._n_bytes = self._opened()
+            check_output(folder / LINES, ())  # no link to another file
             self._lines = (folder / LINES).open("ab")
             self._lines.truncate(self._n_bytes)
         except BaseException:
@@ -88,7 +90,7 @@ class FollowJournal:
         except OSError as error:
             raise InputFileError(self._folder, "folder", "another process that writes it", "one at a time") from error
         if not (self._folder / STATE).exists():
-            if any(path.name != f".{STATE}" for path in self._folder.iterdir()):
+            if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
                 raise InputFileError(self._folder, "folder", "something there already", expected)
             self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, progress=None))
@@ -129,12 +131,8 @@ class FollowJournal:
 
     def _keep(self, state: _State) -> None:
         text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite bound stays what it is
-        new = self._folder / f".{STATE}"
-        with new.open("w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        new.replace(self._folder / STATE)
+        with replacement(self._folder / STATE) as part:
+            part.write_text(text, encoding="utf-8")
         os.fsync(self._lock)
 
     def __enter__(self) -> FollowJournal:

@@ -45,7 +45,7 @@ class GrowingAssistance:
         certificates: Sequence[Path] = (),
         warn: Callable[[VestigeError], None],
     ) -> None:
-        self._folder = folder
+        self.path = folder
         self._trust = {"public_key": public_key, "merkle_tree": merkle_tree}
         self._certificates = certificates
         self._warn = warn
@@ -101,7 +101,7 @@ class GrowingAssistance:
 
     def _read(self, window: tuple[GalileoTime, GalileoTime]) -> None:
         self.found = read_assistance(
-            self._folder,
+            self.path,
             public_key=self._trust["public_key"],
             merkle_tree=self._trust["merkle_tree"],
             certificates=self._certificates,
@@ -118,7 +118,7 @@ class GrowingAssistance:
     def _files(self) -> _Stamp:
         """Return what changes when a file of the folder, or one folder below, changes."""
         found = set()
-        for path in (*self._folder.glob("*"), *self._folder.glob("*/*")):
+        for path in (*self.path.glob("*"), *self.path.glob("*/*")):
             try:
                 state = path.stat()
             except OSError:  # gone since it was listed

@@ -16,10 +16,10 @@ from pathlib import Path
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import LENGTHS, SegmentLength, encrypt, key_time
 from vestige.errors import VestigeError
+from vestige.output import new_folder
 from vestige.recording.assistance import read_assistance
 from vestige.recording.assistance_files import KEYS_NAME, kind_of
 from vestige.recording.assistance_writer import write_assistance
-from vestige.recording.new_folder import new_folder
 from vestige.recording.recording import Recording
 from vestige.recording.snapshots import ALL_SVIDS, satellites_in_view
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay

@@ -20,6 +20,7 @@ from pathlib import Path
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
+from vestige.output import replacement
 from vestige.recording.observation_epoch import checked_svid
 from vestige.recording.text_lines import numbered_lines
 
@@ -86,7 +87,8 @@ def read_ionosphere(path: Path) -> Mapping[int, float]:
 def write_hardware_bias(folder: Path, bias_s: float) -> Path:
     """Write `receiver.toml` with the delay of the E6 front end minus that of E1 in s, and return its path."""
     path = folder / RECEIVER_NAME
-    path.write_text(f"hardware_bias_e1_e6_s = {float(bias_s)!r}\n", encoding="ascii", newline="\n")
+    with replacement(path) as part:
+        part.write_text(f"hardware_bias_e1_e6_s = {float(bias_s)!r}\n", encoding="ascii", newline="\n")
     return path
 
 

@@ -1,7 +1,7 @@
 """What exhaustive searches have found so far, in a file: no interruption loses it, and the same search goes on from it.
 
-The file is replaced as a whole, so it is complete at any moment. It holds what identifies the searches (`of`), so that
-nobody goes on with another one's state, and one state for each name.
+The file is replaced as a whole, after the new one is on the disk, so it is complete at any moment. It holds what
+identifies the searches (`of`), so that nobody goes on with another one's state, and one state for each name.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from vestige.errors import InputFileError, VestigeError
+from vestige.errors import InputFileError
+from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 from vestige.sample_processor.search.peak import Peak
 from vestige.time import GalileoTime
@@ -61,12 +62,8 @@ class SearchLog:
         """Take over a state, and write the file."""
         self.states[name] = state
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
-        part = self.path.with_name(self.path.name + ".part")
-        try:
+        with replacement(self.path) as part:
             part.write_text(json.dumps(content, indent=1) + "\n")
-            part.replace(self.path)
-        except OSError as error:
-            raise VestigeError(f"{self.path}: {error.strerror}") from error
 
 
 def _state(content: dict[str, Any]) -> SearchState:

@@ -73,7 +73,8 @@ class SigmfWriter:
         self._count = 0
         self._hash = hashlib.sha512()
         self._part = self.data.with_name(self.data.name + ".part")
-        self._stream = self._part.open("wb")
+        self._part.unlink(missing_ok=True)  # of a run that was killed
+        self._stream = self._part.open("xb")  # never through a link that somebody prepared
 
     def __enter__(self) -> SigmfWriter:
         return self
@@ -84,8 +85,8 @@ class SigmfWriter:
         if kind is None:
             self.close()
         else:
+            self._part.unlink(missing_ok=True)  # first: on a full disk closing fails
             self._stream.close()
-            self._part.unlink(missing_ok=True)
 
     def append(self, batch: SampleBatch) -> None:
         """Write the samples that follow those before.
@@ -110,7 +111,11 @@ class SigmfWriter:
 
     def close(self) -> None:
         """Give the samples their name and write the metadata."""
-        self._stream.close()
+        try:
+            self._stream.close()
+        except OSError:
+            self._part.unlink(missing_ok=True)
+            raise
         if self._first is None or self._count == 0:
             self._part.unlink(missing_ok=True)
             raise ValueError("a recording must have samples")

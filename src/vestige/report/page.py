@@ -17,6 +17,7 @@ from string import Template
 from typing import Any
 
 from vestige.errors import InputFileError
+from vestige.output import replacement
 from vestige.report.markup import Html, joined, markup
 
 MARK = '<meta name="generator" content="vestige report'
@@ -73,14 +74,8 @@ def write_page(page: Page, path: Path) -> None:
     """
     if path.exists() and not is_report(path):
         raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with replacement(path) as part:
         part.write_text(page.html(), encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        error.filename, error.filename2 = str(path), None
-        part.unlink(missing_ok=True)
-        raise
 
 
 def is_report(path: Path) -> bool:

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from vestige.errors import VestigeError
+from vestige.output import new_folder
 from vestige.receiver.recorder import ReceivedSatellite, record_band
 from vestige.recording.exports import COPY_BYTES, export
-from vestige.recording.new_folder import new_folder
 from vestige.recording.recording import open_recording
 from vestige.recording.sample_format import Component, SampleFormat
 from vestige.recording.sigmf_writer import SigmfWriter, write_collection

@@ -7,7 +7,9 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +95,67 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
         with pytest.raises(VestigeError, match="workers were lost"):
             run(slow, tmp_path / "a.zarr", chunk_epochs=20, executor=executor, progress=leave)
     assert_right(run(PLAN, tmp_path / "a.zarr"))
+
+
+def test_a_scheduler_that_went_away_before_a_call(tmp_path: Path) -> None:
+    with started(processes=False, n_workers=1) as other, connect(other.scheduler_address) as executor:
+        executor._client.close()
+        with pytest.raises(BrokenExecutor, match=f"^{other.scheduler_address}: the dask scheduler does not answer$"):
+            executor.submit(os.getpid)
+
+
+def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
+    """Of `threats`, too; dask and asyncio say nothing of their own."""
+    script = (
+        "import sys\n"
+        "from distributed import LocalCluster\n"
+        "from vestige.cli import threats\n"
+        "from vestige.cli.main import main\n"
+        "import vestige.campaign.threat_matrix as matrix\n"
+        "if __name__ == '__main__':\n"
+        "    cluster = LocalCluster(n_workers=1, processes=False, dashboard_address=':0', protocol='tcp')\n"
+        "    submitted = matrix.measure_threats\n"
+        "    def measured(*arguments, **options):\n"
+        "        cluster.close()\n"
+        "        return submitted(*arguments, **options)\n"
+        "    matrix.measure_threats = measured\n"
+        "    main(['threats', '--only', 'A1', '--seeds', '1', '-o', sys.argv[1], '--scheduler',"
+        " cluster.scheduler_address])\n"
+    )
+    (tmp_path / "script.py").write_text(script)
+    command = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "out")]
+    found = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)  # noqa: S603
+    lines = [line for line in found.stderr.splitlines() if "attacked runs" not in line]
+    assert found.returncode == 1
+    assert len(lines) == 1, found.stderr
+    assert lines[0].startswith("vestige: workers were lost (tcp://")
+    assert "the dask scheduler does not answer); what was measured is stored in" in lines[0]
+
+
+def test_no_workers_left_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vestige.campaign.cluster.NO_WORKERS_S", 0.1)
+    monkeypatch.setattr("vestige.campaign.cluster.LOOK_EVERY_S", 0.02)
+    told: list[str] = []
+    with started(processes=False, n_workers=1) as other:
+        with connect(other.scheduler_address, warn=told.append) as executor:
+            assert executor.submit(int, "7").result() == 7
+            other.scale(0)
+            _wait(lambda: told)
+            waiting = executor.submit(int, "8")
+            other.scale(1)
+            assert waiting.result(timeout=60) == 8
+            _wait(lambda: len(told) == 2)
+        assert told == [
+            f"{other.scheduler_address}: the dask cluster has no workers left; waiting for new ones",
+            f"{other.scheduler_address}: the dask cluster has workers again: 1",
+        ]
+
+
+def _wait(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 60
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert condition()
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

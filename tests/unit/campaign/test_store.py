@@ -138,7 +138,7 @@ def test_a_record_that_was_torn(tmp_path: Path, content: bytes) -> None:
     ("other", "message"),
     [
         (ToyPlan(n_epochs=10, seed=2), "seed: found 1, expected 2, as in this run"),
-        (ToyPlan(n_epochs=10, scenario="another"), "scenario: found a toy.with two lines, expected another"),
+        (ToyPlan(n_epochs=10, scenario="another"), r"scenario: found a toy\\nwith two lines, expected another"),
         (ToyPlan(n_epochs=11), "n_epochs: found 10, expected 11"),
     ],
 )
