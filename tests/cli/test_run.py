@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 
 from builders import MEACONED
 from vestige.campaign.executors import ONE_THREAD
-from vestige.campaign.store import open_results
+from vestige.campaign.results import open_results
 from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.plot import command as plot
 from vestige.cli.run import command
@@ -81,7 +81,7 @@ def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None
     """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
     short = ("--set", "epochs=520", "--fidelity", "correlators")
     assert _invoke(SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", *short).exception is None
-    aimed = open_results(tmp_path / "a").load()
+    aimed = open_results(tmp_path / "a").dataset.load()
     noise = aimed.assign(truth_spoofed=aimed["truth_spoofed"] & False).assign_coords(svid=("satellite", [12]))
     one = attack_lines(aimed)
     assert [len(one), one[0].split(":")[0]] == [3, "attack on E11"]
@@ -139,7 +139,7 @@ def test_a_sweep_writes_over_nothing_else(tmp_path: Path) -> None:
     assert _invoke(QUICK, "-o", alone, "--set", "epochs=5").exception is None
     into_store = _invoke(QUICK, "-o", alone, "--set", "epochs=5", "--sweep", "seed=1,2").exception
     assert str(into_store).startswith(f"{alone}: sweep: found the store of one campaign, expected a folder")
-    assert open_results(alone).sizes["epoch"] == 5
+    assert open_results(alone).dataset.sizes["epoch"] == 5
     assert not list(alone.glob("seed*"))
 
     assert _invoke(QUICK, "-o", swept, "--sweep", "epochs=5,6").exception is None
@@ -225,7 +225,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
     (line,) = err.split("\n")[-2:-1]
-    kept = open_results(tmp_path / "a", partial=True).sizes["epoch"]
+    kept = open_results(tmp_path / "a", partial=True).dataset.sizes["epoch"]
     expected = f"{kept} of 40000 epochs are stored in {tmp_path / 'a'}; the same run again continues there"
     assert line == f"interrupted; {expected}"
     assert err.strip() == line
@@ -236,7 +236,7 @@ def test_samples_and_workers(tmp_path: Path) -> None:
     for name, workers in (("one", ()), ("two", ("-j", 2, "--threads"))):
         result = _invoke(QUICK, "-o", tmp_path / name, *settings, *workers)
         assert result.exception is None
-    one, two = (open_results(tmp_path / name) for name in ("one", "two"))
+    one, two = (open_results(tmp_path / name).dataset for name in ("one", "two"))
     for variable in one.data_vars:
         assert np.array_equal(one[variable].values, two[variable].values, equal_nan=one[variable].dtype.kind in "fc")
 
@@ -273,7 +273,7 @@ def test_what_the_front_end_said_is_in_the_results(tmp_path: Path) -> None:
     front_end = ("--set", "receiver.front_end={bits=2}", "--set", "epochs=5")
     for fidelity in ("samples", "correlators"):
         assert _invoke(QUICK, "-o", tmp_path / fidelity, *front_end, "--fidelity", fidelity).exception is None
-    samples, drawn = (open_results(tmp_path / fidelity) for fidelity in ("samples", "correlators"))
+    samples, drawn = (open_results(tmp_path / fidelity).dataset for fidelity in ("samples", "correlators"))
     assert samples["e6_agc_gain_db"].values == pytest.approx(-samples["e6_total_power_db"].values)
     assert np.abs(samples["e6_total_power_db"].values) == pytest.approx(np.zeros(5), abs=0.05)
     assert samples["e6_saturated"].values.tolist() == [0] * 5

@@ -23,6 +23,9 @@ VARIABLES = {
 }
 
 
+_LARGEST_NUMBER = 1e30
+
+
 def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None = None) -> xarray.Dataset:
     """Return one satellite and one detector of the results; what is large is not read yet.
 
@@ -146,6 +149,6 @@ def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True)
 def attribute(selected: xarray.Dataset, name: str) -> float | None:
     """Return a number among the attributes of the results, None if it is not there or not finite."""
     value = selected.attrs.get(name)
-    if isinstance(value, (int, float, np.number)) and np.isfinite(value):
+    if isinstance(value, (int, float, np.number)) and abs(value) <= _LARGEST_NUMBER:  # not of a NaN, nor infinite
         return float(value)
     return None
