@@ -21,14 +21,14 @@ from jaxtyping import Float, Int8, Int64
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from vestige.campaign.plan import EPOCH
-from vestige.campaign.store import EXPECTED, MENDS, Store, open_existing
-from vestige.campaign.store_files import check_files, check_small_array
+from vestige.campaign.store import MENDS, Store, open_existing
+from vestige.campaign.store_files import EXPECTED, check_files, check_small_array
 from vestige.errors import InputFileError, VestigeError
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.stored import StoredScenario, stored_scenario
+from vestige.scenario.toml_file import LARGEST_NUMBER
 
 _NO_EPOCHS = np.zeros(0, dtype=np.int64)
-_LARGEST_NUMBER = 1e30  # of an attribute
 
 
 class RunAttributes(BaseModel):
@@ -54,7 +54,7 @@ class RunAttributes(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
     scenario_digest: str
     p_fa: Annotated[float, Field(gt=0, lt=1)]
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
@@ -265,5 +265,5 @@ def _numbers(store: Store, chunks: Iterable[int]) -> list[np.ndarray]:
 def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
     """Raise if a number among the attributes is none that a computation can use."""
     for name, value in dataset.attrs.items():
-        if isinstance(value, (int, float)) and not abs(value) <= _LARGEST_NUMBER:
+        if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
             raise InputFileError(path, name, value, "a finite number of reasonable size")

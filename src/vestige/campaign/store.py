@@ -23,6 +23,7 @@ import zarr
 from vestige.campaign.origin import origin
 from vestige.campaign.plan import EPOCH, Plan
 from vestige.campaign.store_files import (
+    EXPECTED,
     METADATA,
     check_array,
     check_chunk,
@@ -48,7 +49,6 @@ from vestige.campaign.store_skeleton import (
 from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
-EXPECTED = "the results of a campaign (zarr v3, written by vestige)"
 MENDS = "the same run again mends it"
 _DIGITS = 10  # of a number of a chunk
 
@@ -199,8 +199,6 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     InputFileError
         If there is none, or its metadata or labels are damaged.
     """
-    if not path.exists():
-        raise InputFileError(path, "store", "nothing", EXPECTED)
     check_files(path)
     try:
         group = zarr.open_group(path, mode=mode, zarr_format=3)

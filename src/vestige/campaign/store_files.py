@@ -17,6 +17,7 @@ import zarr
 
 from vestige.errors import InputFileError
 
+EXPECTED = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
 MAX_METADATA_BYTES = 1 << 24  # scenario and ephemerides stand there: some 100 kB
 MAX_CHUNK_BYTES = 1 << 30  # of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
@@ -37,7 +38,7 @@ def check_files(folder: Path) -> None:
         If it is not so; with the file.
     """
     if not folder.is_dir():
-        raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", "a folder: a zarr store")
+        raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", EXPECTED)
     for place, folders, names in os.walk(folder, onerror=_unreadable):
         for name in (*folders, *names):
             path = Path(place, name)

@@ -18,6 +18,7 @@ from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import FrontEndTable, ProcessorTable, RecsTable
 from vestige.scenario.limits import MAX_EPOCHS
+from vestige.scenario.toml_file import LARGEST_NUMBER
 from vestige.time import GalileoTime
 
 
@@ -63,7 +64,7 @@ class StoredScenario(_Part):
     """The scenario of results; see `CampaignScenario`."""
 
     kind: Literal["campaign"]
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
     start: str
     epochs: Annotated[int, Field(ge=1, le=MAX_EPOCHS)]
     interval_s: Annotated[float, Field(ge=0.1, le=3600)]
@@ -109,6 +110,8 @@ def stored_scenario(text: str) -> StoredScenario:
         return StoredScenario.model_validate_json(text)
     except ValidationError as error:
         first: Any = error.errors(include_url=False, include_context=False)[0]
-        place = ".".join(("scenario", *map(str, first["loc"])))
-        found = "nothing" if first["type"] == "missing" else repr(first["input"])[:60]
-        raise VestigeError(f"results of a campaign: {place}: found {found}, expected: {first['msg']}") from error
+        place = ".".join(map(str, first["loc"]))
+        fault = f"{place}: found {first['input']!r:.60}, expected: {first['msg']}".removeprefix(": ")
+        if first["type"] == "missing":
+            fault = f"found no {place}, expected a value for it"
+        raise VestigeError(f"results of a campaign: scenario: {fault}") from error

@@ -224,7 +224,7 @@ def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path
     good = results["quick"]
     bad = {
         "found no status": open_results(stored(campaign_results(5), tmp_path / "foreign")).dataset,
-        "found no number threshold_sigma": good.assign_attrs(threshold_sigma=float("nan")),
+        "found threshold_sigma nan, expected": good.assign_attrs(threshold_sigma=float("nan")),
         "scenario: found no text that agrees with its digest": good.assign_attrs(scenario="{}"),
         "found no epoch with a verdict": good.isel(epoch=slice(0, 0)),
         "found time_s of 400, expected ascending": good.assign(time_s=("epoch", np.zeros(400))),

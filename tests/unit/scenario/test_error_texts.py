@@ -36,6 +36,8 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ),
         ("receiver.cn0_dbhz=nan", "receiver.cn0_dbhz: found nan, expected a finite number"),
         ("receiver.cn0_dbhz=-1e16", "receiver.cn0_dbhz: found -1e+16, expected a number between -1e+15 and 1e+15"),
+        (f"receiver.cn0_dbhz={'9' * 400}", "receiver.cn0_dbhz: found 999"),
+        (f"epochs=-{'9' * 400}", "epochs: found -999"),
         ("receiver.cn0_dbhz=none", "receiver.cn0_dbhz: found nothing, expected a value: the key is needed"),
         ("receiver.cn0_dbhz=90", "receiver.cn0_dbhz: found 90, expected at most 80"),
         ("receiver.cn0_dbhz=-1", "receiver.cn0_dbhz: found -1, expected at least 0"),
