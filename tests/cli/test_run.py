@@ -21,6 +21,7 @@ from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.plot import command as plot
 from vestige.cli.run import command
 from vestige.errors import InputFileError, VestigeError
+from vestige.folder_lock import only_writer
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -285,3 +286,12 @@ def test_errors_beyond_the_samples_end_the_run_with_one_line(tmp_path: Path) -> 
     bias = ("--set", 'receiver.bias={kind="bias", bgd_sigma_m=1e6}', "--set", "epochs=4")
     result = _invoke(QUICK, "-o", tmp_path / "a", *bias, "--fidelity", "samples", "-j", 2)
     assert isinstance(result.exception, VestigeError)
+
+
+@pytest.mark.parametrize("sweep", [(), ("--sweep", "receiver.cn0_dbhz=33,35")])
+def test_one_writer_at_a_time(tmp_path: Path, sweep: tuple[str, ...]) -> None:
+    with only_writer(tmp_path / "a"):
+        refused = _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception
+    assert isinstance(refused, InputFileError)
+    assert "found another process that writes it" in str(refused)
+    assert _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception is None
