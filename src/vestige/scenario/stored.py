@@ -25,7 +25,7 @@ from vestige.time import GalileoTime
 class _Part(BaseModel):
     """A table of which the keys below are used, and the others are not looked at."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+    model_config = ConfigDict(extra="ignore", frozen=True)
 
 
 class StoredKind(_Part):
@@ -107,7 +107,7 @@ def stored_scenario(text: str) -> StoredScenario:
         If it is no scenario of a campaign.
     """
     try:
-        return StoredScenario.model_validate_json(text)
+        return StoredScenario.model_validate_json(text, strict=True)
     except ValidationError as error:
         first: Any = error.errors(include_url=False, include_context=False)[0]
         place = ".".join(map(str, first["loc"]))

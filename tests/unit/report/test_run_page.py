@@ -229,7 +229,7 @@ def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path
         "found no epoch with a verdict": good.isel(epoch=slice(0, 0)),
         "found time_s of 400, expected ascending": good.assign(time_s=("epoch", np.zeros(400))),
     }
-    for place, key in ((None, "recs"), ("recs", "every")):
+    for place, key in ((None, "recs"), ("receiver", "signal")):
         tables = json.loads(good.attrs["scenario"])
         del (tables[place] if place else tables)[key]
         text = json.dumps(tables)

@@ -88,7 +88,7 @@ def test_integers_of_many_digits_are_one_line(tmp_path: Path, setting: str, digi
         load_scenario(QUICK, (setting + digits * "9",))
     path = tmp_path / "own.toml"
     path.write_text(f"seed = {digits * '9'}\nkind = 'campaign'\n")
-    with pytest.raises(InputFileError, match="expected (a number between|valid TOML)"):
+    with pytest.raises(InputFileError, match=r"expected (a number between|valid TOML)"):
         load_scenario(path)
 
 
