@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError,
 
 from vestige.campaign.plan import EPOCH
 from vestige.campaign.store import MENDS, Store, open_existing
-from vestige.campaign.store_files import EXPECTED, check_files, check_small_array
+from vestige.campaign.store_files import EXPECTED, arrays_of, check_files, check_small_array
 from vestige.errors import InputFileError, VestigeError
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.stored import StoredScenario, stored_scenario
@@ -204,7 +204,7 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
     """
     check_files(path)
     try:
-        for name, array in zarr.open_group(path, mode="r", zarr_format=3).arrays():
+        for name, array in arrays_of(path, zarr.open_group(path, mode="r", zarr_format=3)).items():
             check_small_array(path, name, array)
         return open_dataset(path).load()
     except InputFileError:

@@ -25,6 +25,7 @@ from vestige.campaign.plan import EPOCH, Plan
 from vestige.campaign.store_files import (
     EXPECTED,
     METADATA,
+    arrays_of,
     check_array,
     check_chunk,
     check_files,
@@ -208,7 +209,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
         attributes = group.attrs.asdict()
         if own.pop(WORK, work := work_digest(attributes)) != work:
             raise ValueError("attributes that are not those with which the store was made")
-        arrays = dict(group.arrays())
+        arrays = arrays_of(path, group)
         store = Store(
             path=path,
             attrs={**attributes, **own},
@@ -230,7 +231,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     except zarr.errors.GroupNotFoundError as error:
         raise InputFileError(path, "store", "no zarr store", EXPECTED) from error
     except Exception as error:  # damaged metadata raise anything
-        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED) from error
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED}; {MENDS}") from error
     return store
 
 

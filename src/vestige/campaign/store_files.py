@@ -54,6 +54,28 @@ def _unreadable(error: OSError) -> None:
     raise error
 
 
+def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
+    """Return the arrays in the root of a store by name, opened one by one.
+
+    `group.arrays()` opens them at once, and after a damaged one Python complains about the others when it ends.
+
+    Raises
+    ------
+    ValueError
+        If the metadata of one are damaged; with its name.
+    """
+    names = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
+    arrays = {}
+    for name in names:
+        try:
+            member = group[name]
+        except Exception as error:  # damaged metadata raise anything
+            raise ValueError(f"{name}/{METADATA}: {error}") from error
+        if isinstance(member, zarr.Array):
+            arrays[name] = member
+    return arrays
+
+
 def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_BYTES) -> None:
     """Return nothing if an array is packed as a campaign packs it, and a chunk of it has at most so many bytes.
 
