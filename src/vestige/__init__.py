@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.thresholds import probability_of_detection, required_cn0_dbhz, threshold
+    from vestige.campaign.results import Results, open_results
     from vestige.errors import VestigeError
     from vestige.recording.assistance import read_assistance
     from vestige.recording.recording import open_recording
@@ -30,6 +31,7 @@ _HOME = {
     "GalileoTime": "time",
     "MaximumDetector": "acas_processor.detectors",
     "Outcome": "records",
+    "Results": "campaign.results",
     "RecordingSource": "recording.snapshots",
     "Status": "records",
     "Verdict": "records",
@@ -37,6 +39,7 @@ _HOME = {
     "hardware_bias_correction_s": "acas_processor.calibration",
     "load_scenario": "scenario.load",
     "open_recording": "recording.recording",
+    "open_results": "campaign.results",
     "probability_of_detection": "acas_processor.thresholds",
     "read_assistance": "recording.assistance",
     "required_cn0_dbhz": "acas_processor.thresholds",
@@ -61,6 +64,8 @@ __all__ = [  # noqa: RUF022  (the order of use)
     "required_cn0_dbhz",
     "threshold",
     "load_scenario",
+    "open_results",
+    "Results",
 ]
 
 

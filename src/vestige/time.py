@@ -18,6 +18,7 @@ from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
 GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
 LAST_YEAR = 9000  # calendars end with 9999, and times are added to
+MAX_WEEK = 400_000  # year 9665
 
 # (first UTC day on which it holds, GST - UTC in seconds) [IERS Bulletin C]
 LEAP_SECONDS = (
@@ -42,7 +43,7 @@ class GalileoTime:
     Parameters
     ----------
     week
-        Full Galileo week, not reduced modulo 4096.
+        Full Galileo week, not reduced modulo 4096, 0 … `MAX_WEEK`.
     second
         Whole second of the week, 0 … 604799.
     fraction
@@ -54,7 +55,7 @@ class GalileoTime:
     fraction: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.week >= 0 and 0 <= self.second < SECONDS_PER_WEEK and 0.0 <= self.fraction < 1.0):
+        if not (0 <= self.week <= MAX_WEEK and 0 <= self.second < SECONDS_PER_WEEK and 0.0 <= self.fraction < 1.0):
             raise ValueError(f"not a Galileo time: week {self.week}, second {self.second}, fraction {self.fraction}")
 
     @classmethod

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from report_builder import LIFT_OFF, QUICK, SKY, made, threat_folder
-from vestige.campaign.store import open_results
+from vestige.campaign.results import open_results
 from vestige.campaign.threat_table import TABLE
 from vestige.report import run_page, threat_page, write_page
 
@@ -43,7 +43,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The address of each page."""
     folder = tmp_path_factory.mktemp("pages")
     made_pages = {
-        name: run_page(open_results(made(folder / name, name, *settings)).load(), f"{name}-{60 * 'x'}")
+        name: run_page(open_results(made(folder / name, name, *settings)).dataset.load(), f"{name}-{60 * 'x'}")
         for name, settings in RUNS.items()
     }
     table = threat_folder(folder / "threats", {}, {"scene": "two", "level_1": "DIFFERS", "note": "why"}) / TABLE

@@ -417,6 +417,7 @@ def test_another_recording_or_other_settings_are_refused(night: Path, tmp_path: 
         (state[:-20], "content"),
         (state.replace('"format": 1', '"format": 2'), "format: found 2, expected 1"),
         (state.replace('"week": 1421', '"week": -1'), "Galileo"),
+        (state.replace('"week": 1421', f'"week": {10**18}'), "Galileo"),
         ("[]", "expected"),
     ):
         (kept / STATE).write_text(damaged)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +103,13 @@ def test_info_shows_good_files_before_it_fails_for_a_bad_one(file: Path, tmp_pat
     assert "bad.bin" in result.stderr
     assert isinstance(result.exception, InputFileError)
     assert "missing.bin" in str(result.exception)
+
+
+def test_a_recs_of_forty_gigabytes_is_refused_before_it_is_read(file: Path) -> None:
+    os.truncate(file, 40_000_000_000)
+    result = run("info", file)
+    assert isinstance(result.exception, InputFileError)
+    assert "found 40000000000 bytes, expected at most" in str(result.exception)
 
 
 def test_twelve_bit_week_follows_the_reference(file: Path, tmp_path: Path) -> None:

@@ -16,11 +16,12 @@ from click.testing import CliRunner, Result
 
 from builders import MEACONED
 from vestige.campaign.executors import ONE_THREAD
-from vestige.campaign.store import open_results
+from vestige.campaign.results import open_results
 from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.plot import command as plot
 from vestige.cli.run import command
 from vestige.errors import InputFileError, VestigeError
+from vestige.folder_lock import only_writer
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -81,7 +82,7 @@ def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None
     """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
     short = ("--set", "epochs=520", "--fidelity", "correlators")
     assert _invoke(SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", *short).exception is None
-    aimed = open_results(tmp_path / "a").load()
+    aimed = open_results(tmp_path / "a").dataset.load()
     noise = aimed.assign(truth_spoofed=aimed["truth_spoofed"] & False).assign_coords(svid=("satellite", [12]))
     one = attack_lines(aimed)
     assert [len(one), one[0].split(":")[0]] == [3, "attack on E11"]
@@ -139,7 +140,7 @@ def test_a_sweep_writes_over_nothing_else(tmp_path: Path) -> None:
     assert _invoke(QUICK, "-o", alone, "--set", "epochs=5").exception is None
     into_store = _invoke(QUICK, "-o", alone, "--set", "epochs=5", "--sweep", "seed=1,2").exception
     assert str(into_store).startswith(f"{alone}: sweep: found the store of one campaign, expected a folder")
-    assert open_results(alone).sizes["epoch"] == 5
+    assert open_results(alone).dataset.sizes["epoch"] == 5
     assert not list(alone.glob("seed*"))
     inside = _invoke(QUICK, "-o", alone / "b", "--set", "epochs=5").exception
     assert str(inside).startswith(f"{alone / 'b'}: output: found a place in the results a, expected")
@@ -228,7 +229,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
     (line,) = err.split("\n")[-2:-1]
-    kept = open_results(tmp_path / "a", partial=True).sizes["epoch"]
+    kept = open_results(tmp_path / "a", partial=True).dataset.sizes["epoch"]
     expected = f"{kept} of 40000 epochs are stored in {tmp_path / 'a'}; the same run again continues there"
     assert line == f"interrupted; {expected}"
     assert err.strip() == line
@@ -239,7 +240,7 @@ def test_samples_and_workers(tmp_path: Path) -> None:
     for name, workers in (("one", ()), ("two", ("-j", 2, "--threads"))):
         result = _invoke(QUICK, "-o", tmp_path / name, *settings, *workers)
         assert result.exception is None
-    one, two = (open_results(tmp_path / name) for name in ("one", "two"))
+    one, two = (open_results(tmp_path / name).dataset for name in ("one", "two"))
     for variable in one.data_vars:
         assert np.array_equal(one[variable].values, two[variable].values, equal_nan=one[variable].dtype.kind in "fc")
 
@@ -276,7 +277,7 @@ def test_what_the_front_end_said_is_in_the_results(tmp_path: Path) -> None:
     front_end = ("--set", "receiver.front_end={bits=2}", "--set", "epochs=5")
     for fidelity in ("samples", "correlators"):
         assert _invoke(QUICK, "-o", tmp_path / fidelity, *front_end, "--fidelity", fidelity).exception is None
-    samples, drawn = (open_results(tmp_path / fidelity) for fidelity in ("samples", "correlators"))
+    samples, drawn = (open_results(tmp_path / fidelity).dataset for fidelity in ("samples", "correlators"))
     assert samples["e6_agc_gain_db"].values == pytest.approx(-samples["e6_total_power_db"].values)
     assert np.abs(samples["e6_total_power_db"].values) == pytest.approx(np.zeros(5), abs=0.05)
     assert samples["e6_saturated"].values.tolist() == [0] * 5
@@ -288,3 +289,12 @@ def test_errors_beyond_the_samples_end_the_run_with_one_line(tmp_path: Path) -> 
     bias = ("--set", 'receiver.bias={kind="bias", bgd_sigma_m=1e6}', "--set", "epochs=4")
     result = _invoke(QUICK, "-o", tmp_path / "a", *bias, "--fidelity", "samples", "-j", 2)
     assert isinstance(result.exception, VestigeError)
+
+
+@pytest.mark.parametrize("sweep", [(), ("--sweep", "receiver.cn0_dbhz=33,35")])
+def test_one_writer_at_a_time(tmp_path: Path, sweep: tuple[str, ...]) -> None:
+    with only_writer(tmp_path / "a"):
+        refused = _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception
+    assert isinstance(refused, InputFileError)
+    assert "found another process that writes it" in str(refused)
+    assert _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception is None

@@ -11,7 +11,8 @@ from click.testing import CliRunner, Result
 from builders import MEACONED
 from vestige.cli.plot import command as plot
 from vestige.cli.threats import command
-from vestige.errors import VestigeError
+from vestige.errors import InputFileError, VestigeError
+from vestige.folder_lock import only_writer
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -127,3 +128,11 @@ def test_help_loads_nothing_heavy() -> None:
     assert "threat table" in threats("--help").stdout
     code = "import sys, vestige.cli.threats; print(sorted({'numpy', 'xarray', 'rich'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
+
+
+def test_one_writer_at_a_time(tmp_path: Path) -> None:
+    with only_writer(tmp_path / "out"):
+        result = threats("--only", "A14", "--seeds", 1, "-o", tmp_path / "out")
+    assert isinstance(result.exception, InputFileError)
+    assert str(result.exception).endswith("found another process that writes it, expected one at a time")
+    assert list((tmp_path / "out").iterdir()) == []

@@ -31,6 +31,13 @@ def test_parse(text: str, week: int, second: int) -> None:
     assert GalileoTime.parse(text) == GalileoTime(week, second)
 
 
+@pytest.mark.parametrize("week", [-1, 400_001, 10**18, 10**20])
+def test_no_time_is_beyond_the_calendar(week: int) -> None:
+    with pytest.raises(ValueError, match="not a Galileo time"):
+        GalileoTime(week, 0)
+    assert str(GalileoTime(400_000, 604_799)).startswith("9665-10-17")
+
+
 def test_leap_second_table_at_its_steps() -> None:
     assert GalileoTime.from_utc(datetime(2017, 1, 1)) - GalileoTime.from_utc(datetime(2016, 12, 31, 23, 59, 59)) == 2
     assert GalileoTime.from_utc(datetime(2012, 6, 30, 23, 59, 59)).utc == datetime.fromisoformat(

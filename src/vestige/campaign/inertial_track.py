@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.monitors.inertial import InertialMonitor, gained_towards_mps
 from vestige.acas_processor.monitors.judgement import two_sided_factor
-from vestige.campaign.track import Track, oscillator, values
+from vestige.campaign.results import values
+from vestige.campaign.track import Track, oscillator
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import geometry_of_sky
+from vestige.receiver.accelerometer import Accelerometers
+from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
     import xarray
 
 
-def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> Track:
+def inertial_track(results: xarray.Dataset, scenario: StoredScenario, p_fa: float) -> Track:
     """Return the check at every epoch with RECS but the first; NaN elsewhere, and without accelerometers.
 
     Parameters
@@ -28,7 +31,7 @@ def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: f
     p_fa
         Budget of one satellite between two RECS.
     """
-    sensor = scenario["receiver"]["accelerometers"]
+    sensor = scenario.receiver.accelerometers
     walk_hz = oscillator(scenario).walk_hz
     monitor = InertialMonitor(sigma_rate_mps=0.0, clock_walk_hz=walk_hz, p_fa=p_fa, **_errors(sensor))
     rate = values(results, "e1_range_rate_mps", "epoch", "satellite")
@@ -67,5 +70,5 @@ def _of_sky(results: xarray.Dataset, name: str) -> Float[np.ndarray, "n m"]:
     return values(results, f"{name}_deg", "epoch", "satellite")
 
 
-def _errors(sensor: Mapping[str, Any] | None) -> dict[str, float]:
-    return {name: value for name, value in (sensor or {}).items() if name != "kind"}
+def _errors(sensor: Accelerometers | None) -> dict[str, float]:
+    return {} if sensor is None else {name: value for name, value in asdict(sensor).items() if name != "kind"}

@@ -21,23 +21,23 @@ All of it is a function of the whole results: alarms, confirmation and schedule 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
 from vestige.acas_processor.alarm import state_block
 from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
-from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.mitigation import ALARMS, GRAVITY, LEVELS, combine_block, confirmed_block
 from vestige.acas_processor.search_schedule import search_due
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
+from vestige.campaign.results import attributes_of, scenario_of
 from vestige.campaign.snapshot_tracks import earlier_of_two_m, expected_cn0_dbhz
 from vestige.records import Status
+from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
     import xarray
@@ -138,7 +138,7 @@ def level_verdicts(
     VestigeError
         If the results hold too little for a level above 1.
     """
-    scenario = json.loads(results.attrs["scenario"])
+    scenario = scenario_of(results)
     cadence = cadence_of(results, scenario)
     return tuple(_verdicts(results, scenario, level, cadence, alarms_a_day) for level in levels)
 
@@ -148,30 +148,30 @@ def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdi
 
     Nothing and None at level 1, which is steps 1 and 2, and of a run that has not ended (coordinate `epoch`).
     """
-    level = json.loads(results.attrs["scenario"])["processor"]["level"]
+    level = scenario_of(results).processor.level
     if level == 1 or "epoch" in results.coords:
         return results, None
     (found,) = level_verdicts(results, (level,))
     return results.assign(status=(("epoch", "satellite"), found.of_recs())), found
 
 
-def cadence_of(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Cadence:
+def cadence_of(results: xarray.Dataset, scenario: StoredScenario) -> Cadence:
     """Return how often the receiver tests, with the mean number of satellites in view."""
     in_view = np.mean(np.count_nonzero(_seen(results), axis=1))
     return Cadence(
         satellites=max(1, round(float(in_view))),
-        observation_s=scenario["interval_s"],
-        recs_s=scenario["interval_s"] * scenario["recs"]["every"],
-        search_s=scenario["processor"]["search_s"],
+        observation_s=scenario.interval_s,
+        recs_s=scenario.recs_interval_s,
+        search_s=scenario.processor.search_s,
     )
 
 
 def _verdicts(
-    results: xarray.Dataset, scenario: Mapping[str, Any], level: int, cadence: Cadence, alarms_a_day: float
+    results: xarray.Dataset, scenario: StoredScenario, level: int, cadence: Cadence, alarms_a_day: float
 ) -> LevelVerdicts:
-    processor = scenario["processor"]
+    processor = scenario.processor
     budget = false_alarm_budget(
-        level, cadence, alarms_a_day=alarms_a_day, kappa=processor["kappa"], pd=_mean_pd(results, scenario)
+        level, cadence, alarms_a_day=alarms_a_day, kappa=processor.kappa, pd=_mean_pd(results, scenario)
     )
     status = results["status"].transpose("epoch", "satellite").values
     available = status != _position(Status.NOT_AVAILABLE)
@@ -196,9 +196,7 @@ def _verdicts(
         failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
     combined = combine_block(level, failed, available)
     state = state_block(combined, results["time_s"].values)
-    error_m, earlier = _ranges(
-        results, failed, state, recs, searched, processor["kappa"] * ErrorBudget(**processor["budget"]).sigma_m
-    )
+    error_m, earlier = _ranges(results, failed, state, recs, searched, processor.budget.limit_m(processor.kappa))
     return LevelVerdicts(
         level=level,
         status=combined,
@@ -283,14 +281,14 @@ def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
     return values.transpose("epoch", "satellite").values.astype(np.float64)
 
 
-def _mean_pd(results: xarray.Dataset, scenario: Mapping[str, Any]) -> float:
+def _mean_pd(results: xarray.Dataset, scenario: StoredScenario) -> float:
     """Return the mean probability that E6 is detected, at the C/N0 that is expected."""
     expected_dbhz = expected_cn0_dbhz(results, scenario)
     known = expected_dbhz[np.isfinite(expected_dbhz)]
-    attrs = results.attrs
+    attributes = attributes_of(results)
     if not known.size:
         return 1.0
-    return float(np.mean(probability_of_detection(known, float(attrs["integration_s"]), float(attrs["p_fa"]))))
+    return float(np.mean(probability_of_detection(known, attributes.integration_s, attributes.p_fa)))
 
 
 def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
@@ -314,8 +312,8 @@ def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:
     return np.ones((results.sizes["epoch"], results.sizes["satellite"]), np.bool_)
 
 
-def _recs(scenario: Mapping[str, Any], n: int) -> Bool[np.ndarray, " n"]:
-    return np.arange(n) % scenario["recs"]["every"] == 0
+def _recs(scenario: StoredScenario, n: int) -> Bool[np.ndarray, " n"]:
+    return np.arange(n) % scenario.recs.every == 0
 
 
 def _position(status: Status) -> int:

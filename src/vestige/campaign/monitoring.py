@@ -21,13 +21,12 @@ from the scenario in the results: its oscillator, its antenna's C/N0 against ele
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import chndtrix, erfc
 
-from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.learned_checks import LEARNED
 from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
@@ -38,16 +37,17 @@ from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonit
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.power_distortion_track import power_distortion_track
+from vestige.campaign.results import attributes_of, values
 from vestige.campaign.sky_columns import SKY_COLUMNS
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz, snapshot_tracks
-from vestige.campaign.track import Track, observed_scenario, oscillator, values
+from vestige.campaign.track import Track, observed_scenario, oscillator
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import UNKNOWNS
 from vestige.navigation.raim import chi_square_threshold
 from vestige.receiver.e1_taps import INTEGRATION_S, TAP_CHIPS
 from vestige.records import Band
+from vestige.scenario.stored import StoredScenario
 from vestige.signals.definitions import E6C
-from vestige.time import GalileoTime
 
 if TYPE_CHECKING:
     import xarray
@@ -105,7 +105,7 @@ def tracks(
     missing = set(SKY_COLUMNS) - set(results.variables)
     if missing:
         return found
-    second_s = GalileoTime.parse(scenario["start"]).second + values(results, "time_s")
+    second_s = scenario.start_time.second + values(results, "time_s")
     return (
         *found,
         *_clock(results, scenario, share("clock slope") * (1 if isinstance(p_fa, Mapping) else 1 / 3)),
@@ -128,7 +128,7 @@ def _received_power(results: xarray.Dataset, p_fa: float, sigma_system_db: float
     )
 
 
-def _cn0_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, model_sigma_db: float) -> Track:
+def _cn0_track(results: xarray.Dataset, scenario: StoredScenario, p_fa: float, model_sigma_db: float) -> Track:
     expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_e1_dbhz")
     taps = results["e1_taps"].transpose("epoch", "satellite", "e1_tap").values.astype(np.complex128)
     change_db, limit_db = _cn0(np.abs(taps[..., _PROMPT]), expected_dbhz, p_fa)
@@ -160,7 +160,7 @@ def _cn0(
     return change_db, np.where(change_db < 0, -below, above)
 
 
-def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, sigma_system_db: float) -> Track:
+def _floor(results: xarray.Dataset, scenario: StoredScenario, p_fa: float, sigma_system_db: float) -> Track:
     """Return the floor against its median in a satellite's first RECS, less what the signal has in it by itself.
 
     Those are its calibration, ten or as many as were before, and five at least: what is judged with a RECS must not
@@ -168,7 +168,7 @@ def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, si
     """
     power = values(results, "noise_power", "epoch", "satellite")
     gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
-    n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
+    n_chips = round(attributes_of(results).integration_s * E6C.chip_rate_hz)
     monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=sigma_system_db, p_fa=p_fa)
     floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
     floor_db = floor_db - 10 * np.log10(1 + _own_share(results, scenario))
@@ -194,30 +194,29 @@ def _against_first(floor_db: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray,
     return floor_db - usual_db, learned
 
 
-def _own_share(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Float[np.ndarray, "n m"]:
+def _own_share(results: xarray.Dataset, scenario: StoredScenario) -> Float[np.ndarray, "n m"]:
     """Return what the signal itself adds to the floor of wrong codes, Ec/N0 where it meets two chips of the replica."""
-    signal = scenario["receiver"]["signal"]
+    signal = scenario.receiver.signal
     expected_dbhz = expected_cn0_dbhz(results, scenario, "cn0_dbhz") if signal else np.full((1, 1), -np.inf)
-    offset_m = values(results.sel(detector=scenario["processor"]["detector"]), "range_offset_m", "epoch", "satellite")
+    offset_m = values(results.sel(detector=scenario.processor.detector), "range_offset_m", "epoch", "satellite")
     between = np.nan_to_num(offset_m) * E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS % 1.0
     return 10 ** (expected_dbhz / 10) / E6C.chip_rate_hz * ((1 - between) ** 2 + between**2)
 
 
-def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
-    table = scenario["processor"]
-    kappa = table["kappa"]
-    offset_m = results["range_offset_m"].sel(detector=table["detector"]).transpose("epoch", "satellite").values
+def _range(results: xarray.Dataset, scenario: StoredScenario) -> Track:
+    processor = scenario.processor
+    offset_m = results["range_offset_m"].sel(detector=processor.detector).transpose("epoch", "satellite").values
     return Track(
         name="E1-E6 range",
         unit="m",
-        p_fa=float(erfc(kappa / np.sqrt(2))),
+        p_fa=float(erfc(processor.kappa / np.sqrt(2))),
         statistic=offset_m.astype(np.float64),
-        threshold=np.full(offset_m.shape, kappa * ErrorBudget(**table["budget"]).sigma_m),
+        threshold=np.full(offset_m.shape, processor.budget.limit_m(processor.kappa)),
         exact=False,
     )
 
 
-def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, ...]:
+def _clock(results: xarray.Dataset, scenario: StoredScenario, p_fa: float) -> tuple[Track, ...]:
     """Return the three clock checks, each of this p_fa, with the errors of the fix as they are in each epoch."""
     fix = results.sel(fix="all")
     # what satellites have in common lasts for hours and is in two successive clocks alike
@@ -266,13 +265,13 @@ def _slope_variance(
     return found
 
 
-def _normal_errors(scenario: Mapping[str, Any]) -> bool:
+def _normal_errors(scenario: StoredScenario) -> bool:
     """Return whether pseudoranges have the errors that are believed; otherwise the belief is a bound of their tails."""
-    return scenario["receiver"]["ionosphere"] is None and scenario["receiver"]["multipath"] is None
+    return scenario.receiver.ionosphere is None and scenario.receiver.multipath is None
 
 
 def _consistency(
-    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float]
+    results: xarray.Dataset, scenario: StoredScenario, p_fa: Callable[[str], float]
 ) -> tuple[Track, Track]:
     fix = results.sel(fix="all")
     raim = RaimMonitor(p_fa=p_fa("RAIM"))

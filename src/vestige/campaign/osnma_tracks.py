@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float, Int64
 
 from vestige.acas_processor.monitors.judgement import Monitor
 from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAgreement, OsnmaAvailabilityMonitor
-from vestige.campaign.track import Track, values
+from vestige.campaign.results import values
+from vestige.campaign.track import Track
 from vestige.receiver.osnma_reception import KEY_PAGES, PAGES, of_mask, pages_due
 
 if TYPE_CHECKING:

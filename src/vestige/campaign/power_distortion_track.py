@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
+from vestige.campaign.results import values
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz
-from vestige.campaign.track import Track, observed_scenario, values
+from vestige.campaign.track import Track, observed_scenario
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
 from vestige.signals.pulse import BOC11
 

@@ -9,7 +9,6 @@ of one satellite.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
+from vestige.campaign.results import attributes_of, scenario_of
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
@@ -84,12 +84,12 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     VestigeError
         If the results are not those of a sky, no satellite was tracked, or `folder` exists.
     """
-    if NAVIGATION_TEXT not in results.attrs:
+    navigation = attributes_of(results).navigation
+    if navigation is None:
         raise VestigeError("results: found a single line of sight, expected those of a sky, with [constellation]")
-    scenario = json.loads(results.attrs["scenario"])
-    start = GalileoTime.parse(scenario["start"])
-    lines = enumerate(results.attrs[NAVIGATION_TEXT].splitlines(), 1)
-    end = start + scenario["epochs"] * scenario["interval_s"]
+    scenario, start = scenario_of(results), scenario_of(results).start_time
+    lines = enumerate(navigation.splitlines(), 1)
+    end = start + scenario.epochs * scenario.interval_s
     given = parse_rinex_navigation(Path(NAVIGATION_TEXT), lines)
     ephemerides = [issue for one in given for issue in issues(one, start, end)]
     cn0_dbhz = _column(results, "e1_cn0_dbhz")

@@ -23,14 +23,16 @@ import xarray
 from vestige.campaign.executors import local_executor, measure_chunk
 from vestige.campaign.origin import origin
 from vestige.campaign.plan import Plan, check_results
-from vestige.campaign.store import open_results, open_store
+from vestige.campaign.results import open_results
+from vestige.campaign.store import Store, make_store, open_store
 from vestige.errors import VestigeError
+from vestige.folder_lock import only_writer
 
 CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 20 small files), small against a run
 IN_FLIGHT = 3  # chunks for each worker: one runs, one waits, one may be held back by a slower neighbour
 
 ExecutorChoice = Literal["threads", "processes"] | Executor
-Results = Mapping[str, np.ndarray]  # columns by name
+Columns = Mapping[str, np.ndarray]  # columns by name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +75,7 @@ def run(
     executor: ExecutorChoice = "threads",
     chunk_epochs: int = CHUNK_EPOCHS,
     progress: Callable[[Progress], None] | None = None,
-    enough: Callable[[Results], bool] | None = None,
+    enough: Callable[[Columns], bool] | None = None,
 ) -> xarray.Dataset:
     """Return the results of a plan, after measuring what is not in the store yet.
 
@@ -99,14 +101,28 @@ def run(
     Raises
     ------
     InputFileError
-        If `store` is something else, or the store of another scenario, seed or source of vestige.
+        If `store` is something else, or the store of another scenario, seed or source of vestige, or another process
+        writes it.
     VestigeError
         If workers are lost, or have another source of vestige or, where it matters, another processor.
     KeyboardInterrupt
         As raised by Ctrl-C. Like every exception from here it has a note (`__notes__`) that says how much is stored;
         the same call continues there.
     """
-    opened = open_store(store, plan, chunk_epochs=chunk_epochs)
+    make_store(Path(store), plan, chunk_epochs=chunk_epochs)
+    with only_writer(Path(store)):
+        return _run(open_store(store, plan, chunk_epochs=chunk_epochs), plan, workers, executor, progress, enough)
+
+
+def _run(
+    opened: Store,
+    plan: Plan,
+    workers: int,
+    executor: ExecutorChoice,
+    progress: Callable[[Progress], None] | None,
+    enough: Callable[[Columns], bool] | None,
+) -> xarray.Dataset:
+    """Measure what a store lacks; see `run`."""
     finished = opened.finished(verify=True)
     resumed = done = sum(len(opened.epochs(chunk)) for chunk in finished)
     returned = 0
@@ -141,7 +157,7 @@ def run(
     except BaseException as stop:
         stop.add_note(_stored(opened.path, done, plan.n_epochs))
         raise
-    stored = open_results(opened.path, partial=enough is not None, verify=False)
+    stored = open_results(opened.path, partial=enough is not None, verify=False).dataset
     return stored if enough is None else stored.isel(epoch=slice(0, returned))
 
 
@@ -152,7 +168,7 @@ def measure_chunks(
     executor: ExecutorChoice = "threads",
     chunk_epochs: int = CHUNK_EPOCHS,
     skip: Collection[int] = (),
-) -> Generator[tuple[int, Results]]:
+) -> Generator[tuple[int, Columns]]:
     """Yield number and results of each chunk, in order, whatever the workers.
 
     Who has seen enough closes this iterator: the epochs seen by then do not depend on the number of workers.
@@ -188,7 +204,7 @@ def measure_chunks(
 
 def _submitted(
     plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
-) -> Iterator[tuple[int, int, Future[Results]]]:
+) -> Iterator[tuple[int, int, Future[Columns]]]:
     """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)

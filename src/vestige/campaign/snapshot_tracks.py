@@ -13,8 +13,8 @@ The searches' threshold is one signal, and their p_fa that with which they were 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -25,10 +25,12 @@ from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitors.vestigial_search import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.campaign.outcomes import position
+from vestige.campaign.results import attributes_of
 from vestige.campaign.track import Track
 from vestige.receiver.elevation import ray_amplitude
 from vestige.receiver.search_outcome import P_FA
 from vestige.records import Band, Status
+from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
     import xarray
@@ -40,7 +42,7 @@ _SEARCHES: tuple[tuple[str, Monitor, float], ...] = (
 
 
 def snapshot_tracks(
-    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float], sigma_system_db: float
+    results: xarray.Dataset, scenario: StoredScenario, p_fa: Callable[[str], float], sigma_system_db: float
 ) -> tuple[Track, ...]:
     """Return the checks of one RECS; those for which the results hold nothing are left out.
 
@@ -56,7 +58,7 @@ def snapshot_tracks(
         Drift of a real front end, 1σ.
     """
     found = [_missing(results, scenario), _strength(results, scenario, p_fa)]
-    if scenario["receiver"]["front_end"]["bandwidth_hz"] is None:  # a filter bends the triangle
+    if scenario.receiver.front_end.bandwidth_hz is None:  # a filter bends the triangle
         found.append(_second_signal(results, scenario, p_fa))
     if "e6_power_db" in results:
         found.append(_power(results, scenario, p_fa, sigma_system_db))
@@ -65,37 +67,37 @@ def snapshot_tracks(
 
 
 def expected_cn0_dbhz(
-    results: xarray.Dataset, scenario: Mapping[str, Any], key: str = "cn0_dbhz"
+    results: xarray.Dataset, scenario: StoredScenario, key: str = "cn0_dbhz"
 ) -> Float[np.ndarray, "n m"]:
     """Return what C/N0 the receiver expects: of its antenna at the elevation, or of its single line of sight."""
-    zenith_dbhz = float(scenario["receiver"][key])
-    if "elevation_deg" not in results:
+    zenith_dbhz = float(getattr(scenario.receiver, key))
+    if scenario.constellation is None or "elevation_deg" not in results:
         return np.full((results.sizes["epoch"], results.sizes["satellite"]), zenith_dbhz)
-    return zenith_dbhz - scenario["constellation"]["cn0_fall_db"] * (1 - np.sin(_elevation_rad(results)))
+    return zenith_dbhz - scenario.constellation.cn0_fall_db * (1 - np.sin(_elevation_rad(results)))
 
 
 def _elevation_rad(results: xarray.Dataset) -> Float[np.ndarray, "n m"]:
     return np.radians(results["elevation_deg"].transpose("epoch", "satellite").values.astype(np.float64))
 
 
-def _missing(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
+def _missing(results: xarray.Dataset, scenario: StoredScenario) -> Track:
     """Return whether E6 was missed where E1 predicts that it is found with `min_pd` at least: as the status has it."""
     status = results["status"].transpose("epoch", "satellite").values
     run, missed = (status != position(Status.NOT_AVAILABLE)), (status == position(Status.NOT_DETECTED))
     return Track(
         name="E6 power",
         unit="signals missing",
-        p_fa=1 - scenario["processor"]["min_pd"],
+        p_fa=1 - scenario.processor.min_pd,
         statistic=np.where(run, missed.astype(np.float64), np.nan),
         threshold=np.zeros(status.shape),
         exact=False,
     )
 
 
-def _strength(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float]) -> Track:
+def _strength(results: xarray.Dataset, scenario: StoredScenario, p_fa: Callable[[str], float]) -> Track:
     monitor = E6StrengthMonitor(p_fa=p_fa("E6 C/N0"))
     expected_dbhz = expected_cn0_dbhz(results, scenario)
-    integration_s = float(results.attrs["integration_s"])
+    integration_s = attributes_of(results).integration_s
     power = results["noise_power"].transpose("epoch", "satellite").values.astype(np.float64)
     taps = np.abs(results["taps"].transpose("epoch", "satellite", "tap").values)
     magnitude = np.max(taps, axis=2) / np.sqrt(power / 2)
@@ -110,9 +112,9 @@ def _strength(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callab
     )
 
 
-def _second_signal(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float]) -> Track:
-    rays = scenario["receiver"]["multipath"]
-    known = {} if rays is None else {"ray_power_db": float(rays["power_db"])}
+def _second_signal(results: xarray.Dataset, scenario: StoredScenario, p_fa: Callable[[str], float]) -> Track:
+    rays = scenario.receiver.multipath
+    known = {} if rays is None else {"ray_power_db": rays.power_db}
     monitor = SecondSignalMonitor(p_fa=p_fa("E6 second signal"), **known)
     statistic, amplitude, _ = _two_signals(results, monitor)
     # low satellites have stronger rays, high ones weaker
@@ -142,14 +144,14 @@ def _two_signals(results: xarray.Dataset, monitor: SecondSignalMonitor) -> tuple
 
 
 def _power(
-    results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: Callable[[str], float], sigma_system_db: float
+    results: xarray.Dataset, scenario: StoredScenario, p_fa: Callable[[str], float], sigma_system_db: float
 ) -> Track:
-    receiver = scenario["receiver"]
+    receiver = scenario.receiver
     monitor = ReceivedPowerMonitor(
         band=Band.E6,
         sigma_system_db=sigma_system_db,
-        bandwidth_hz=receiver["front_end"]["bandwidth_hz"] or receiver["sample_rate_hz"],
-        averaging_s=float(results.attrs["integration_s"]),
+        bandwidth_hz=receiver.front_end.bandwidth_hz or receiver.sample_rate_hz,
+        averaging_s=attributes_of(results).integration_s,
         p_fa=p_fa("E6 received power"),
     )
     statistic = monitor.statistic(results["e6_power_db"].values.astype(np.float64))

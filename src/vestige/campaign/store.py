@@ -11,27 +11,47 @@ computed again. A new store is made beside its place and renamed, so a store is 
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
-import xarray
 import zarr
 
 from vestige.campaign.origin import origin
-from vestige.campaign.plan import EPOCH, Plan, shape_of
+from vestige.campaign.plan import EPOCH, Plan
+from vestige.campaign.store_files import (
+    EXPECTED,
+    METADATA,
+    arrays_of,
+    check_array,
+    check_chunk,
+    check_files,
+    check_small_array,
+)
+from vestige.campaign.store_skeleton import (
+    CHUNK,
+    COLUMN,
+    COORD,
+    DIGEST,
+    PROGRESS,
+    UNFINISHED,
+    WORK,
+    column_text,
+    coord_text,
+    identity,
+    mended,
+    schema,
+    work_digest,
+    write_skeleton,
+)
 from vestige.errors import InputFileError
+from vestige.scenario.limits import MAX_EPOCHS
 
-PROGRESS = "progress"  # a group of its own: xarray shows the arrays of the root only
-DIGEST = "digest"
-CHUNK = "chunk_epochs"
-_COLUMN, _COORD = "column ", "coordinate "
-EXPECTED = "the results of a campaign (zarr v3, written by vestige)"
-UNFINISHED = 0
+MENDS = "the same run again mends it"
+_DIGITS = 10  # of a number of a chunk
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,18 +99,27 @@ class Store:
 
     def finished(self, *, verify: bool) -> frozenset[int]:
         """Return the chunks that are recorded as finished; with `verify` only those whose values agree with it."""
-        digests = [self._recorded(chunk) for chunk in range(self.n_chunks)]
-        recorded = [chunk for chunk, digest in enumerate(digests) if digest != UNFINISHED]
+        digests = {chunk: self._recorded(chunk) for chunk in self._touched()}
+        recorded = [chunk for chunk, digest in digests.items() if digest != UNFINISHED]
         return frozenset(chunk for chunk in recorded if not verify or self._holds(chunk, digests[chunk]))
+
+    def _touched(self) -> list[int]:
+        """Return the chunks of which there is a record: what a store claims beyond them costs nothing."""
+        names = (path.name for path in (self.path / PROGRESS / DIGEST / "c").glob("*"))
+        numbers = (int(name) for name in names if name.isascii() and name.isdecimal() and len(name) < _DIGITS)
+        return sorted(number for number in numbers if number < self.n_chunks)
 
     def _recorded(self, chunk: int) -> int:
         try:
+            check_chunk(self.path, f"{PROGRESS}/{DIGEST}", self.digests, (chunk,))
             return int(np.asarray(self.digests[chunk]))
         except Exception:  # a torn file raises anything, and all of it means: not recorded
             return UNFINISHED
 
     def _holds(self, chunk: int, digest: int) -> bool:
         try:
+            for name, array in self.columns.items():
+                check_chunk(self.path, name, array, tuple(chunk if dim == EPOCH else 0 for dim in _dims(array)))
             return _digest(self.read(chunk)) == digest
         except Exception:  # as above
             return False
@@ -100,8 +129,31 @@ class Store:
         return tuple(slice(epochs.start, epochs.stop) if dim == EPOCH else slice(None) for dim in _dims(array))
 
 
+def make_store(path: Path, plan: Plan, *, chunk_epochs: int) -> None:
+    """Make the store of a plan, without values, if nothing or an empty folder is there."""
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        return
+    if plan.n_epochs < 1 or chunk_epochs < 1:
+        raise ValueError(f"{plan.n_epochs} epochs in chunks of {chunk_epochs}: both must be at least 1")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        error.filename = str(path)  # the name that the user knows
+        raise
+    with private as folder:
+        write_skeleton(Path(folder) / "store", plan, min(chunk_epochs, plan.n_epochs))
+        try:
+            (Path(folder) / "store").rename(path)
+        except OSError:
+            if not (path / METADATA).exists():  # else another process was faster, and its store is as good
+                raise
+
+
 def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
     """Return the store of a plan: a new one, or the one that is there, if it is of the same work.
+
+    Metadata and labels that were damaged are written again. The caller is the only one who writes (`only_writer`).
 
     Parameters
     ----------
@@ -116,164 +168,93 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
         If `path` is something else, or the store of another scenario, seed or source of vestige.
     """
     path = Path(path)
-    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
-        _create(path, plan, chunk_epochs)
-    store = _open(path, mode="r+")
+    make_store(path, plan, chunk_epochs=chunk_epochs)
+    check_files(path)
+    try:
+        store = open_existing(path, mode="r+")
+    except InputFileError:
+        if not mended(path, plan):
+            raise
+        store = open_existing(path, mode="r+")
     _check_identity(store, plan)
     return store
 
 
 def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
-    """Return the epochs in a chunk of a store that is there already, if they are others than wanted."""
-    if not (Path(path) / "zarr.json").exists():
+    """Return the epochs in a chunk of a store that is there already, if they are others than wanted.
+
+    None if there is no store, or one that must be mended first.
+    """
+    try:
+        store = open_existing(Path(path), mode="r")
+    except InputFileError:
         return None
-    store = _open(Path(path), mode="r")
     return None if store.chunk_epochs == min(wanted, store.n_epochs) else store.chunk_epochs
 
 
-def open_results(path: Path | str, *, partial: bool = False, verify: bool = True) -> xarray.Dataset:
-    """Return the results of a campaign; values are read from disk when they are used.
-
-    Parameters
-    ----------
-    partial
-        Whether a campaign that has not ended is accepted. Then the dataset holds the finished epochs only, and its
-        coordinate `epoch` says which ones they are.
-    verify
-        Whether all values are read once and compared with their hashes; a million epochs take some seconds.
+def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
+    """Return the store that is there, of whatever work.
 
     Raises
     ------
     InputFileError
-        If there is no such store, it is damaged, or the campaign has not ended and `partial` is not set.
+        If there is none, or its metadata or labels are damaged.
     """
-    store = _open(Path(path), mode="r")
-    recorded = store.finished(verify=False)
-    finished = store.finished(verify=True) if verify else recorded
-    if damaged := recorded - finished:
-        place = f"epoch {store.epochs(min(damaged)).start}"
-        raise InputFileError(path, place, "values that do not agree with their hash", "the values that were written")
-    if len(finished) < store.n_chunks and not partial:
-        found = f"{sum(len(store.epochs(chunk)) for chunk in finished)} epochs"
-        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same run again finishes it)")
-    try:  # nothing for dask, no consolidated metadata (they are no part of zarr v3), and a unit `s` stays a number
-        results = xarray.open_dataset(
-            path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
-        )
-    except Exception as error:
-        raise _no_store(Path(path), error) from error
-    if len(finished) == store.n_chunks:
-        return results
-    kept = np.concatenate([np.array(store.epochs(chunk), dtype=np.int64) for chunk in sorted(finished)] or [_NO_EPOCHS])
-    return results.isel({EPOCH: kept}).assign_coords({EPOCH: kept})
-
-
-_NO_EPOCHS = np.zeros(0, dtype=np.int64)
-
-
-def _create(path: Path, plan: Plan, chunk_epochs: int) -> None:
-    if plan.n_epochs < 1 or chunk_epochs < 1:
-        raise ValueError(f"{plan.n_epochs} epochs in chunks of {chunk_epochs}: both must be at least 1")
-    chunk_epochs = min(chunk_epochs, plan.n_epochs)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        error.filename = str(path)  # the name that the user knows
-        raise
-    with private as folder:
-        group = zarr.create_group(Path(folder) / "store", zarr_format=3, attributes=_identity(plan))
-        for name, coord in plan.coords.items():
-            values = np.asarray(coord.values)
-            group.create_array(
-                name,
-                data=values.astype(np.dtypes.StringDType()) if values.dtype.kind == "U" else values,
-                dimension_names=(coord.dim,),
-                attributes={"units": coord.units, "long_name": coord.long_name},
-            )
-        for name, column in plan.columns.items():
-            group.create_array(
-                name,
-                shape=shape_of(plan, column, plan.n_epochs),
-                chunks=shape_of(plan, column, chunk_epochs),
-                dtype=column.dtype,
-                dimension_names=column.dims,
-                attributes=_json(
-                    {
-                        "units": column.units,
-                        "long_name": column.long_name,
-                        "coordinates": " ".join(n for n, coord in plan.coords.items() if coord.dim in column.dims),
-                        **column.attrs,
-                    }
-                ),
-            )
-        progress = group.create_group(PROGRESS, attributes={**_schema(plan), CHUNK: chunk_epochs})
-        n_chunks = -(-plan.n_epochs // chunk_epochs)
-        progress.create_array(DIGEST, shape=(n_chunks,), chunks=(1,), dtype="uint64", fill_value=UNFINISHED)
-        (Path(folder) / "store").rename(path)
-
-
-def _open(path: Path, *, mode: Any) -> Store:
-    if not path.exists():
-        raise InputFileError(path, "store", "nothing", EXPECTED)
+    check_files(path)
     try:
         group = zarr.open_group(path, mode=mode, zarr_format=3)
         if PROGRESS not in group:
             raise InputFileError(path, "store", "no results of a campaign", EXPECTED)
         own: dict[str, Any] = group[PROGRESS].attrs.asdict()
+        attributes = group.attrs.asdict()
+        if own.pop(WORK, work := work_digest(attributes)) != work:
+            raise ValueError("attributes that are not those with which the store was made")
+        arrays = arrays_of(path, group)
         store = Store(
             path=path,
-            attrs={**group.attrs.asdict(), **own},
-            columns={name: array for name, array in group.arrays() if EPOCH in _dims(array)},
+            attrs={**attributes, **own},
+            columns={name: array for name, array in arrays.items() if EPOCH in _dims(array)},
             digests=cast("zarr.Array[Any]", group[f"{PROGRESS}/{DIGEST}"]),
             n_epochs=int(own["n_epochs"]),
             chunk_epochs=int(own[CHUNK]),
         )
-        columns = {_COLUMN + name: _column_text(a.dtype, _dims(a), a.shape) for name, a in store.columns.items()}
-        coords = {_COORD + name: _coord_text(_dims(a)[0], a[:]) for name, a in group.arrays() if EPOCH not in _dims(a)}
+        _check_sizes(store)
+        columns = {COLUMN + name: column_text(a.dtype, _dims(a), a.shape) for name, a in store.columns.items()}
+        labels = {name: array for name, array in arrays.items() if name not in store.columns}
+        for name, array in labels.items():
+            check_small_array(path, name, array)
+        coords = {COORD + name: coord_text(_dims(a)[0], a[:]) for name, a in labels.items()}
         if {"n_epochs": store.n_epochs, CHUNK: store.chunk_epochs, **columns, **coords} != own:
             raise ValueError("arrays that are not those with which the store was made")
-        if store.digests.shape != (store.n_chunks,):
-            raise ValueError("another number of chunks than that with which the store was made")
     except InputFileError:
         raise
     except zarr.errors.GroupNotFoundError as error:
         raise InputFileError(path, "store", "no zarr store", EXPECTED) from error
     except Exception as error:  # damaged metadata raise anything
-        raise _no_store(path, error) from error
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED}; {MENDS}") from error
     return store
 
 
-def _no_store(path: Path, error: Exception) -> InputFileError:
-    return InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED)
-
-
-def _identity(plan: Plan) -> dict[str, Any]:
-    """Return what must be equal in two runs with equal results, as JSON knows it."""
-    return {**_json(plan.attrs), **origin(plan)}
-
-
-def _schema(plan: Plan) -> dict[str, Any]:
-    """Return what the arrays of a store must be, as text."""
-    columns = {
-        _COLUMN + name: _column_text(column.dtype, column.dims, shape_of(plan, column, plan.n_epochs))
-        for name, column in plan.columns.items()
-    }
-    coords = {_COORD + name: _coord_text(coord.dim, coord.values) for name, coord in plan.coords.items()}
-    return {"n_epochs": plan.n_epochs, **columns, **coords}
-
-
-def _column_text(dtype: object, dims: tuple[str | None, ...], shape: tuple[int, ...]) -> str:
-    return f"{dtype} " + ", ".join(f"{dim} {length}" for dim, length in zip(dims, shape, strict=True))
-
-
-def _coord_text(dim: str | None, values: Any) -> str:
-    return f"{dim} {np.asarray(values).tolist()}"
+def _check_sizes(store: Store) -> None:
+    """Raise ValueError if a store claims more than a campaign writes."""
+    if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
+        raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, at most {MAX_EPOCHS} are written")
+    if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
+        raise ValueError("another number of chunks than that with which the store was made")
+    check_array(DIGEST, store.digests)
+    for name, array in store.columns.items():
+        check_array(name, array)
+        of_one = tuple(
+            store.chunk_epochs if dim == EPOCH else length
+            for dim, length in zip(_dims(array), array.shape, strict=True)
+        )
+        if array.chunks != of_one:
+            raise ValueError(f"{name}: chunks of {array.chunks}, expected {of_one}")
 
 
 def _check_identity(store: Store, plan: Plan) -> None:
-    found = {name: value for name, value in store.attrs.items() if name != CHUNK}
-    expected = {**_identity(plan), **_schema(plan)}
+    found = {name: value for name, value in store.attrs.items() if name not in (CHUNK, WORK)}
+    expected = {**identity(plan), **schema(plan)}
     # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
@@ -281,10 +262,6 @@ def _check_identity(store: Store, plan: Plan) -> None:
             raise InputFileError(
                 store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}{advice}"
             )
-
-
-def _json(values: Mapping[str, Any]) -> dict[str, Any]:
-    return json.loads(json.dumps(dict(values), allow_nan=False))
 
 
 def _dims(array: zarr.Array[Any]) -> tuple[str | None, ...]:

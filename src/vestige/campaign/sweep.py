@@ -25,7 +25,8 @@ import numpy as np
 
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
-from vestige.campaign.run import CHUNK_EPOCHS, ExecutorChoice, Progress, Results, run
+from vestige.campaign.results import attributes_of
+from vestige.campaign.run import CHUNK_EPOCHS, Columns, ExecutorChoice, Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.sweep_axes import Value, store_name
@@ -153,21 +154,23 @@ def run_sweep(
             progress=None if progress is None else lambda now, name=name: progress(name, now),  # type: ignore[misc]
             enough=None if width is None else _Counter(scenario.processor.detector, width),
         )
-        attrs = results.attrs
+        attributes = attributes_of(results)
         cn0_dbhz, signal = scenario.receiver.cn0_dbhz, scenario.receiver.signal
-        theory = probability_of_detection(cn0_dbhz, attrs["integration_s"], attrs["p_fa"]) if signal else float("nan")
+        theory = (
+            probability_of_detection(cn0_dbhz, attributes.integration_s, attributes.p_fa) if signal else float("nan")
+        )
         rows.append(
             Row(
                 settings=settings,
                 store=name,
                 cn0_dbhz=cn0_dbhz,
-                p_fa=attrs["p_fa"],
-                integration_s=attrs["integration_s"],
+                p_fa=attributes.p_fa,
+                integration_s=attributes.integration_s,
                 signal=signal,
                 detector=scenario.processor.detector,
                 epochs=results.sizes["epoch"],
                 detections={detector: summarise(results, detector).detections for detector in DETECTORS},
-                p_d_theory=float(theory),
+                p_d_theory=theory,
                 false_alarms=false_alarms(results),
                 level=scenario.processor.level,
                 outcome=_outcome(scenario, results),
@@ -191,7 +194,7 @@ class _Counter:
         self._detector, self._width = list(DETECTORS).index(detector), width
         self._detections = self._decisions = 0
 
-    def __call__(self, results: Results) -> bool:
+    def __call__(self, results: Columns) -> bool:
         correlated = ~np.isnan(results["noise_power"])
         self._decisions += int(np.count_nonzero(correlated))
         self._detections += int(np.count_nonzero((results["tap_index"][self._detector] >= 0) & correlated))

@@ -9,10 +9,12 @@ from io import StringIO
 from pathlib import Path
 
 from vestige.campaign.threat_outcome import RunOutcome
+from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.output import replacement
 
 RUNS = "runs.csv"
+MAX_BYTES = 1 << 30  # a run and level has 200 bytes
 Key = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
@@ -39,14 +41,17 @@ def read_runs(path: Path) -> dict[Key, RunOutcome]:
     if not path.exists():
         return {}
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        content = read_bytes(path, at_most=MAX_BYTES)
+        if _HEADER.encode().startswith(content):
+            return {}  # cut off in its first line, or empty
+        whole = content[: content.rfind(b"\n") + 1].decode().splitlines()
+        lines = list(csv.reader(whole[1:]))
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputFileError(path, "file", error, "the runs of a threat table") from error
-    whole = text[: text.rfind("\n") + 1].splitlines()
-    if text and (not whole or whole[0] != _HEADER):
-        raise InputFileError(path, "line 1", (text.splitlines() or [""])[0][:80], _HEADER)
+    if not whole or whole[0] != _HEADER:
+        raise InputFileError(path, "line 1", whole[0][:80] if whole else "no whole line", _HEADER)
     runs: dict[Key, RunOutcome] = {}
-    for number, cells in enumerate(csv.reader(whole[1:]), start=2):
+    for number, cells in enumerate(lines, start=2):
         try:
             key, values = tuple(cells[: len(_KEY)]), cells[len(_KEY) :]
             runs[key] = RunOutcome(

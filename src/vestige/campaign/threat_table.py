@@ -19,8 +19,8 @@ import xarray
 
 from vestige.acas_processor.mitigation import LEVELS as ROWS
 from vestige.campaign.origin import vestige_version
+from vestige.campaign.results import load_small
 from vestige.campaign.threat_matrix import Cell
-from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.scenario.threats import LEVELS
 
@@ -115,12 +115,9 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
     Raises
     ------
     InputFileError
-        If there is none.
+        If there is none, or it is damaged.
     """
-    try:
-        return xarray.open_zarr(folder / STORE, consolidated=False).load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputFileError(folder, STORE, error, "the folder that `vestige threats -o` writes") from error
+    return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 
 
 def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from vestige.campaign.results import scenario_of
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.errors import VestigeError
 from vestige.receiver.clock import TwoStateClock
+from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
     import xarray
@@ -57,7 +57,7 @@ class Track:
         return proportion(int(np.count_nonzero(self.failed)), int(np.count_nonzero(self.run)))
 
 
-def observed_scenario(results: xarray.Dataset) -> Mapping[str, Any]:
+def observed_scenario(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of results that hold observations of E1.
 
     Raises
@@ -67,18 +67,9 @@ def observed_scenario(results: xarray.Dataset) -> Mapping[str, Any]:
     """
     if "e1_taps" not in results:
         raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
-    scenario: Mapping[str, Any] = json.loads(results.attrs["scenario"])
-    return scenario
+    return scenario_of(results)
 
 
-def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
-    """Return a variable as float64, epochs first, or along the axes named."""
-    found = results[name]
-    order = dims or ("epoch", *(str(dim) for dim in found.dims if dim != "epoch"))
-    return found.transpose(*order).values.astype(np.float64)
-
-
-def oscillator(scenario: Mapping[str, Any]) -> TwoStateClock:
+def oscillator(scenario: StoredScenario) -> TwoStateClock:
     """Return the receiver's oscillator of a scenario; one without noise if there is no clock."""
-    table = scenario["receiver"]["clock"] or {"h0_s": 0.0, "h_minus_2_hz": 0.0}
-    return TwoStateClock(h0_s=table["h0_s"], h_minus_2_hz=table["h_minus_2_hz"])
+    return scenario.receiver.clock or TwoStateClock(h0_s=0.0, h_minus_2_hz=0.0)

@@ -8,15 +8,14 @@ no trials: nothing was decided.
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 
 import numpy as np
 import xarray
 
-from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.mitigation import ALARMS
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
+from vestige.campaign.results import scenario_of
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.threat_outcome import DAY_S
 from vestige.records import Status
@@ -66,20 +65,19 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
     attacked = attacked_epochs(results)
     alarm = np.isin(status, [position(one) for one in ALARMS])
     quiet = due & ~attacked & (status != position(Status.NOT_AVAILABLE))
-    scenario = json.loads(results.attrs["scenario"])
     return VerdictCounts(
         due=int(np.count_nonzero(due)),
         of={one: int(np.count_nonzero(due & (status == position(one)))) for one in Status},
         attacked=int(np.count_nonzero(due & attacked)),
         false_alarms=proportion(int(np.count_nonzero(quiet & alarm)), int(np.count_nonzero(quiet))),
-        recs_a_day=DAY_S / (scenario["interval_s"] * scenario["recs"]["every"]),
+        recs_a_day=DAY_S / scenario_of(results).recs_interval_s,
     )
 
 
 def range_limit_m(results: xarray.Dataset) -> float:
     """Return κσ, the largest range offset that passes the range check of this campaign."""
-    table = json.loads(results.attrs["scenario"])["processor"]
-    return ErrorBudget(**table["budget"]).limit_m(table["kappa"])
+    processor = scenario_of(results).processor
+    return processor.budget.limit_m(processor.kappa)
 
 
 def results_digest(results: xarray.Dataset) -> str:

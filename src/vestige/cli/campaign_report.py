@@ -14,6 +14,7 @@ import xarray
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.levels import verdicts_of_run
+from vestige.campaign.results import attributes_of
 from vestige.campaign.statistics import Proportion, false_alarms, summarise
 from vestige.campaign.sweep import Row
 from vestige.campaign.threat_outcome import RunOutcome
@@ -23,15 +24,15 @@ from vestige.cli.level_report import level_lines, level_values
 
 def campaign_json(results: xarray.Dataset) -> str:
     """Return what was found in one campaign."""
-    attrs = results.attrs
+    attributes = attributes_of(results)
     judged, level = verdicts_of_run(results)
     return as_json(
         {
             "epochs": results.sizes["epoch"],
-            "fidelity": attrs["fidelity"],
-            "signal": attrs["signal"],
-            "cn0_dbhz": attrs.get("cn0_dbhz"),
-            "p_fa": attrs["p_fa"],
+            "fidelity": attributes.fidelity,
+            "signal": attributes.signal,
+            "cn0_dbhz": attributes.cn0_dbhz,
+            "p_fa": attributes.p_fa,
             "p_d_theory": _theory(results),
             "false_alarms": asdict(false_alarms(results)),
             "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
@@ -43,19 +44,19 @@ def campaign_json(results: xarray.Dataset) -> str:
 
 def campaign_text(results: xarray.Dataset, store: Path) -> str:
     """Return what was found in one campaign, a few lines."""
-    attrs = results.attrs
-    strength = f"C/N0 {attrs['cn0_dbhz']:g} dBHz" if attrs["signal"] else "no signal"
+    attributes = attributes_of(results)
+    strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
-        f"{store}: {results.sizes['epoch']} epochs, {attrs['fidelity']}, {strength}, P_fa {attrs['p_fa']:g}",
+        f"{store}: {results.sizes['epoch']} epochs, {attributes.fidelity}, {strength}, P_fa {attributes.p_fa:g}",
         f"false alarms of single taps on noise: {_count(false_alarms(results))}",
     ]
-    if attrs["signal"]:
+    if attributes.signal:
         lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
     undecided = results.sizes["epoch"] * results.sizes["satellite"] - summarise(results).detections.trials
     if undecided:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
     for name in DETECTORS:
-        lines += _detector_lines(results, name) if attrs["signal"] else _alarm_line(results, name)
+        lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
     judged, level = verdicts_of_run(results)
     if level is not None:
         lines += level_lines(results, level)
@@ -158,10 +159,10 @@ def _count(found: Proportion) -> str:
 
 
 def _theory(results: xarray.Dataset) -> float:
-    attrs = results.attrs
-    if not attrs["signal"]:
+    attributes = attributes_of(results)
+    if attributes.cn0_dbhz is None:
         return math.nan
-    return float(probability_of_detection(attrs["cn0_dbhz"], attrs["integration_s"], attrs["p_fa"]))
+    return float(probability_of_detection(attributes.cn0_dbhz, attributes.integration_s, attributes.p_fa))
 
 
 def as_json(value: Any) -> str:

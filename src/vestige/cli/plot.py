@@ -202,10 +202,10 @@ def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Pa
 
 def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
     from vestige import plots
-    from vestige.campaign.store import open_results
+    from vestige.campaign.results import open_results
     from vestige.errors import VestigeError
 
-    results = open_results(path, partial=True)
+    results = open_results(path, partial=True).dataset
     if "epoch" in results.coords:
         echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
     try:

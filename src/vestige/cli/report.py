@@ -37,7 +37,7 @@ def command(result: Path, output: Path, question: str) -> None:
 
 
 def _page(path: Path, question: str) -> Page:
-    from vestige.campaign.store import open_results
+    from vestige.campaign.results import open_results
     from vestige.campaign.sweep import TABLE as SWEEP
     from vestige.campaign.threat_table import STORE
     from vestige.campaign.threat_table import TABLE as THREATS
@@ -55,7 +55,7 @@ def _page(path: Path, question: str) -> Page:
         raise InputFileError(path, "folder", "a sweep", "one of the stores in it")
     results = open_results(path, partial=True)
     try:
-        return run_page(results.load(), name, question=question)
+        return run_page(results.dataset.load(), name, question=question)
     except InputFileError:
         raise
     except VestigeError as error:

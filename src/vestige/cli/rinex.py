@@ -18,11 +18,11 @@ def command(results_path: Path, output: Path) -> None:
     RESULTS is the store of `vestige run` of a scenario with [constellation]. The observations are those of the signal
     that the receiver tracked, under attack too: pseudorange, Doppler and C/N0 of all satellites at every epoch.
     """
+    from vestige.campaign.results import open_results
     from vestige.campaign.rinex_export import COMMAND, export_rinex
-    from vestige.campaign.store import open_results
     from vestige.errors import InputFileError, VestigeError
 
-    results = open_results(results_path)
+    results = open_results(results_path).dataset
     try:
         written = export_rinex(results, output)
     except InputFileError:

@@ -156,9 +156,9 @@ def _run_sweep(
     from vestige.campaign.sweep import TABLE, Width, run_sweep
     from vestige.cli.campaign_report import sweep_json, sweep_table
     from vestige.cli.progress import campaign_progress
+    from vestige.folder_lock import only_writer
 
     narrow = None if width is None else Width(width=width[0], relative=width[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    with campaign_progress() as report:
+    with only_writer(folder), campaign_progress() as report:
         rows = list(run_sweep(campaigns, folder, width=narrow, progress=report, **how))
     echo(*(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE)).split("\n"))

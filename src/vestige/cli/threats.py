@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import BrokenExecutor
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import click
 from vestige.cli.pool import pool
 from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
+from vestige.folder_lock import only_writer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,13 +93,14 @@ def command(
         return
     chosen = tuple(case_of(path.stem, _load(path, quick)) for path in files) or cases(threats)
     seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
-    with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
-        cells = list(_measured(chosen, seeds, output, executor, calls))
-    text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
-    echo(*text.split("\n"))
-    if output is not None:
-        for path in _written(output, cells):
-            echo(f"written: {path}", err=as_json)
+    with nullcontext() if output is None else only_writer(output):
+        with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
+            cells = list(_measured(chosen, seeds, output, executor, calls))
+        text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
+        echo(*text.split("\n"))
+        if output is not None:
+            for path in _written(output, cells):
+                echo(f"written: {path}", err=as_json)
 
 
 def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:

@@ -57,7 +57,7 @@ _HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
 _FILLING = b"\x12" * 36
 _SHORTEST_BYTES = 72 + 2 * 30  # the part that is known
 _TYPICAL_BYTES = 191
-_LONGEST_BYTES = 1 << 16  # far more than any file of this layout
+MAX_FILE_BYTES = 1 << 16  # far more than any file of this layout
 _RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
 
 
@@ -153,7 +153,7 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     UnsupportedError
         If its interface version is not known.
     """
-    return parse(read_bytes(path, at_most=_LONGEST_BYTES), path, reference=reference)
+    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
 
 def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:

@@ -40,6 +40,7 @@ from vestige.time import GalileoTime
 INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
+MAX_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
 
 # The fields are Provider, IntV, reserved, WN, ATOW, tDur, SVID, KDI, RAND, NChip, RTBA and FileVersion [SASLIB].
 _AGGREGATED = struct.Struct(">8s B B H 3s 3s B B B B H B")
@@ -161,7 +162,7 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     UnsupportedError
         If its interface version is not known.
     """
-    return parse(read_bytes(path), path, reference=reference)
+    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
 
 def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:

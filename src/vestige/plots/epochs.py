@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import xarray
 from jaxtyping import Bool, Float
@@ -146,6 +148,8 @@ def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True)
 def attribute(selected: xarray.Dataset, name: str) -> float | None:
     """Return a number among the attributes of the results, None if it is not there or not finite."""
     value = selected.attrs.get(name)
-    if isinstance(value, (int, float, np.number)) and np.isfinite(value):
-        return float(value)
-    return None
+    try:
+        number = float(value) if isinstance(value, (int, float, np.number)) else math.nan
+    except OverflowError:  # a whole number of 400 digits
+        return None
+    return number if math.isfinite(number) else None

@@ -174,7 +174,7 @@ def kind_of(path: Path) -> Kind | None:
 
 def read_recs(path: Path, settings: Settings) -> Contents:
     """Return the RECS of a file, within the window."""
-    data, signature = _signed(path, settings)
+    data, signature = _signed(path, settings, recs_file.MAX_FILE_BYTES)
     file = recs_file.parse(data, path, reference=settings.reference)
     segments = file.segments
     if settings.window is not None:
@@ -186,7 +186,7 @@ def read_recs(path: Path, settings: Settings) -> Contents:
 
 def read_group_delays(path: Path, settings: Settings) -> Contents:
     """Return the group delays of a file."""
-    data, signature = _signed(path, settings)
+    data, signature = _signed(path, settings, group_delay.MAX_FILE_BYTES)
     file = group_delay.parse(data, path, reference=settings.reference)
     summary = f"group delays of {len(file.delays)} satellites, from {file.valid_from}"
     return Contents(summary=summary, signature=signature, group_delays=file.delays)
@@ -242,9 +242,9 @@ READERS: Mapping[Kind, Callable[[Path, Settings], Contents]] = {
 }
 
 
-def _signed(path: Path, settings: Settings) -> tuple[bytes, SignatureStatus]:
+def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, SignatureStatus]:
     """Return the bytes of a file and what is known of the origin of these very bytes."""
-    data = read_bytes(path)
+    data = read_bytes(path, at_most=at_most)
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
     status = verify_data(data, path, signatures, settings.server_keys)
     if settings.server_keys and status is not SignatureStatus.VERIFIED:

@@ -8,10 +8,10 @@ the epoch is processed again from the same state, with the same result. None is 
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 from vestige.acas_processor.watch import WatchState
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
+from vestige.folder_lock import only_writer
 from vestige.output import check_output, replacement
 from vestige.time import GalileoTime
 
@@ -73,22 +74,15 @@ class FollowJournal:
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:
         self._folder, self._settings = folder, dict(settings)
         self._adapter = TypeAdapter(_State)
-        folder.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(folder, os.O_RDONLY)
-        try:
+        with ExitStack() as held:
+            self._lock = held.enter_context(only_writer(folder))
             self.progress, self._n_bytes = self._opened()
             check_output(folder / LINES, ())  # no link to another file
-            self._lines = (folder / LINES).open("ab")
+            self._lines = held.enter_context((folder / LINES).open("ab"))
             self._lines.truncate(self._n_bytes)
-        except BaseException:
-            os.close(self._lock)
-            raise
+            self._held = held.pop_all()
 
     def _opened(self) -> tuple[Progress | None, int]:
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise InputFileError(self._folder, "folder", "another process that writes it", "one at a time") from error
         if not (self._folder / STATE).exists():
             if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
@@ -141,5 +135,4 @@ class FollowJournal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._lines.close()
-        os.close(self._lock)
+        self._held.close()

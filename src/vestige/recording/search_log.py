@@ -10,13 +10,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
+from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
-from vestige.sample_processor.search.peak import Peak
-from vestige.time import GalileoTime
+
+EXPECTED = "what an exhaustive search has kept"
+MAX_BYTES = 1 << 26  # a search keeps some kB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Content:
+    of: dict[str, str | float]
+    states: dict[str, SearchState]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,14 +58,21 @@ class SearchLog:
         if not path.exists():
             return cls(path=path, of=of)
         try:
-            content = json.loads(path.read_bytes())
-            found, states = dict(content["of"]), {name: _state(one) for name, one in content["states"].items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputFileError(path, "content", error, "what an exhaustive search has kept") from error
-        for key in {**of, **found}:
-            if found.get(key) != of.get(key):
-                raise InputFileError(path, f"search of another {key}", found.get(key), of.get(key))
-        return cls(path=path, of=of, states=states)
+            content = TypeAdapter(_Content).validate_python(json.loads(read_bytes(path, at_most=MAX_BYTES)))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            place = ".".join(map(str, first["loc"]))[:80] or "content"
+            raise InputFileError(path, place, first["input"], f"{EXPECTED}: {first['msg']}") from error
+        except (ValueError, RecursionError) as error:
+            raise InputFileError(path, "content", str(error), EXPECTED) from error
+        for name, state in content.states.items():
+            if not (state.blocks >= 0 and 0 <= state.done <= state.total):
+                found = f"{state.blocks} blocks, {state.done} of {state.total} hypotheses"
+                raise InputFileError(path, f"states.{name[:80]}", found, EXPECTED)
+        for key in {**of, **content.of}:
+            if content.of.get(key) != of.get(key):
+                raise InputFileError(path, f"search of another {key}", content.of.get(key), of.get(key))
+        return cls(path=path, of=of, states=content.states)
 
     def keep(self, name: str, state: SearchState) -> None:
         """Take over a state, and write the file."""
@@ -64,11 +80,3 @@ class SearchLog:
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
         with replacement(self.path) as part:
             part.write_text(json.dumps(content, indent=1) + "\n")
-
-
-def _state(content: dict[str, Any]) -> SearchState:
-    peaks = tuple(Peak(**{**one, "start_time": GalileoTime(**one["start_time"])}) for one in content["peaks"])
-    state = SearchState(**{**content, "peaks": peaks, "block_start": GalileoTime(**content["block_start"])})
-    if not (isinstance(state.blocks, int) and state.blocks >= 0 and 0 <= state.done <= state.total):
-        raise ValueError(f"no state of a search: {state.blocks} blocks, {state.done} of {state.total} hypotheses")
-    return state

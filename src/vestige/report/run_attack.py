@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import xarray
 
 from vestige.campaign.outcomes import AttackReport, Outcome, report
 from vestige.report.markup import Html, card, element, number, table
+from vestige.scenario.stored import StoredScenario
 
 
-def attack_reports(results: xarray.Dataset, scenario: Mapping[str, Any]) -> dict[str, dict[str, AttackReport]]:
+def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[str, dict[str, AttackReport]]:
     """Return satellite to detector to what came of the attack on it."""
-    if not scenario["attack"]:
+    if not scenario.attack:
         return {}
     reports: dict[str, dict[str, AttackReport]] = {}
     for place, svid in enumerate(results["svid"].values.tolist()):

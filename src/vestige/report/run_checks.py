@@ -4,48 +4,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import xarray
 
 from vestige.campaign.monitoring import Track
+from vestige.campaign.results import attributes_of
 from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m
 from vestige.report.markup import Html, element, figure, number, section, table
+from vestige.scenario.stored import StoredScenario
 
 _SURE = 0.05  # of the two-sided test against a budget: that of the 95 % intervals
 
 
 def checks_section(
     results: xarray.Dataset,
-    scenario: Mapping[str, Any],
+    scenario: StoredScenario,
     found: Mapping[str, Summary],
     checks: Sequence[Track],
     of_level: Sequence[Html],
 ) -> Html:
     """Return the checks behind the verdicts, and those that a receiver with a sky can run besides."""
-    processor = scenario["processor"]
-    offset_m = results["range_offset_m"].sel(detector=processor["detector"]).values
+    processor, attributes = scenario.processor, attributes_of(results)
+    offset_m = results["range_offset_m"].sel(detector=processor.detector).values
     beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
     parts = [
-        element(
-            "p", f"Mitigation level {processor['level']}; the {processor['detector']} detector gives the verdicts."
-        ),
+        element("p", f"Mitigation level {processor.level}; the {processor.detector} detector gives the verdicts."),
         table(
             "Checks of steps 1 and 2",
             ("check", "threshold", "what it is", "failed"),
             [
                 (
                     "E6 power",
-                    number(results.attrs["threshold_sigma"], 4, "σ"),
-                    f"of a single correlator at P_fa = {number(results.attrs['p_fa'], 2)}",
-                    f"{number(found[processor['detector']].misses)} without a detection",
+                    number(attributes.threshold_sigma, 4, "σ"),
+                    f"of a single correlator at P_fa = {number(attributes.p_fa, 2)}",
+                    f"{number(found[processor.detector].misses)} without a detection",
                 ),
                 (
                     "E1–E6 range",
                     f"±{number(range_limit_m(results), 4, 'm')}",
-                    f"κσ of the error budget, κ = {number(processor['kappa'], 3)}",
+                    f"κσ of the error budget, κ = {number(processor.kappa, 3)}",
                     f"{number(beyond)} beyond it",
                 ),
             ],
@@ -77,7 +76,7 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
     taps = false_alarms(results)
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
-        ("single correlators on noise", number(results.attrs["p_fa"], 2), *_counted(taps)),
+        ("single correlators on noise", number(attributes_of(results).p_fa, 2), *_counted(taps)),
     ]
     parts = [
         table(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from jaxtyping import Bool, Float
 from vestige.acas_processor.mitigation import ALARMS, GRAVITY
 from vestige.campaign.monitoring import Track
 from vestige.campaign.outcomes import due_verdicts, position
+from vestige.campaign.results import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attack_comparison import counterfeits
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
@@ -43,29 +43,29 @@ def run_drawings(
     svids = [int(svid) for svid in results["svid"].values]
     due = due_verdicts(results)
     shown = {svid: due[:, place] for place, svid in enumerate(svids) if due[:, place].any()}
-    tables = json.loads(results.attrs["scenario"])
+    scenario = scenario_of(results)
     satellites, thinned = [], {}
     top = _top(results)
     for svid, mask in shown.items():
-        one, rows = _satellite(results, svid, mask, len(shown), top, tables["interval_s"] * tables["recs"]["every"])
+        one, rows = _satellite(results, svid, mask, len(shown), top, scenario.recs_interval_s)
         satellites.append(one)
         thinned[one["name"]] = rows.every
     time_s = results["time_s"].values
     data = {
-        "span_s": [float(time_s[0]), float(time_s[-1]) + tables["interval_s"]],
+        "span_s": [float(time_s[0]), float(time_s[-1]) + scenario.interval_s],
         "statuses": [status.value for status in Status],
         "alarms": [position(status) for status in ALARMS],
         "gravity": [position(status) for status in GRAVITY],
         "detectors": detectors,
         "offsets_m": results["tap_offset_m"].values.tolist(),
-        "threshold_sigma": results.attrs["threshold_sigma"],
+        "threshold_sigma": attributes_of(results).threshold_sigma,
         "limit_m": range_limit_m(results),
         "top_sigma": top,
         "satellites": satellites,
         "histogram": _histogram(results, detectors, due),
     }
     if tracks:
-        data["checks"] = _checks(time_s, tables["interval_s"], tracks)
+        data["checks"] = _checks(time_s, scenario.interval_s, tracks)
         data["position"] = _position(results, time_s)
     return data, thinned
 
@@ -138,7 +138,7 @@ def _top(results: xarray.Dataset) -> float:
     magnitude = np.abs(results["taps"].transpose("epoch", "satellite", "tap").values) / np.where(
         sigma > 0, sigma, np.nan
     )
-    return float(max(np.nanmax(magnitude, initial=0.0), 1.5 * results.attrs["threshold_sigma"]))
+    return float(max(np.nanmax(magnitude, initial=0.0), 1.5 * attributes_of(results).threshold_sigma))
 
 
 def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarray, "n m"]) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,10 +10,11 @@ import xarray
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.monitoring import tracks
 from vestige.campaign.outcomes import AttackReport, due_verdicts
+from vestige.campaign.results import attributes_of, scenario_of, scenario_text
 from vestige.campaign.statistics import Summary, summarise
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
 from vestige.errors import VestigeError
-from vestige.plots.epochs import attribute, select
+from vestige.plots.epochs import select
 from vestige.records import Status
 from vestige.report.markup import Html, card, element, figure, joined, number, section, table
 from vestige.report.page import Page
@@ -24,15 +23,9 @@ from vestige.report.run_checks import checks_section, false_alarms_section
 from vestige.report.run_drawings import run_drawings
 from vestige.report.run_levels import level_cards, level_content
 from vestige.report.run_scenario import reproduce_section, scenario_section
+from vestige.scenario.stored import StoredScenario
 
 _NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
-_NUMBERS = ("seed", "threshold_sigma", "p_fa", "integration_s")  # attributes
-_KEYS = {  # of the scenario, and of the tables in it
-    "": ("epochs", "interval_s", "recs", "receiver", "processor", "attack"),
-    "recs": ("every",),
-    "receiver": ("signal",),
-    "processor": ("level", "detector", "budget", "kappa"),
-}
 
 
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
@@ -53,7 +46,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
         If the results are not those of `vestige run`.
     """
     scenario = _scenario(results)
-    sky = scenario.get("constellation") is not None
+    sky = scenario.constellation is not None
     checks = tracks(results) if sky else ()
     stored, (results, of_level) = results, verdicts_of_run(results)
     counts = verdict_counts(results)
@@ -70,55 +63,45 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
         checks_section(results, scenario, found, checks, level_content(of_level, results)),
         *([section("position", "Position", *_position())] if sky else ()),
         false_alarms_section(results, counts, checks),
-        scenario_section(results.attrs["scenario"]),
+        scenario_section(scenario_text(results)),
         reproduce_section(stored, name, thinned, data),
     )
     return Page(
         title=f"{name}: {_subject(scenario, results.sizes['satellite'])}",
         question=question or _question(scenario),
         body=body,
-        version=str(results.attrs["vestige_version"]),
+        version=attributes_of(results).vestige_version,
         data=data,
     )
 
 
-def _scenario(results: xarray.Dataset) -> dict[str, Any]:
+def _scenario(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of the results, if they are what `vestige run` writes."""
     for name in _NEEDED:
         if name not in results.variables:
             raise VestigeError(f"results of a campaign: found no {name}, expected those of `vestige run`")
-    for name in _NUMBERS:
-        if attribute(results, name) is None:
-            raise VestigeError(f"results of a campaign: found no number {name}, expected those of `vestige run`")
-    text = results.attrs.get("scenario")
-    if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
-        raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
-    scenario: dict[str, Any] = json.loads(text)
-    for place, keys in _KEYS.items():
-        for key in keys:
-            if key not in (scenario[place] if place else scenario):
-                missing = f"{place}.{key}".lstrip(".")
-                raise VestigeError(f"results of a campaign: scenario: found no {missing}, expected a value for it")
+    attributes_of(results)
+    scenario = scenario_of(results)
     if not results.sizes["epoch"] or not due_verdicts(results).any():
         raise VestigeError("results of a campaign: found no epoch with a verdict, expected one at least")
     select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are not those of results
     return scenario
 
 
-def _subject(scenario: Mapping[str, Any], n_satellites: int) -> str:
+def _subject(scenario: StoredScenario, n_satellites: int) -> str:
     place = "one satellite" if n_satellites == 1 else f"{n_satellites} satellites"
-    kinds = ", ".join(dict.fromkeys(str(attack["kind"]) for attack in scenario["attack"]))
+    kinds = ", ".join(dict.fromkeys(attack.kind for attack in scenario.attack))
     if kinds:
         return f"{place} under attack ({kinds})"
-    return place if scenario["receiver"]["signal"] else "noise alone"
+    return place if scenario.receiver.signal else "noise alone"
 
 
-def _question(scenario: Mapping[str, Any]) -> str:
-    if scenario["attack"]:
+def _question(scenario: StoredScenario) -> str:
+    if scenario.attack:
         return "What does the receiver say while it is under attack, and which signal does it follow?"
-    if not scenario["receiver"]["signal"]:
+    if not scenario.receiver.signal:
         return "How often does noise alone pass for the signal?"
-    if scenario.get("constellation"):
+    if scenario.constellation:
         return "Without an attack: which satellites are authenticated, where is the receiver, which checks fail?"
     return "Without an attack: how often is the true signal found, and how far from where it was predicted?"
 
@@ -139,14 +122,14 @@ def _contents() -> Html:
 
 def _answer(
     results: xarray.Dataset,
-    scenario: Mapping[str, Any],
+    scenario: StoredScenario,
     counts: VerdictCounts,
     found: Mapping[str, Summary],
     attacks: Mapping[str, Mapping[str, AttackReport]],
     of_level: list[Html],
 ) -> Html:
     """Return the numbers that answer the question."""
-    chosen = scenario["processor"]["detector"]
+    chosen = scenario.processor.detector
     summary = found[chosen]
     undecided = counts.of[Status.NOT_AVAILABLE]
     cards = [
@@ -159,14 +142,14 @@ def _answer(
     ]
     for detector, one in found.items():
         rate = one.detections
-        word = "missed" if scenario["receiver"]["signal"] else "detected in noise"
-        count = one.misses if scenario["receiver"]["signal"] else rate.successes
-        low, high = (1 - rate.high, 1 - rate.low) if scenario["receiver"]["signal"] else (rate.low, rate.high)
+        word = "missed" if scenario.receiver.signal else "detected in noise"
+        count = one.misses if scenario.receiver.signal else rate.successes
+        low, high = (1 - rate.high, 1 - rate.low) if scenario.receiver.signal else (rate.low, rate.high)
         small = f"of {number(rate.trials)}; {number(low, 2)} to {number(high, 2)} (95 %)"
         cards.append(card(f"{word} by the {detector} detector", number(count), small))
-    if scenario["attack"] and attacks:
+    if scenario.attack and attacks:
         cards += attack_cards(attacks, chosen)
-    elif scenario["receiver"]["signal"]:
+    elif scenario.receiver.signal:
         spread = f"mean {number(summary.range_offset_mean_m, 2, 'm')}, {chosen} detector"
         cards.append(card("range offset, 1σ", number(summary.range_offset_std_m, 3, "m"), spread))
     cards += of_level
@@ -180,11 +163,11 @@ def _answer(
     return joined([_unfinished(results, scenario), element("dl", *cards, class_="cards")])
 
 
-def _unfinished(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Html:
+def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
     if "epoch" not in results.coords:
         return Html("")
-    text = f"This run has not ended: {results.sizes['epoch']} of {scenario['epochs']} epochs are here."
-    if scenario["processor"]["level"] > 1:
+    text = f"This run has not ended: {results.sizes['epoch']} of {scenario.epochs} epochs are here."
+    if scenario.processor.level > 1:
         text += " Until then the verdicts are those of steps 1 and 2."
     return element("p", text, class_="notice")
 

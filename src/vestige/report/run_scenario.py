@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 import xarray
 
+from vestige.campaign.results import attributes_of
 from vestige.campaign.verdicts import results_digest
 from vestige.report.markup import Html, element, section, table
 from vestige.scenario.campaign_toml import campaign_toml
@@ -41,20 +42,20 @@ def reproduce_section(
     results: xarray.Dataset, name: str, thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]
 ) -> Html:
     """Return the commands, what they need to be of, and what of the run is drawn."""
-    attrs = results.attrs
+    attributes = attributes_of(results)
     store = f"{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.zarr"
     commands = f"vestige run scenario.toml -o {store}\nvestige report {store} -o report.html"
     rows = [
-        ("vestige", attrs["vestige_version"]),
-        ("seed", attrs["seed"]),
-        ("fidelity", attrs.get("fidelity", "–")),
-        *([("processor", attrs["processor"])] if "processor" in attrs else ()),
+        ("vestige", attributes.vestige_version),
+        ("seed", attributes.seed),
+        ("fidelity", attributes.fidelity),
+        *([("processor", attributes.processor)] if attributes.processor else ()),
         ("epochs", results.sizes["epoch"]),
-        ("SHA-256 of the scenario", attrs["scenario_digest"]),
+        ("SHA-256 of the scenario", attributes.scenario_digest),
         ("SHA-256 of all results", results_digest(results)),
     ]
     same = "The same version and scenario give the same bits, however many workers there are"
-    same += ", on processors of this kind." if "processor" in attrs else "."
+    same += ", on processors of this kind." if attributes.processor else "."
     return section(
         "reproduce",
         "How to get it again",

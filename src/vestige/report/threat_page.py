@@ -196,7 +196,7 @@ def _share(cell: Cell, name: str) -> Html:
     if not of > 0:
         return markup("–")
     interval = element("span", f"{100 * low:.0f}–{100 * high:.0f} %", class_="detail")
-    return joined([f"{number(int(count))} of {number(int(of))}", interval])
+    return joined([f"{number(count)} of {number(of)}", interval])
 
 
 def _false_alarms(found: ThreatTable) -> list[Html]:
@@ -211,7 +211,7 @@ def _false_alarms(found: ThreatTable) -> list[Html]:
 
 def _a_day(cell: Cell) -> Html:
     rate, low, high = (number(cell.value(f"alarms_a_day{part}"), 3) for part in ("", "_low", "_high"))
-    counted = f"{number(int(cell.value('alarms')))} in {number(cell.value('days'), 3)} days"
+    counted = f"{number(cell.value('alarms'))} in {number(cell.value('days'), 3)} days"
     budget = cell.value("budget_alarms_a_day")
     allowed = f", at most {number(budget, 3)} a day" if budget >= 0 else ""
     return joined([f"{rate} ({low} to {high})", element("span", counted + allowed, class_="detail")])

@@ -129,8 +129,11 @@ def read_threat_table(path: Path) -> ThreatTable:
     return ThreatTable(columns=columns, rows=tuple(rows), levels=tuple(sorted(of_names | of_rows)))
 
 
+_COUNTS = re.compile(r"(?:level_\d+_)?(?:(?:detected|mitigated|missed|denied|by_chance)(?:_of)?|alarms)(?:_level_\d+)?")
+_LARGEST_COUNT = 1e15
 _NUMBERS = re.compile(
-    r"(?:level_\d+_)?(?:detected|mitigated|missed|denied|by_chance|alarms|alarms_a_day|time_to_detect|worst_accepted)"
+    r"(?:level_\d+_)?(?:detected|mitigated|missed|denied|by_chance|alarms|alarms_a_day|budget_alarms_a_day|days|"
+    r"time_to_detect|worst_accepted)"
     r"(?:_of|_low|_high|_s|_m)?(?:_level_\d+)?"
 )
 
@@ -145,5 +148,8 @@ def _check_numbers(path: Path, number: int, row: Mapping[str, str]) -> None:
                 value = float(text)
             except ValueError as error:
                 raise InputFileError(path, f"row {number}, {name}", text, "a number") from error
-            if math.isinf(value):
+            if _COUNTS.fullmatch(name):
+                if not (0 <= value <= _LARGEST_COUNT and value.is_integer()):
+                    raise InputFileError(path, f"row {number}, {name}", text, "a count")
+            elif math.isinf(value):
                 raise InputFileError(path, f"row {number}, {name}", text, "a finite number")

@@ -33,6 +33,7 @@ from vestige.receiver.truth import ErrorModels
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
+    MAX_EPOCHS,
     check_attacks,
     check_clock,
     check_jammers,
@@ -192,7 +193,7 @@ class CampaignScenario(Section):
     kind: Literal["campaign"]
     seed: Annotated[int, Field(ge=0)]
     start: str
-    epochs: Annotated[int, Field(ge=1, le=100_000_000)]
+    epochs: Annotated[int, Field(ge=1, le=MAX_EPOCHS)]
     interval_s: Annotated[float, Field(ge=0.1, le=3600, multiple_of=0.1)] = 1.0
     fidelity: Fidelity = "samples"
     line_of_sight: RangeModel = RangeModel()

@@ -17,6 +17,7 @@ from vestige.signal_generator.range_model import RangeModel
 from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Attacks, Spoofer
 
+MAX_EPOCHS = 100_000_000  # of a campaign
 LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
 _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations

@@ -110,7 +110,8 @@ def _inside(place: Any, name: str) -> Any:
     """Return a table by name, a new one if there is none; in an array of tables by its number from 0 on."""
     if isinstance(place, dict):
         return place.setdefault(name, {})
-    return place[int(name)] if name.isdecimal() and int(name) < len(place) else None
+    known = {str(number): one for number, one in enumerate(place)}
+    return known.get(name)
 
 
 def _copy(value: Any) -> Any:
@@ -228,7 +229,7 @@ def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
         if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
             return  # no power
-        finite = math.isfinite(value)
+        finite = isinstance(value, int) or math.isfinite(value)  # a whole number may be too large for a float
         expected = f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}" if finite else "a finite number"
         raise InputFileError(path, place, value, expected)
 

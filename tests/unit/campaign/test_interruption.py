@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from toy_plan import ToyPlan
+from vestige.campaign.results import open_results
 from vestige.campaign.run import run
-from vestige.campaign.store import open_results
 
 N_EPOCHS, CHUNK_EPOCHS, PAUSE_S = 400, 10, 0.01  # 2 s on two workers
 PLAN = ToyPlan(n_epochs=N_EPOCHS)
@@ -85,7 +85,7 @@ def test_kill_at_a_random_moment(tmp_path: Path, executor: str) -> None:
         time.sleep(delay_s)
         process.kill()
         assert process.wait() == -signal.SIGKILL, f"not killed after {delay_s} s"
-        finished = open_results(tmp_path / "a.zarr", partial=True).sizes["epoch"]
+        finished = open_results(tmp_path / "a.zarr", partial=True).dataset.sizes["epoch"]
         assert 0 < finished < N_EPOCHS
         deadline = time.monotonic() + 10
         while not group_is_gone(process.pid):

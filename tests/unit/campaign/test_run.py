@@ -19,8 +19,8 @@ import xarray
 from toy_plan import DeadlyPlan, ToyPlan
 from vestige.campaign.executors import local_executor
 from vestige.campaign.plan import Coord
+from vestige.campaign.results import open_results
 from vestige.campaign.run import IN_FLIGHT, Progress, measure_chunks, run
-from vestige.campaign.store import open_results
 from vestige.errors import InputFileError, VestigeError
 
 PLAN = ToyPlan(n_epochs=230)
@@ -112,7 +112,7 @@ def test_other_work_is_refused(tmp_path: Path) -> None:
     run(PLAN, tmp_path / "a.zarr")
     with pytest.raises(InputFileError, match="seed: found 1, expected 3"):
         run(ToyPlan(n_epochs=230, seed=3), tmp_path / "a.zarr")
-    assert_right(open_results(tmp_path / "a.zarr"))
+    assert_right(open_results(tmp_path / "a.zarr").dataset)
 
 
 def test_progress(tmp_path: Path) -> None:

@@ -22,10 +22,10 @@ import xarray
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.cluster import connect
+from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import summarise
-from vestige.campaign.store import open_results
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -112,10 +112,10 @@ def test_kill_of_the_command_at_a_random_moment(tmp_path: Path, truth: Any) -> N
         time.sleep(delay_s)
         process.kill()
     assert process.returncode == -signal.SIGKILL, f"not killed after {delay_s} s"
-    kept = open_results(tmp_path / "a", partial=True).sizes["epoch"]
+    kept = open_results(tmp_path / "a", partial=True).dataset.sizes["epoch"]
     assert kept < more
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603
-    results = open_results(tmp_path / "a")
+    results = open_results(tmp_path / "a").dataset
     first = results.isel(epoch=slice(0, N_EPOCHS["samples"]))
     assert_equal(first, truth["samples"])
     whole = plan("samples", epochs=more)

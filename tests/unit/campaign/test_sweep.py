@@ -10,10 +10,10 @@ import pytest
 
 from sky_builder import sky_scenario
 from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
-from vestige.campaign.store import open_results
 from vestige.campaign.sweep import TABLE, Row, Width, run_sweep
 from vestige.campaign.threat_matrix import measure, window_of
 from vestige.cli.campaign_report import sweep_table
@@ -52,7 +52,7 @@ def test_a_row_is_what_its_campaign_says(tmp_path: Path, whole: tuple[Path, list
     folder, rows = whole
     for (settings, one), row in zip(CAMPAIGNS, rows, strict=True):
         alone = run(ScenarioPlan(scenario=one), tmp_path / f"{settings}", chunk_epochs=CHUNK)
-        kept = open_results(folder / row.store)
+        kept = open_results(folder / row.store).dataset
         assert all(alone[name].values.tobytes() == kept[name].values.tobytes() for name in alone.data_vars)
         detected = int((alone["tap_index"].sel(detector="early") >= 0).sum())
         found = row.detections["early"]
@@ -116,7 +116,7 @@ def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
     folder, rows = whole[0], swept(tmp_path / "a", width)
     assert [row.epochs for row in rows] != [3000] * 3
     for row in rows:
-        detected = open_results(folder / row.store)["tap_index"].sel(detector="early").values >= 0
+        detected = open_results(folder / row.store).dataset["tap_index"].sel(detector="early").values >= 0
         counts = [(int(detected[:n].sum()), n) for n in range(CHUNK, 3000 + 1, CHUNK)]
 
         def narrow(hits: int, trials: int) -> bool:

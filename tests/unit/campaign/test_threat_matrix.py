@@ -22,7 +22,7 @@ from vestige.campaign.threat_matrix import (
     window_of,
 )
 from vestige.campaign.threat_outcome import Agreement, RunOutcome
-from vestige.campaign.threat_runs import RUNS, read_runs
+from vestige.campaign.threat_runs import RUNS, read_runs, write_runs
 from vestige.campaign.threat_table import read_threat_dataset, rows_of
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
@@ -264,3 +264,18 @@ def test_an_executor_of_processes_can_have_the_runs() -> None:
     pickle.loads(pickle.dumps((measure, SOME[0].scenario(0, True), (0.0, 1.0))))  # noqa: S301
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(measure, SOME[0].scenario(0, True), (0.0, 100.0)).result()[0].duration_s == 100.0
+
+
+def test_runs_cut_at_every_byte_are_those_whose_lines_are_whole(tmp_path: Path) -> None:
+    outcome = quick(next(iter(cases(read_threats()))).scenario(0, True), (0.0, 1.0))[0]
+    runs = {("A6", "−21 dB left", str(seed), "1", "2", "0123"): outcome for seed in range(2)}
+    write_runs(tmp_path / RUNS, runs)
+    content = (tmp_path / RUNS).read_bytes()
+    for length in range(len(content)):
+        (tmp_path / RUNS).write_bytes(content[:length])
+        whole = max(content[:length].count(b"\n") - 1, 0)
+        assert list(read_runs(tmp_path / RUNS).items()) == list(runs.items())[:whole]
+    for damage in (b"\x00", b"\xff", b'"' + bytes(200_000)):
+        (tmp_path / RUNS).write_bytes(content + damage + b"\n")
+        with pytest.raises(InputFileError):
+            read_runs(tmp_path / RUNS)

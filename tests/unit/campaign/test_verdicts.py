@@ -9,19 +9,19 @@ import xarray
 
 from report_builder import LIFT_OFF, SKY, made
 from vestige.campaign.outcomes import Outcome, due_verdicts, report
-from vestige.campaign.store import open_results
+from vestige.campaign.results import open_results
 from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
 
 
 @pytest.fixture(scope="module")
 def lift_off(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
-    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "liftoff", *LIFT_OFF)).load()
+    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "liftoff", *LIFT_OFF)).dataset.load()
 
 
 @pytest.fixture(scope="module")
 def sky(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
-    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "sky", *SKY)).load()
+    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "sky", *SKY)).dataset.load()
 
 
 def with_status(results: xarray.Dataset, *changes: tuple[slice, Status]) -> xarray.Dataset:
@@ -63,7 +63,7 @@ def test_a_verdict_is_due_where_a_recs_was_sent_by_a_satellite_in_view(sky: xarr
 def test_epochs_without_recs_are_no_part_of_an_attack(tmp_path: Path) -> None:
     """One epoch in ten has RECS, and in each of them something is found."""
     attack = 'attack=[{kind="lift-off", start_s=60, svids=[6], delay_m=90.0, power_db=6.0, bands=["E6"]}]'
-    results = open_results(made(tmp_path / "a", "sky", *SKY, attack)).load()
+    results = open_results(made(tmp_path / "a", "sky", *SKY, attack)).dataset.load()
     found = report(results, satellite=0)
     assert found is not None
     assert found.shares[Outcome.NONE] == 0
@@ -78,7 +78,7 @@ def test_the_limit_of_the_range_check(lift_off: xarray.Dataset) -> None:
 
 
 def test_the_digest_is_of_values_alone(lift_off: xarray.Dataset, tmp_path: Path) -> None:
-    again = open_results(made(tmp_path / "again", "liftoff", *LIFT_OFF))
+    again = open_results(made(tmp_path / "again", "liftoff", *LIFT_OFF)).dataset
     assert results_digest(again) == results_digest(lift_off)
     changed = lift_off.copy(deep=True)
     changed["time_s"].values[7] += 1e-9

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
 from pathlib import Path
 
 import numpy as np
@@ -245,3 +246,11 @@ def test_unlike_segments_do_not_share_a_file(change: dict[str, int]) -> None:
     third = dataclasses.replace(second, **{"transmit_time": START + 60, **change})
     with pytest.raises(ValueError, match="segments of one file"):
         recs_file.from_segments([first, second, third])
+
+
+def test_a_file_of_forty_gigabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = recs_file.write(UNITARY_FILE, tmp_path)
+    os.truncate(path, 40_000_000_000)  # sparse: the disk has some kB of it
+    assert recs_file.MAX_FILE_BYTES == 25 + 86_400 * 10_240  # a day of RECS of 16 ms, one a second
+    with pytest.raises(InputFileError, match="length: found 40000000000 bytes, expected at most 884736025 bytes"):
+        recs_file.read(path)

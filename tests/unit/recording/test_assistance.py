@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -298,6 +299,14 @@ def test_damaged_file_costs_only_itself(folder: Path, assistance: Assistance, pa
     assert "\n" not in str(result.problems[0])
     with pytest.raises(VestigeError):
         read_assistance(folder, strict=True)
+
+
+@pytest.mark.parametrize("pattern", ["*.RCS", "*.BGD"])
+def test_a_file_of_forty_gigabytes_costs_only_itself(folder: Path, pattern: str) -> None:
+    (path, *_) = sorted(folder.glob(pattern))
+    os.truncate(path, 40_000_000_000)
+    (problem,) = read_assistance(folder).problems
+    assert f"{path}: length: found 40000000000 bytes, expected at most" in str(problem)
 
 
 def test_damaged_trust_costs_the_keys(folder: Path, assistance: Assistance) -> None:

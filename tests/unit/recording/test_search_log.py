@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,9 +39,16 @@ def test_another_search_or_another_file_is_one_line(tmp_path: Path) -> None:
             SearchLog.open(path, other)
     content = json.loads(path.read_bytes())
     broken = content | {"states": {"first": content["states"]["first"] | {"blocks": -1}}}
-    for text in ("", "[1]", "{}", json.dumps(broken), json.dumps(content)[:-9], "\x00\xff"):
+    first = content["states"]["first"]
+    week = content | {"states": {"first": first | {"block_start": {"week": 10**20, "second": 0, "fraction": 0.0}}}}
+    long = json.dumps(content).replace('"blocks": 7', f'"blocks": {"9" * 5000}')
+    texts = ("", "[1]", "{}", json.dumps(broken), json.dumps(content)[:-9], "\x00\xff", "[" * 100_000)
+    for text in (*texts, '{"of": ' * 100_000, json.dumps(week), long):
         path.write_text(text)
         with pytest.raises(InputFileError, match="what an exhaustive search has kept"):
             SearchLog.open(path, OF)
+    os.truncate(path, 40_000_000_000)
+    with pytest.raises(InputFileError, match="length: found 40000000000 bytes"):
+        SearchLog.open(path, OF)
     with pytest.raises(FileNotFoundError, match=r"log\.json"):
         SearchLog.open(tmp_path / "nowhere" / "log.json", OF).keep("first", STATE)

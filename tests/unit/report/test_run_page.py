@@ -13,7 +13,7 @@ from report_builder import LIFT_OFF, QUICK, SCENARIOS, SKY, data_of, made, rows_
 from results_builder import campaign_results, stored
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.monitoring import tracks
-from vestige.campaign.store import open_results
+from vestige.campaign.results import open_results
 from vestige.campaign.verdicts import results_digest
 from vestige.errors import VestigeError
 from vestige.records import Status
@@ -27,7 +27,7 @@ BODY = [status.value for status in Status]
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, xarray.Dataset]:
     folder = tmp_path_factory.mktemp("runs")
-    return {name: open_results(made(folder / name, name, *settings)).load() for name, settings in RUNS.items()}
+    return {name: open_results(made(folder / name, name, *settings)).dataset.load() for name, settings in RUNS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -208,14 +208,14 @@ def test_a_run_that_has_not_ended_says_so(results: dict[str, xarray.Dataset]) ->
 
 def test_noise_alone(tmp_path: Path) -> None:
     store = made(tmp_path / "noise", "quick", "epochs=50", "receiver.signal=false", "processor.p_fa=0.01")
-    page = run_page(open_results(store).load(), "noise").html()
+    page = run_page(open_results(store).dataset.load(), "noise").html()
     assert "How often does noise alone pass for the signal?" in page
     assert "detected in noise by the early detector" in page
 
 
 def test_nothing_detected_at_all(tmp_path: Path) -> None:
     store = made(tmp_path / "weak", "quick", "epochs=20", "receiver.cn0_dbhz=0", "receiver.multipath=none")
-    page = run_page(open_results(store).load(), "weak").html()
+    page = run_page(open_results(store).dataset.load(), "weak").html()
     assert data_of(page)["histogram"] == {}
     assert 'data-figure="histogram"' not in page
 
@@ -223,13 +223,13 @@ def test_nothing_detected_at_all(tmp_path: Path) -> None:
 def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path: Path) -> None:
     good = results["quick"]
     bad = {
-        "found no status": open_results(stored(campaign_results(5), tmp_path / "foreign")),
-        "found no number threshold_sigma": good.assign_attrs(threshold_sigma=float("nan")),
+        "found no status": open_results(stored(campaign_results(5), tmp_path / "foreign")).dataset,
+        "found threshold_sigma nan, expected": good.assign_attrs(threshold_sigma=float("nan")),
         "scenario: found no text that agrees with its digest": good.assign_attrs(scenario="{}"),
         "found no epoch with a verdict": good.isel(epoch=slice(0, 0)),
         "found time_s of 400, expected ascending": good.assign(time_s=("epoch", np.zeros(400))),
     }
-    for place, key in ((None, "recs"), ("recs", "every")):
+    for place, key in ((None, "recs"), ("receiver", "signal")):
         tables = json.loads(good.attrs["scenario"])
         del (tables[place] if place else tables)[key]
         text = json.dumps(tables)
@@ -245,7 +245,7 @@ def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path
 def at_level_2(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     """A lift-off of 300 s, judged by level 2."""
     store = made(tmp_path_factory.mktemp("level") / "two", "liftoff", *LIFT_OFF, "processor.level=2")
-    return open_results(store).load()
+    return open_results(store).dataset.load()
 
 
 def test_the_verdicts_are_those_of_the_level(at_level_2: xarray.Dataset) -> None:

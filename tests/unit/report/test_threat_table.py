@@ -59,7 +59,7 @@ def test_a_row_for_each_level(tmp_path: Path) -> None:
         ("threat,scene,level_1\n", "rows: found none"),
         ("threat,scene,level_1\nA1,x\n", "row 2: found 2 cells, expected 3"),
         ("threat,scene,detected\nA1,x,many\n", "row 2, detected: found many, expected a number"),
-        ("threat,scene,detected_of_level_2\nA1,x,inf\n", "row 2, detected_of_level_2: found inf, expected a finite"),
+        ("threat,scene,detected_of_level_2\nA1,x,inf\n", "row 2, detected_of_level_2: found inf, expected a count"),
         ("threat,scene,level\nA1,x,first\n", "row 2, level: found first, expected a mitigation level"),
         ('threat,scene\nA1,"x\n', "file: found"),
     ],

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vestige.errors import InputFileError
+from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.load import load_scenario
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
@@ -79,6 +79,22 @@ def test_errors_in_our_words(setting: str, text: str) -> None:
     with pytest.raises(InputFileError) as caught:
         load_scenario(QUICK, (setting,))
     assert str(caught.value) == f"{QUICK}: {text}"
+
+
+@pytest.mark.parametrize("setting", ["receiver.cn0_dbhz=", "epochs=", "epochs=-", "attack=", "seed=", "start="])
+@pytest.mark.parametrize("digits", [400, 4000, 5000])
+def test_integers_of_many_digits_are_one_line(tmp_path: Path, setting: str, digits: int) -> None:
+    with pytest.raises(VestigeError, match="expected a"):
+        load_scenario(QUICK, (setting + digits * "9",))
+    path = tmp_path / "own.toml"
+    path.write_text(f"seed = {digits * '9'}\nkind = 'campaign'\n")
+    with pytest.raises(InputFileError, match=r"expected (a number between|valid TOML)"):
+        load_scenario(path)
+
+
+def test_a_table_of_many_digits_is_one_line() -> None:
+    with pytest.raises(VestigeError, match="is not a table"):
+        load_scenario(QUICK, ('attack=[{kind="osnma-denial", j_over_n_db=10}]', f"attack.{5000 * '0'}.start_s=1"))
 
 
 def test_endless_nesting_is_one_line() -> None:

@@ -1,0 +1,44 @@
+"""One writer for a folder: whoever comes second is told so, and writes nothing."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vestige.errors import InputFileError
+
+_NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # network file systems without locks
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[int]:
+    """Hold the lock of a folder, which is made if it is not there, and give its file descriptor.
+
+    The lock belongs to the process: the kernel drops it when the process ends, however it ends. Nothing is written
+    into the folder. A file system that has no locks gives none, and the folder is used without.
+
+    Raises
+    ------
+    InputFileError
+        If another process holds the lock, or `folder` is a file.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputFileError(folder, "folder", "a file", "a folder") from error
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputFileError(folder, "folder", "another process that writes it", "one at a time") from error
+        except OSError as error:
+            if error.errno not in _NO_LOCKS_HERE:
+                raise
+        yield lock
+    finally:
+        os.close(lock)

@@ -1,0 +1,117 @@
+"""The scenario of a campaign as its results hold it: what is needed to judge them, without the files that it named.
+
+Results hold the whole scenario as JSON. A `CampaignScenario` cannot be made of that alone: the waypoints, profiles and
+ephemerides of its files may be gone, and JSON has no infinity. Whoever wants the scenario as a file takes
+`campaign_toml`.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from vestige.errors import VestigeError
+from vestige.receiver.accelerometer import Accelerometers
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.simulation import Fidelity
+from vestige.scenario.campaign import FrontEndTable, ProcessorTable, RecsTable
+from vestige.scenario.limits import MAX_EPOCHS
+from vestige.scenario.toml_file import LARGEST_NUMBER
+from vestige.time import GalileoTime
+
+
+class _Part(BaseModel):
+    """A table of which the keys below are used, and the others are not looked at."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class StoredKind(_Part):
+    """A model of which the name alone is used."""
+
+    kind: str
+
+
+class StoredMultipath(StoredKind):
+    """Rays, with the power of all of them over the line of sight."""
+
+    power_db: Annotated[float, Field(ge=-200, le=200)]
+
+
+class StoredConstellation(StoredKind):
+    """The satellites, with the fall of C/N0 from the zenith to the horizon."""
+
+    cn0_fall_db: Annotated[float, Field(ge=0, le=40)]
+
+
+class StoredReceiver(_Part):
+    """The receiver; see `ReceiverTable`."""
+
+    cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
+    cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
+    signal: bool
+    sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)]
+    front_end: FrontEndTable
+    clock: TwoStateClock | None
+    ionosphere: StoredKind | None
+    multipath: StoredMultipath | None
+    accelerometers: Accelerometers | None
+
+
+class StoredScenario(_Part):
+    """The scenario of results; see `CampaignScenario`."""
+
+    kind: Literal["campaign"]
+    seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+    start: str
+    epochs: Annotated[int, Field(ge=1, le=MAX_EPOCHS)]
+    interval_s: Annotated[float, Field(ge=0.1, le=3600)]
+    fidelity: Fidelity
+    recs: RecsTable
+    receiver: StoredReceiver
+    processor: ProcessorTable
+    attack: tuple[StoredKind, ...]
+    constellation: StoredConstellation | None
+
+    @field_validator("start")
+    @classmethod
+    def _a_time(cls, text: str) -> str:
+        GalileoTime.parse(text)
+        return text
+
+    @property
+    def start_time(self) -> GalileoTime:
+        """`start` as a time."""
+        return GalileoTime.parse(self.start)
+
+    @property
+    def recs_interval_s(self) -> float:
+        """Time between two RECS of a satellite in s."""
+        return self.interval_s * self.recs.every
+
+
+@lru_cache(maxsize=16)
+def stored_scenario(text: str) -> StoredScenario:
+    """Return the scenario of results.
+
+    Parameters
+    ----------
+    text
+        JSON, the attribute `scenario` of the results.
+
+    Raises
+    ------
+    VestigeError
+        If it is no scenario of a campaign.
+    """
+    try:
+        return StoredScenario.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        first: Any = error.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        fault = f"{place}: found {first['input']!r:.60}, expected: {first['msg']}".removeprefix(": ")
+        if first["type"] == "missing":
+            fault = f"found no {place}, expected a value for it"
+        raise VestigeError(f"results of a campaign: scenario: {fault}") from error
