@@ -10,7 +10,7 @@ satellites and a little out of order in time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -44,7 +44,7 @@ class SatelliteSubframe:
     time
         Start of the subframe (GST_SF).
     osnma
-        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page.
+        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none.
     words
         15 navigation words of 128 bits; None where the page is lost.
     """
@@ -69,9 +69,17 @@ class SatelliteSubframe:
         return Content.OSNMA if self.sends_osnma else Content.NONE
 
     @property
+    def sent(self) -> tuple[bytes | None, ...]:
+        """The 15 OSNMA fields; None where none was received, or none was sent.
+
+        OSNMA may start or stop within a subframe. A zero field was not sent: its bits are no key bits.
+        """
+        return tuple(field if field is not None and any(field) else None for field in self.osnma)
+
+    @property
     def sends_osnma(self) -> bool:
         """Whether the fields that were received hold OSNMA: something else than zeros."""
-        return any(any(field) for field in self.osnma if field is not None)
+        return any(field is not None for field in self.sent)
 
     @property
     def nma_header(self) -> int | None:
@@ -81,15 +89,23 @@ class SatelliteSubframe:
 
     @property
     def hkroot(self) -> bytes | None:
-        """The HKROOT message, 15 bytes; None if a page is lost."""
-        fields = [field for field in self.osnma if field is not None]
-        return bytes(field[0] for field in fields) if len(fields) == PAGES else None
+        """The HKROOT message, 15 bytes; None if a page is lost or was not sent."""
+        return _hkroot(self.sent)
+
+    @property
+    def hkroot_if_sent(self) -> bytes | None:
+        """The HKROOT message of a subframe whose last field is zero; None of any other.
+
+        The last page may hold nothing but padding of the MACK message, so a zero one may have been sent.
+        """
+        last = self.osnma[-1]
+        return None if last is None or any(last) else _hkroot((*self.sent[:-1], last))
 
     def mack_bits(self, start: int, length: int) -> int | None:
-        """Return `length` bits of the MACK message from bit `start` on, or None if one of their pages is lost."""
+        """Return `length` bits of the MACK message from bit `start` on, or None if a page is missing."""
         first, last = start // MACK_BITS, (start + length - 1) // MACK_BITS
         joined = 0
-        for field in self.osnma[first : last + 1]:
+        for field in self.sent[first : last + 1]:
             if field is None:
                 return None
             joined = joined << MACK_BITS | int.from_bytes(field[1:], "big")
@@ -173,6 +189,10 @@ class SubframeAssembler:
     def _close(self, before: int) -> list[Epoch]:
         starts = sorted(start for start in self._open if start + SUBFRAME_S <= before)
         return [_epoch(start, self._open.pop(start)) for start in starts]
+
+
+def _hkroot(fields: Sequence[bytes | None]) -> bytes | None:
+    return None if None in fields else bytes(field[0] for field in fields if field is not None)
 
 
 def _epoch(start: int, satellites: Mapping[int, list[InavPage | None]]) -> Epoch:
