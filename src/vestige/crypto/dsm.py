@@ -30,7 +30,8 @@ _HEAD_BYTES = 13  # everything before KROOT, alpha included
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
 
 NMA_STATUS: Mapping[int, str] = {0: "reserved", 1: "test", 2: "operational", 3: "don't use"}  # [OSNMA-ICD, 3.1.1]
-DONT_USE = 3
+TEST, OPERATIONAL, DONT_USE = 1, 2, 3
+CHAIN_REVOKED, KEY_REVOKED, ALERT = 3, 5, 7
 KEY_STATUS: Mapping[int, str] = {  # CPKS, chain and public key status [OSNMA-ICD, 3.1.3]
     0: "reserved", 1: "nominal", 2: "end of chain", 3: "chain revoked", 4: "new public key", 5: "public key revoked",
     6: "new Merkle tree", 7: "alert message",
@@ -57,6 +58,16 @@ class NmaHeader:
     def key_status(self) -> int:
         """CPKS: whether the chain or the public key is about to change."""
         return self.value >> 1 & 7
+
+    @property
+    def usable(self) -> bool:
+        """Whether keys and tags may be used; only that of a signed header counts."""
+        return self.status in (TEST, OPERATIONAL) and self.key_status != ALERT
+
+    @property
+    def withdraws(self) -> bool:
+        """Whether chains may not be used any more: all of them, or all but the one that it names."""
+        return not self.usable or self.key_status in (CHAIN_REVOKED, KEY_REVOKED)
 
     def __str__(self) -> str:
         status, keys = NMA_STATUS[self.status], KEY_STATUS[self.key_status]

@@ -5,13 +5,15 @@ clock and status (words 1 to 5, 549 bits), ADKD 4 the timing parameters (words 6
 
 The rule here: the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1, words 1 to 4 with one IODnav,
 of a satellite that was still received in subframe s-1. Without such data a tag is not counted. Word 5 and the timing
-words carry no IOD, so after lost pages the latest ones may be outdated: the tag's cut-off point tells (see `tags`).
+words carry no IOD, so after lost pages the latest ones may be outdated: the tag's cut-off point tells (see `tags`). For
+the same reason nothing tells a tag of old data from one of new data when such a word changes: in the subframe after the
+change both are candidates, the new data first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.inav import FIRST_PAGE_OFFSET_S, PAGE_S, word_bits
@@ -33,6 +35,7 @@ ADKD_NAMES: Mapping[int, str] = {
 
 _USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
 _IOD_WORDS = (1, 2, 3, 4)  # these carry IODnav in bits 6…15 [OS-ICD, 4.3.5]
+_PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end in fields}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,11 +69,14 @@ class NavigationWords:
     ----------
     words
         Word type -> (word, time of reception in GST seconds).
+    replaced
+        Words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`.
     subframe_s
         Start of the last subframe with a page of this satellite, in GST seconds.
     """
 
     words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    replaced: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     subframe_s: int = -1
 
     def updated(self, subframe: SatelliteSubframe) -> NavigationWords:
@@ -81,10 +87,27 @@ class NavigationWords:
             for index, word in enumerate(subframe.words)
             if word is not None and word >> 122 in _USED_WORDS
         }
-        return NavigationWords(words={**self.words, **received}, subframe_s=start)
+        replaced = {
+            kind: self.words[kind]
+            for kind, (word, _) in received.items()
+            if kind in self.words and kind not in _IOD_WORDS and _piece(kind, word) != _piece(kind, self.words[kind][0])
+        }
+        return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
+
+    def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
+        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed.
+
+        Parameters
+        ----------
+        svid, adkd, subframe
+            As for `data`.
+        """
+        before = replace(self, words={**self.words, **self.replaced})
+        found = (words.data(svid, adkd, subframe) for words in (self, before))
+        return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return what a tag covers, or None if it was not received or is of two issues.
+        """Return the latest data that a tag may cover, or None if it was not received or is of two issues.
 
         Parameters
         ----------
@@ -110,3 +133,9 @@ class NavigationWords:
             n_bits += end - start
         oldest_s = min(self.words[word][1] for word, _, _ in fields)
         return NavigationData(svid=svid, iod_nav=iod_nav, bits=bits, n_bits=n_bits, oldest_s=oldest_s)
+
+
+def _piece(kind: int, word: int) -> int:
+    """Return the bits of a word that tags cover."""
+    start, end = _PIECES[kind]
+    return word_bits(word, start, end - start)

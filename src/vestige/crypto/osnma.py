@@ -1,13 +1,16 @@
 """The OSNMA receiver: I/NAV pages in, validated TESLA keys and verified tags out.
 
-Pages are collected into subframes (`subframe`), subframes into DSM-KROOTs (`dsm_collector`). The signature of a
-DSM-KROOT is verified with a public key (`root_key`), which gives a chain (`tesla`); the key of every subframe is
+Pages are collected into subframes (`page_intake`), subframes into DSM-KROOTs. The signature of a DSM-KROOT is verified
+with a public key (`dsm_verifier`), which gives a chain (`tesla`); the key of every subframe is
 validated along it; keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). As the layout of
 the MACK message is known only from the DSM-KROOT, subframes wait until there is one.
 
 It is a fold: give it pages as they come, keys come back as soon as they are valid. Several satellites send the same key
 at the same time; a satellite with another one is reported, and its key is accepted only if it chains, which no two do.
-With the status "don't use" keys are withheld.
+
+Which chain may be used follows from verified root keys alone (`chain_register`). The NMA header of a subframe is not
+authenticated, so it can only make things stricter: if a satellite says "don't use" there, the key of that subframe is
+withheld until the tags prove that the header is forged (`status_claim`).
 """
 
 from __future__ import annotations
@@ -18,19 +21,29 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.dsm import DONT_USE, NmaHeader, parse_kroot
-from vestige.crypto.dsm_collector import DsmCollector, DsmMessage
-from vestige.crypto.inav import InavPage, time_in_word
-from vestige.crypto.merkle_tree import MerkleTree, verify_broadcast_key
+from vestige.crypto.chain_register import ChainRegister
+from vestige.crypto.dsm import DONT_USE, NmaHeader
+from vestige.crypto.dsm_verifier import DsmVerifier
+from vestige.crypto.inav import InavPage
+from vestige.crypto.merkle_tree import MerkleTree
 from vestige.crypto.navigation_data import NavigationWords
-from vestige.crypto.osnma_report import Count, KeyGap, OsnmaReport, Problem, ProblemKind, RootCheck, WithheldKey
+from vestige.crypto.osnma_report import (
+    Count,
+    KeyGap,
+    OsnmaReport,
+    Problem,
+    ProblemKind,
+    ProblemLog,
+    WithheldKey,
+)
+from vestige.crypto.page_intake import PageIntake
 from vestige.crypto.public_key import PublicKey
-from vestige.crypto.root_key import verify_root_key
-from vestige.crypto.subframe import Content, Epoch, PageStatus, SatelliteSubframe, SubframeAssembler
+from vestige.crypto.status_claim import is_refuted
+from vestige.crypto.subframe import Content, Epoch, SatelliteSubframe
 from vestige.crypto.tag_verifier import TagVerifier
 from vestige.crypto.tags import parse_mack
 from vestige.crypto.tesla import Chain, Key, fill_gaps, validate
-from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
+from vestige.errors import AuthenticationError
 from vestige.records import ReceivedOsnma
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -40,14 +53,24 @@ from vestige.validated_key import ValidatedKey
 class _Message:
     """What the satellites sent in one subframe, and the navigation words that had been received before it.
 
-    Subframes with lost pages are among them: their key may be there. The status is that of the same subframe, so a
-    subframe of which nobody's first page was received is not used.
+    Subframes with lost pages are among them: their key may be there. `refusing` are those with the header "don't use".
     """
 
     time: GalileoTime
-    status: NmaHeader
+    chain_id: int  # that most headers name
+    refusing: tuple[SatelliteSubframe, ...]
     satellites: tuple[SatelliteSubframe, ...]
     navigation: Mapping[int, NavigationWords]
+
+
+@dataclass(frozen=True, slots=True)
+class _Claim:
+    """A key that is withheld because of headers that nobody signed."""
+
+    message: _Message
+    subframes: Sequence[SatelliteSubframe]
+    chain: Chain
+    key: ValidatedKey
 
 
 class OsnmaReceiver:
@@ -62,34 +85,23 @@ class OsnmaReceiver:
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
-        self._public_keys = tuple(public_keys)
-        self._tree = tree
-        self._assembler = SubframeAssembler()
-        self._dsms = DsmCollector()
-        self._tags = TagVerifier(self._report)
-        self._chains: list[Chain] = []
-        self._roots: list[RootCheck] = []
+        self._problems = ProblemLog()
+        self._intake = PageIntake(self._problems)
+        self._tags = TagVerifier(self._problems.report)
+        self._register = ChainRegister()
+        self._dsms = DsmVerifier(public_keys, tree, self._register, self._problems)
         self._keys: dict[int, ValidatedKey] = {}
         self._withheld: dict[int, WithheldKey] = {}
         self._received: dict[tuple[int, int], ReceivedOsnma] = {}
         self._steps = [0, 0]
         self._waiting: list[_Message] = []
+        self._claims: list[_Claim] = []
         self._navigation: dict[int, NavigationWords] = {}
-        self._problems: list[Problem] = []
-        self._pages: Counter[PageStatus] = Counter()
-        self._counts: Counter[str] = Counter()
-        self._contents: Counter[Content] = Counter()
-        self._stamps = [0, 0]
-        self._satellites: set[int] = set()
-        self._osnma_satellites: set[int] = set()
-        self._reported_once: set[tuple[ProblemKind, str]] = set()
-        self._first: GalileoTime | None = None
-        self._last: GalileoTime | None = None
 
     @property
     def chains(self) -> tuple[Chain, ...]:
         """The chains that hang on a verified root key."""
-        return tuple(self._chains)
+        return tuple(self._register.chains)
 
     def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
         """Return the keys that this page makes valid: it closes the subframes before it.
@@ -99,38 +111,23 @@ class OsnmaReceiver:
         page
             The next page. Satellites may come in any order, and pages some seconds late.
         """
-        self._counts["pages"] += 1
-        if not page.crc_ok:
-            self._counts["crc"] += 1
-            return ()
-        if page.is_alert:
-            self._counts["alert"] += 1
-            return ()
-        status, epochs = self._assembler.add(page)
-        self._pages[status] += 1
-        if status is PageStatus.CONTRADICTION:
-            self._report(Problem(
-                kind=ProblemKind.PAGE, time=page.time,
-                text=f"E{page.svid:02d}: two different pages of one time; the first one is used"))  # fmt: skip
-        elif status is PageStatus.TAKEN:
-            self._first = page.time if self._first is None else min(self._first, page.time)
-            self._last = page.time if self._last is None else max(self._last, page.time)
-            self._check_time(page)
-        return self._take(epochs)
+        return self._take(self._intake.add(page))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of the subframes that are still open: no more pages come."""
-        return self._take(self._assembler.flush())
+        return self._take(self._intake.flush())
 
     def filled_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the validated keys with those of lost subframes between them, which follow from later ones.
 
-        A key that was withheld stays away, although it follows too.
+        A key that was withheld stays away, although it follows too, and so does one of a time without a usable chain.
         """
-        keys = tuple(self._keys.values())
-        for chain in self._chains:
-            keys = fill_gaps(keys, chain)
-        filled = {key.time.gst_seconds: key for key in keys if key.time.gst_seconds not in self._withheld}
+        filled = dict(self._keys)
+        for chain in self._register.chains:
+            for key in fill_gaps(tuple(self._keys.values()), chain):
+                time = key.time.gst_seconds
+                if time not in self._withheld and not self._register.refusal(chain, key.time):
+                    filled.setdefault(time, key)
         return tuple(filled[time] for time in sorted(filled))
 
     def received(self) -> tuple[ReceivedOsnma, ...]:
@@ -140,26 +137,28 @@ class OsnmaReceiver:
     def report(self) -> OsnmaReport:
         """Return all that is known so far; call `finish` before if no more pages come."""
         keys = tuple(self._keys[time] for time in sorted(self._keys))
+        intake = self._intake
         return OsnmaReport(
-            first=self._first,
-            last=self._last,
-            n_pages=self._counts["pages"],
-            n_crc_failures=self._counts["crc"],
-            n_alert_pages=self._counts["alert"],
-            pages=dict(self._pages),
-            n_missing_pages=self._counts["missing"],
-            subframes=dict(self._contents),
-            satellites=tuple(sorted(self._satellites)),
-            osnma_satellites=tuple(sorted(self._osnma_satellites)),
-            time_stamps=Count(*self._stamps),
-            roots=tuple(self._roots),
+            first=intake.first,
+            last=intake.last,
+            n_pages=intake.counts["pages"],
+            n_crc_failures=intake.counts["crc"],
+            n_alert_pages=intake.counts["alert"],
+            pages=dict(intake.statuses),
+            n_missing_pages=intake.counts["missing"],
+            subframes=dict(intake.contents),
+            satellites=tuple(sorted(intake.satellites)),
+            osnma_satellites=tuple(sorted(intake.osnma_satellites)),
+            time_stamps=Count(*intake.stamps),
+            roots=tuple(self._dsms.roots),
             keys=keys,
             withheld=tuple(self._withheld[time] for time in sorted(self._withheld)),
+            alerts=tuple(self._dsms.alerts),
             chain_steps=Count(*self._steps),
             tags=self._tags.counts(),
             navigation=self._tags.navigation(),
             gaps=_gaps(keys),
-            problems=tuple(self._problems),
+            problems=self._problems.problems(),
             n_without_root=sum(len(message.satellites) for message in self._waiting),
             dsm_progress=self._dsms.progress(),
         )
@@ -169,158 +168,147 @@ class OsnmaReceiver:
         for epoch in epochs:
             message = self._read(epoch)
             messages = [message] if message is not None else []
-            if self._take_dsms(epoch):
+            n_chains, n_withdrawals = len(self._register.chains), self._register.n_withdrawals
+            self._dsms.take(epoch)
+            if self._register.n_withdrawals > n_withdrawals:
+                self._withdraw()
+            if len(self._register.chains) > n_chains:
                 messages, self._waiting = self._waiting + messages, []
             for waiting in messages:
                 keys += self._use(waiting)
+                keys += self._release()
         return tuple(keys)
 
     def _read(self, epoch: Epoch) -> _Message | None:
-        """Count what an epoch holds, and return its OSNMA; remember its navigation words for the next one."""
+        """Return the OSNMA of an epoch; remember its navigation words for the next one."""
         before = dict(self._navigation)
         usable = []
-        headers = []
+        refusing = []
+        chain_ids: Counter[int] = Counter()
         for svid, subframe in epoch.satellites.items():
-            content = subframe.content
-            self._contents[content] += 1
-            self._counts["missing"] += subframe.n_missing
-            self._satellites.add(svid)
             self._navigation[svid] = self._navigation.get(svid, NavigationWords()).updated(subframe)
             if subframe.sends_osnma:
-                self._osnma_satellites.add(svid)
                 usable.append(subframe)
                 place = epoch.time.gst_seconds, svid
-                self._received[place] = ReceivedOsnma(svid=svid, time=epoch.time, fields=subframe.osnma)
+                self._received[place] = ReceivedOsnma(svid=svid, time=epoch.time, fields=subframe.sent)
             if subframe.nma_header is not None:
-                headers.append(NmaHeader(subframe.nma_header))
-        # One satellite that says "don't use" is enough: a forger with a compromised chain would not say it.
-        refusing = [header for header in headers if header.status == DONT_USE]
-        if not headers:
+                header = NmaHeader(subframe.nma_header)
+                chain_ids[header.chain_id] += 1
+                # One satellite that says "don't use" is enough: a forger with a compromised chain would not say it.
+                if header.status == DONT_USE:
+                    refusing.append(subframe)
+        if not chain_ids:  # nobody's first page was received: nobody tells whether the key may be used
             return None
-        status = refusing[0] if refusing else Counter(headers).most_common(1)[0][0]
-        return _Message(epoch.time, status, tuple(usable), before)
-
-    def _take_dsms(self, epoch: Epoch) -> bool:
-        """Take the DSM blocks of an epoch; return whether a new chain can be used."""
-        n_chains = len(self._chains)
-        for subframe in epoch.satellites.values():
-            if subframe.content is not Content.OSNMA:
-                continue
-            try:
-                for message in self._dsms.add(subframe):
-                    self._take_dsm(message, epoch.time)
-            except UnsupportedError as error:
-                self._report_once(ProblemKind.IGNORED, epoch.time, str(error))
-        return len(self._chains) > n_chains
-
-    def _take_dsm(self, message: DsmMessage, time: GalileoTime) -> None:
-        if message.is_root_key:
-            self._take_root(message, time)
-        elif self._tree is None:
-            self._report_once(
-                ProblemKind.IGNORED, time, f"DSM {message.dsm_id}: a public key; no Merkle tree to verify it"
-            )
-        else:
-            try:
-                key = verify_broadcast_key(message.data, self._tree)
-            except VestigeError as error:
-                self._report_once(ProblemKind.IGNORED, time, f"DSM {message.dsm_id}: {error}")
-            else:
-                self._report_once(ProblemKind.IGNORED, time, f"DSM {message.dsm_id}: new {key}, not used")
-
-    def _take_root(self, message: DsmMessage, time: GalileoTime) -> None:
-        kroot, root, reason, kind = None, None, "", ProblemKind.ROOT_KEY
-        try:
-            kroot = parse_kroot(message.data)
-            root = verify_root_key(kroot, message.header, self._public_keys, near=time)
-        except AuthenticationError as error:
-            reason = str(error)
-        except VestigeError as error:
-            reason, kind = str(error), ProblemKind.IGNORED
-        on_known_chain = root is not None and any(chain.holds(root) for chain in self._chains)
-        if root is None:
-            self._report(Problem(kind=kind, time=time, text=f"DSM {message.dsm_id}: {reason}"))
-        elif not on_known_chain:
-            self._chains.append(Chain(root))
-        self._roots.append(
-            RootCheck(
-                dsm_id=message.dsm_id,
-                header=message.header,
-                kroot=kroot,
-                received_at=time,
-                root=root,
-                on_known_chain=on_known_chain,
-                reason=reason,
-            )
-        )
+        return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
 
     def _use(self, message: _Message) -> list[ValidatedKey]:
         """Validate the key of a subframe and take its tags; what has no chain yet has to wait."""
         by_chain: dict[int, list[SatelliteSubframe]] = {}
         for subframe in message.satellites:
-            header = subframe.nma_header
-            chain_id = message.status.chain_id if header is None else NmaHeader(header).chain_id
-            by_chain.setdefault(chain_id, []).append(subframe)
+            by_chain.setdefault(self._chain_id(subframe, message.chain_id), []).append(subframe)
         keys = []
         waiting: list[SatelliteSubframe] = []
         for chain_id, subframes in by_chain.items():
-            chains = [chain for chain in reversed(self._chains) if chain.chain_id == chain_id]
+            chains = [chain for chain in reversed(self._register.chains) if chain.chain_id == chain_id]
             if not chains:
                 waiting += subframes
                 continue
-            chain, key = self._validate(message, subframes, chains)
-            if message.status.status != DONT_USE:
-                for subframe in subframes:
-                    mack = parse_mack(subframe, chain.parameters)
-                    if mack is not None and subframe.content is Content.OSNMA:
-                        self._tags.add(mack, chain, message.navigation)
-                if key is not None:
-                    self._tags.key_arrived(chain, key.time)
-                    keys.append(key)
+            chain, valid = self._validate(message, subframes, chains)
+            refusal = self._register.refusal(chain, message.time)
+            if not refusal and not message.refusing:
+                keys += self._accept(message, subframes, chain, valid)
+            elif valid is not None:
+                if not refusal and message.time.gst_seconds not in self._withheld:
+                    self._claims.append(_Claim(message, subframes, chain, valid))
+                self._withhold(valid, refusal or _claim_text(message.refusing))
         if waiting:
-            self._waiting.append(_Message(message.time, message.status, tuple(waiting), message.navigation))
+            self._waiting.append(replace(message, satellites=tuple(waiting)))
+        return keys
+
+    def _chain_id(self, subframe: SatelliteSubframe, named: int) -> int:
+        """Return the chain of a subframe's key; the header, which may be forged, only says where to look first."""
+        if subframe.nma_header is not None:
+            named = NmaHeader(subframe.nma_header).chain_id
+        for chain in sorted(self._register.chains, key=lambda chain: chain.chain_id != named):
+            key = _key_in(subframe, chain)
+            if key is not None and chain.accepts(key):
+                return chain.chain_id
+        return named
+
+    def _accept(
+        self, message: _Message, subframes: Sequence[SatelliteSubframe], chain: Chain, valid: ValidatedKey | None
+    ) -> list[ValidatedKey]:
+        """Take the tags of a subframe and its key, if it is a new one."""
+        for subframe in subframes:
+            mack = parse_mack(subframe, chain.parameters)
+            if mack is not None and subframe.content is Content.OSNMA:
+                self._tags.add(mack, chain, message.navigation)
+        time = message.time.gst_seconds
+        if valid is None or time in self._keys or time in self._withheld:
+            return []
+        self._keys[time] = valid
+        self._tags.key_arrived(chain, valid.time)
+        return [valid]
+
+    def _withhold(self, key: ValidatedKey, reason: str) -> None:
+        time = key.time.gst_seconds
+        self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
+        self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
+        self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
+
+    def _withdraw(self) -> None:
+        """Withhold the keys that a new signed status refuses, and those on whose headers it says the same."""
+        self._claims.clear()
+        for key in tuple(self._keys.values()):
+            refusal = self._register.refusal_of(key)
+            if refusal:
+                self._withhold(key, refusal)
+
+    def _release(self) -> list[ValidatedKey]:
+        """Return the keys that were withheld because of headers that tags have proven to be forged since."""
+        keys = []
+        for claim in tuple(self._claims):
+            message = claim.message
+            refuted = [is_refuted(subframe, message.navigation, claim.chain) for subframe in message.refusing]
+            if None in refuted:
+                continue
+            self._claims.remove(claim)
+            if all(refuted) and not self._register.refusal(claim.chain, message.time):
+                del self._withheld[message.time.gst_seconds]
+                text = (
+                    f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
+                )
+                self._problems.report(Problem(kind=ProblemKind.STATUS, time=message.time, text=text))
+                keys += self._accept(message, claim.subframes, claim.chain, claim.key)
         return keys
 
     def _validate(
         self, message: _Message, subframes: Sequence[SatelliteSubframe], chains: Sequence[Chain]
     ) -> tuple[Chain, ValidatedKey | None]:
-        """Return the chain of a subframe's key and the key, or no key if none chains or it may not be used."""
+        """Return the chain of a subframe's key and the key, or no key if none chains."""
         candidates: dict[Key, list[int]] = {}
         for subframe in subframes:
-            parameters = chains[0].parameters
-            bits = subframe.mack_bits(parameters.key_start_bit, parameters.key_bits)
-            if bits is not None:
-                key = Key(time=message.time, data=bits.to_bytes(parameters.key_bytes, "big"))
+            key = _key_in(subframe, chains[0])
+            if key is not None:
                 candidates.setdefault(key, []).append(subframe.svid)
                 place = message.time.gst_seconds, subframe.svid
                 self._received[place] = replace(self._received[place], key=key.data)
         if not candidates:
             return chains[0], None
-        accepted = None
+        accepted: tuple[Chain, ValidatedKey | None] = chains[0], None
         for key, svids in candidates.items():
             chain, valid = self._first_valid(key, svids, chains, message.time)
             if valid is not None:
                 accepted = chain, valid
         if len(candidates) > 1:
             said = "; ".join(f"{key.data.hex()} from {_names(svids)}" for key, svids in candidates.items())
-            self._report(Problem(kind=ProblemKind.DISAGREEMENT, time=message.time, text=f"different keys: {said}"))
+            self._problems.report(
+                Problem(kind=ProblemKind.DISAGREEMENT, time=message.time, text=f"different keys: {said}")
+            )
         time = message.time.gst_seconds
-        known = time in self._keys or time in self._withheld
-        if (self._keys or self._withheld) and not known:
-            self._steps[accepted is None] += 1
-        if accepted is None:
-            return chains[0], None
-        chain, valid = accepted
-        if message.status.status == DONT_USE:
-            reason = f"NMA status {message.status}"
-            self._withheld[time] = WithheldKey(
-                time=valid.time, chain_id=valid.chain_id, data=valid.data, reason=reason)  # fmt: skip
-            self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
-            self._report_once(ProblemKind.STATUS, message.time, f"{reason}: keys are withheld")
-        if known or time in self._withheld:
-            return chain, None
-        self._keys[time] = valid
-        return chain, valid
+        if (self._keys or self._withheld) and time not in self._keys and time not in self._withheld:
+            self._steps[accepted[1] is None] += 1
+        return accepted
 
     def _first_valid(
         self, key: Key, svids: Sequence[int], chains: Sequence[Chain], time: GalileoTime
@@ -331,32 +319,8 @@ class OsnmaReceiver:
                 return chain, validate(key, chain)
             except AuthenticationError as error:
                 reason = reason or str(error)
-        self._report(Problem(kind=ProblemKind.KEY, time=time, text=f"{_names(svids)}: {reason}"))
+        self._problems.report(Problem(kind=ProblemKind.KEY, time=time, text=f"{_names(svids)}: {reason}"))
         return chains[0], None
-
-    def _check_time(self, page: InavPage) -> None:
-        stamp = time_in_word(page.word)
-        if stamp is None:
-            return
-        week, second = stamp
-        same = second == page.time.second and week in (None, page.time.week % 4096)
-        self._stamps[not same] += 1
-        if not same:
-            found = f"{'' if week is None else f'week {week} '}second {second}"
-            self._report_once(
-                ProblemKind.TIME,
-                page.time,
-                f"E{page.svid:02d} tells a time that is not the recording's",
-                f" (first: {found})",
-            )
-
-    def _report(self, problem: Problem) -> None:
-        self._problems.append(problem)
-
-    def _report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
-        if (kind, text) not in self._reported_once:
-            self._reported_once.add((kind, text))
-            self._report(Problem(kind=kind, time=time, text=text + details))
 
 
 def verify(pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> OsnmaReport:
@@ -376,3 +340,15 @@ def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
 
 def _names(svids: Sequence[int]) -> str:
     return ", ".join(f"E{svid:02d}" for svid in svids)
+
+
+def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
+    """Return the key where the chain's parameters put it, or None if one of its pages is missing."""
+    parameters = chain.parameters
+    bits = subframe.mack_bits(parameters.key_start_bit, parameters.key_bits)
+    return None if bits is None else Key(time=subframe.time, data=bits.to_bytes(parameters.key_bytes, "big"))
+
+
+def _claim_text(refusing: Sequence[SatelliteSubframe]) -> str:
+    headers = {str(NmaHeader(subframe.nma_header)) for subframe in refusing if subframe.nma_header is not None}
+    return f"{_names([subframe.svid for subframe in refusing])}: unsigned header {', '.join(sorted(headers))}"

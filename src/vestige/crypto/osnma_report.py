@@ -21,7 +21,7 @@ class ProblemKind(Enum):
     KEY = "key"  # a key that does not chain to a verified root key
     MACSEQ = "MACSEQ"
     TAG = "tag"
-    STATUS = "status"  # the system says: don't use
+    STATUS = "status"  # the system, or a header that nobody signed, says: don't use
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
     TIME = "time"  # the time in a navigation word is not that of the recording
@@ -41,6 +41,28 @@ class Problem:
 
     def __str__(self) -> str:
         return f"{self.time.week}:{self.time.second} {self.kind.value}: {self.text}"
+
+
+class ProblemLog:
+    """Collects problems in the order in which they are found."""
+
+    def __init__(self) -> None:
+        self._problems: list[Problem] = []
+        self._once: set[tuple[ProblemKind, str]] = set()
+
+    def report(self, problem: Problem) -> None:
+        """Take a problem."""
+        self._problems.append(problem)
+
+    def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
+        """Take a problem, unless one with this kind and text (details apart) is there."""
+        if (kind, text) not in self._once:
+            self._once.add((kind, text))
+            self.report(Problem(kind=kind, time=time, text=text + details))
+
+    def problems(self) -> tuple[Problem, ...]:
+        """Return all problems."""
+        return tuple(self._problems)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +145,8 @@ class TagCounts:
         Not counted: the key that comes later was not received.
     unsupported
         Not counted: unknown kind of data.
+    data_before
+        How many of `by_adkd` verify with the word before one that changed without a new IODnav.
     """
 
     macseq: Count = field(default_factory=Count)
@@ -131,6 +155,7 @@ class TagCounts:
     no_data: int = 0
     no_key: int = 0
     unsupported: int = 0
+    data_before: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +211,9 @@ class OsnmaReport:
     keys
         Validated keys in time order.
     withheld
-        Keys that chain, but come with the status "don't use".
+        Keys that chain, but come with the status "don't use", signed or not.
+    alerts
+        Subframes in which an alert message was verified.
     chain_steps
         Keys after the first, by whether they chain to what was validated before.
     tags
@@ -217,6 +244,7 @@ class OsnmaReport:
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]
     withheld: tuple[WithheldKey, ...]
+    alerts: tuple[GalileoTime, ...]
     chain_steps: Count
     tags: TagCounts
     navigation: tuple[AuthenticatedData, ...]

@@ -26,12 +26,15 @@ class RootKey:
         Subframe of the root key: 30 s before the hour that the DSM-KROOT names.
     public_key
         The key that verified it.
+    received_at
+        Subframe in which it was received, as whoever received it says: from then on its status counts.
     """
 
     kroot: DsmKroot
     header: NmaHeader
     time: GalileoTime
     public_key: PublicKey
+    received_at: GalileoTime
 
     def __post_init__(self) -> None:
         self.public_key.verify(self.kroot.signed_message(self.header), self.kroot.signature)
@@ -41,9 +44,9 @@ class RootKey:
         if self.time != self.kroot.root_time(self.time):
             raise AuthenticationError(f"the root key is of {self.kroot.root_time(self.time)}, not of {self.time}")
 
-    def __reduce__(self) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey]]:
+    def __reduce__(self) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
         """Return what makes, and so checks, it again."""
-        return _root_key, (self.kroot, self.header, self.time, self.public_key)
+        return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
 
     @property
     def chain_id(self) -> int:
@@ -87,11 +90,13 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
         raise VestigeError(f"the root key is signed with PKID {kroot.public_key_id}, which was not given")
     for public_key in candidates:
         try:
-            return _root_key(kroot, header, kroot.root_time(near), public_key)
+            return _root_key(kroot, header, kroot.root_time(near), public_key, near)
         except AuthenticationError as error:
             refused = error
     raise refused
 
 
-def _root_key(kroot: DsmKroot, header: NmaHeader, time: GalileoTime, public_key: PublicKey) -> RootKey:
-    return RootKey(kroot=kroot, header=header, time=time, public_key=public_key)
+def _root_key(
+    kroot: DsmKroot, header: NmaHeader, time: GalileoTime, public_key: PublicKey, received_at: GalileoTime
+) -> RootKey:
+    return RootKey(kroot=kroot, header=header, time=time, public_key=public_key, received_at=received_at)

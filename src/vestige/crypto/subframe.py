@@ -44,7 +44,7 @@ class SatelliteSubframe:
     time
         Start of the subframe (GST_SF).
     osnma
-        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page.
+        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none.
     words
         15 navigation words of 128 bits; None where the page is lost.
     """
@@ -69,9 +69,17 @@ class SatelliteSubframe:
         return Content.OSNMA if self.sends_osnma else Content.NONE
 
     @property
+    def sent(self) -> tuple[bytes | None, ...]:
+        """The 15 OSNMA fields; None where none was received, or none was sent.
+
+        OSNMA may start or stop within a subframe. A zero field was not sent: its bits are no key bits.
+        """
+        return tuple(field if field is not None and any(field) else None for field in self.osnma)
+
+    @property
     def sends_osnma(self) -> bool:
         """Whether the fields that were received hold OSNMA: something else than zeros."""
-        return any(any(field) for field in self.osnma if field is not None)
+        return any(field is not None for field in self.sent)
 
     @property
     def nma_header(self) -> int | None:
@@ -81,15 +89,19 @@ class SatelliteSubframe:
 
     @property
     def hkroot(self) -> bytes | None:
-        """The HKROOT message, 15 bytes; None if a page is lost."""
-        fields = [field for field in self.osnma if field is not None]
+        """The HKROOT message, 15 bytes; None if a page is lost or not sent.
+
+        The last page may hold nothing but padding of the MACK message, so a zero one counts as sent. If it was not, the
+        block is wrong, which the signature shows.
+        """
+        fields = [field for field in (*self.sent[:-1], self.osnma[-1]) if field is not None]
         return bytes(field[0] for field in fields) if len(fields) == PAGES else None
 
     def mack_bits(self, start: int, length: int) -> int | None:
-        """Return `length` bits of the MACK message from bit `start` on, or None if one of their pages is lost."""
+        """Return `length` bits of the MACK message from bit `start` on, or None if a page is missing."""
         first, last = start // MACK_BITS, (start + length - 1) // MACK_BITS
         joined = 0
-        for field in self.osnma[first : last + 1]:
+        for field in self.sent[first : last + 1]:
             if field is None:
                 return None
             joined = joined << MACK_BITS | int.from_bytes(field[1:], "big")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vestige.constants import SUBFRAME_S
@@ -33,7 +33,7 @@ class _Check:
 
     message: _Message
     tag: Tag | None = None
-    data: NavigationData | None = None
+    data: tuple[NavigationData, ...] = ()
 
 
 class TagVerifier:
@@ -51,6 +51,7 @@ class TagVerifier:
         self._macseq = [0, 0]
         self._tags: dict[int, list[int]] = {}
         self._not_counted: Counter[str] = Counter()
+        self._n_data_before = 0
         self._proven: dict[tuple[int, int, int], AuthenticatedData] = {}
         self._unsupported: set[str] = set()
 
@@ -73,7 +74,7 @@ class TagVerifier:
                 self._problem(ProblemKind.TAG, mack, f"tag {tag.counter} says ADKD {tag.adkd} of E{tag.svid:02d}; "
                               "the MAC look-up table has another use for its slot")  # fmt: skip
             else:
-                data = navigation.get(tag.svid, NavigationWords()).data(tag.svid, tag.adkd, mack.time)
+                data = navigation.get(tag.svid, NavigationWords()).candidates(tag.svid, tag.adkd, mack.time)
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))
 
     def key_arrived(self, chain: Chain, time: GalileoTime) -> None:
@@ -95,6 +96,7 @@ class TagVerifier:
             no_data=self._not_counted["no data"],
             no_key=sum(check.tag is not None for check in waiting),
             unsupported=self._not_counted["unsupported"],
+            data_before=self._n_data_before,
         )
 
     def navigation(self) -> tuple[AuthenticatedData, ...]:
@@ -111,29 +113,36 @@ class TagVerifier:
             self._macseq[not message.macseq] += 1
             if not message.macseq:
                 self._problem(ProblemKind.MACSEQ, message.mack, "MACSEQ does not verify")
-        elif data is None:
+        elif not data:
             self._not_counted["no data"] += 1
         elif tag.cut_off == 0:
             self._not_counted["dummy"] += 1
         else:
             self._check_tag(message, tag, data, key, chain)
 
-    def _check_tag(self, message: _Message, tag: Tag, data: NavigationData, key: bytes, chain: Chain) -> None:
+    def _check_tag(
+        self, message: _Message, tag: Tag, candidates: Sequence[NavigationData], key: bytes, chain: Chain
+    ) -> None:
+        latest = candidates[0]
+        proven = next(
+            (data for data in candidates if make_tag(message.mack, tag, data, key, chain.parameters) == tag.value), None
+        )
         flexible = message.slots[tag.counter - 1].flexible
         if flexible and not message.macseq:
             self._count(tag, ok=False)
             self._problem(
                 ProblemKind.TAG, message.mack, f"tag {tag.counter} is in a flexible slot without a good MACSEQ"
             )
-        elif make_tag(message.mack, tag, data, key, chain.parameters) == tag.value:
+        elif proven is not None:
             self._count(tag, ok=True)
-            self._prove(message.mack, tag, data, chain.parameters.tag_bits)
-        elif data.oldest_s < message.mack.time.gst_seconds - SUBFRAME_S * tag.cut_off:
+            self._n_data_before += proven is not latest
+            self._prove(message.mack, tag, proven, chain.parameters.tag_bits)
+        elif latest.oldest_s < message.mack.time.gst_seconds - SUBFRAME_S * tag.cut_off:
             # The data may have changed since it was last received: the tag is for what was missed.
             self._not_counted["no data"] += 1
         else:
             self._count(tag, ok=False)
-            issue = "" if data.iod_nav is None else f", IODnav {data.iod_nav}"
+            issue = "" if latest.iod_nav is None else f", IODnav {latest.iod_nav}"
             self._problem(ProblemKind.TAG, message.mack,
                           f"tag {tag.counter} (ADKD {tag.adkd} of E{tag.svid:02d}{issue}) does not verify")  # fmt: skip
 

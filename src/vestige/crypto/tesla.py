@@ -147,6 +147,14 @@ class Chain:
             self._known[time] = key.data
             insort(self._times, time)
 
+    def accepts(self, key: Key) -> bool:
+        """Return whether `check` has nothing against a key."""
+        try:
+            self.check(key)
+        except AuthenticationError:
+            return False
+        return True
+
     def knows(self, key: Key) -> bool:
         """Return whether this key was validated before."""
         return self._known.get(key.time.gst_seconds) == key.data
@@ -168,11 +176,7 @@ class Chain:
         """Return whether another signed root key belongs to this chain."""
         if (root.chain_id, root.parameters) != (self.chain_id, self.parameters):
             return False
-        try:
-            self.check(Key(time=root.time, data=root.data))
-        except AuthenticationError:
-            return False
-        return True
+        return self.accepts(Key(time=root.time, data=root.data))
 
     def _derived(self, time: int, later: int) -> bytes:
         self._check_steps(later - time, GalileoTime.from_gst_seconds(time))

@@ -1,0 +1,109 @@
+"""Verifies the digital signature messages that are received: root keys, new public keys, alert messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vestige.crypto.alert_message import is_alert, verify_alert
+from vestige.crypto.chain_register import ChainRegister, RevokedKeyError
+from vestige.crypto.dsm import parse_kroot
+from vestige.crypto.dsm_collector import DsmCollector, DsmMessage
+from vestige.crypto.merkle_tree import MerkleTree, verify_broadcast_key
+from vestige.crypto.osnma_report import Problem, ProblemKind, ProblemLog, RootCheck
+from vestige.crypto.public_key import PublicKey
+from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.subframe import Content, Epoch
+from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
+from vestige.time import GalileoTime
+
+
+class DsmVerifier:
+    """Collects DSM blocks and enters what verifies in the register of chains.
+
+    Parameters
+    ----------
+    public_keys
+        Keys that DSM-KROOTs may be signed with.
+    tree
+        Merkle tree to verify broadcast public keys and alert messages against, or None.
+    register
+        Gets the verified root keys and alerts.
+    problems
+        Where problems go.
+    """
+
+    def __init__(
+        self, public_keys: Sequence[PublicKey], tree: MerkleTree | None, register: ChainRegister, problems: ProblemLog
+    ) -> None:
+        self._public_keys = tuple(public_keys)
+        self._tree = tree
+        self._register = register
+        self._problems = problems
+        self._collector = DsmCollector()
+        self.roots: list[RootCheck] = []
+        self.alerts: list[GalileoTime] = []
+
+    def take(self, epoch: Epoch) -> None:
+        """Take the DSM blocks of one subframe of all satellites."""
+        for subframe in epoch.satellites.values():
+            if subframe.content is not Content.OSNMA:
+                continue
+            try:
+                for message in self._collector.add(subframe):
+                    self._verify(message, epoch.time)
+            except UnsupportedError as error:
+                self._problems.report_once(ProblemKind.IGNORED, epoch.time, str(error))
+
+    def progress(self) -> str:
+        """Return how much of each DSM-KROOT was received, for a person."""
+        return self._collector.progress()
+
+    def _verify(self, message: DsmMessage, time: GalileoTime) -> None:
+        dsm = f"DSM {message.dsm_id}"
+        if message.is_root_key:
+            self._take_root(message, time)
+        elif self._tree is None:
+            what = "an alert message" if is_alert(message.data) else "a public key"
+            self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {what}; no Merkle tree to verify it")
+        else:
+            try:
+                if is_alert(message.data):
+                    verify_alert(message.data, self._tree)
+                    self._take_alert(time)
+                else:
+                    key = verify_broadcast_key(message.data, self._tree)
+                    self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: new {key}, not used")
+            except VestigeError as error:
+                self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {error}")
+
+    def _take_alert(self, time: GalileoTime) -> None:
+        self._register.add_alert(time)
+        self.alerts.append(time)
+        self._problems.report_once(ProblemKind.STATUS, time, "alert message: OSNMA is not used from here on")
+
+    def _take_root(self, message: DsmMessage, time: GalileoTime) -> None:
+        kroot, root, reason, kind, on_known_chain = None, None, "", ProblemKind.ROOT_KEY, False
+        try:
+            kroot = parse_kroot(message.data)
+            verified = verify_root_key(kroot, message.header, self._public_keys, near=time)
+            on_known_chain = self._register.add(verified)
+            root = verified
+        except RevokedKeyError as error:
+            reason, kind = str(error), ProblemKind.STATUS
+        except AuthenticationError as error:
+            reason = str(error)
+        except VestigeError as error:
+            reason, kind = str(error), ProblemKind.IGNORED
+        if root is None:
+            self._problems.report(Problem(kind=kind, time=time, text=f"DSM {message.dsm_id}: {reason}"))
+        self.roots.append(
+            RootCheck(
+                dsm_id=message.dsm_id,
+                header=message.header,
+                kroot=kroot,
+                received_at=time,
+                root=root,
+                on_known_chain=on_known_chain,
+                reason=reason,
+            )
+        )

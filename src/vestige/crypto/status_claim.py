@@ -1,0 +1,59 @@
+"""Whether a satellite's "don't use", which nobody signed, is true: the tags of the same subframe tell.
+
+A forged header may withhold keys, so each one would cost a subframe. But the status in the header is also in the
+message of every tag [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with "test"
+or "operational", the satellite sent that status, and the header is forged. Then the key only came 30 s late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from vestige.crypto.dsm import OPERATIONAL, TEST
+from vestige.crypto.mac_lookup import slots
+from vestige.crypto.navigation_data import NavigationData, NavigationWords
+from vestige.crypto.subframe import SatelliteSubframe
+from vestige.crypto.tags import KEY_DELAY_S, Mack, Tag, make_tag, parse_mack
+from vestige.crypto.tesla import Chain
+from vestige.errors import AuthenticationError, UnsupportedError
+
+
+def is_refuted(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> bool | None:
+    """Return whether a tag proves that the satellite did not say "don't use"; None if its key is still to come.
+
+    Parameters
+    ----------
+    subframe
+        What the satellite sent.
+    navigation
+        The navigation words by SVID that had been received before the subframe.
+    chain
+        The chain of the subframe's key.
+    """
+    try:
+        key = chain.derive(subframe.time + KEY_DELAY_S).data
+    except AuthenticationError:
+        return None
+    mack = parse_mack(subframe, chain.parameters)
+    if mack is None:
+        return False
+    for tag, data in _covered(mack, chain, navigation):
+        for status in (TEST, OPERATIONAL):
+            if make_tag(replace(mack, nma_status=status), tag, data, key, chain.parameters) == tag.value:
+                return True
+    return False
+
+
+def _covered(
+    mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]
+) -> Iterator[tuple[Tag, NavigationData]]:
+    """Yield the tags that the key of the next subframe verifies, with their data."""
+    try:
+        row = slots(chain.parameters, mack.time)
+    except UnsupportedError:
+        return
+    for tag, slot in zip(mack.tags, row, strict=True):
+        if tag.supported and tag.cut_off and tag.key_delay_s == KEY_DELAY_S and not slot.flexible:
+            for data in navigation.get(tag.svid, NavigationWords()).candidates(tag.svid, tag.adkd, mack.time):
+                yield tag, data
