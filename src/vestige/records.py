@@ -263,7 +263,7 @@ class ReceivedOsnma:
 
     svid: int | None  # None where a file of keys does not tell
     time: GalileoTime  # start of the subframe (GST_SF)
-    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost or a dummy
+    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost, a dummy, or without OSNMA
     key: bytes | None = None  # None where no chain says where it is
 
 

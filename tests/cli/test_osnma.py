@@ -33,7 +33,7 @@ def folder(tmp_path: Path) -> Path:
     write_csv(tmp_path / "pages.csv", Broadcast(CHAIN).pages())
 
     def changed(_svid: int, index: int, key: bytes) -> bytes:
-        return key if index != 7 else bytes(16)
+        return key if index != 7 else b"\1" * 16
 
     write_csv(tmp_path / "false.csv", Broadcast(CHAIN, key_of=changed).pages())
     pem = CHAIN.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)

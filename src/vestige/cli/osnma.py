@@ -72,7 +72,7 @@ def verify(
     report = receiver.report()
     keys = receiver.filled_keys() if fill_gaps else report.keys
     if output is not None and keys:
-        write_key_file(output, keys, report.verified_roots)
+        write_key_file(output, keys, report.verified_roots, report.alerts)
     if as_json:
         described = _describe(report, counts) | {"public_keys": [str(key) for key in public_keys]}
         echo(json.dumps(described | {"file": str(file), "keys": [_describe_key(key) for key in keys]}))
@@ -88,6 +88,8 @@ def verify(
 
 def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
     """Return the report for a person."""
+    from collections import Counter
+
     from vestige.crypto.subframe import Content
 
     span = f"{report.first} to {report.last}" if report.first is not None else "none usable"
@@ -112,7 +114,8 @@ def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
         first, last = report.keys[0], report.keys[-1]
         lines.append(f"  keys         {len(report.keys)} validated, {first.time} to {last.time}")
     if report.withheld:
-        lines.append(f"  WITHHELD     {len(report.withheld)} keys: {report.withheld[0].reason}")
+        reasons = Counter(key.reason for key in report.withheld)
+        lines += [f"  WITHHELD     {n} keys: {reason}" for reason, n in reasons.items()]
     lines += [f"  gap          {gap.n_missing} subframes without key after {gap.after}" for gap in report.gaps]
     return lines + _tag_lines(report) + _problem_lines(report)
 
@@ -142,6 +145,7 @@ def _tag_lines(report: OsnmaReport) -> list[str]:
         f"  tags         {by_adkd} verify; {tags.dummy} dummies",
         f"               not counted: {tags.no_data} without navigation data, {tags.no_key} without key"
         + (f", {tags.unsupported} of unknown kind" if tags.unsupported else ""),
+        *([f"               {tags.data_before} verify with the word before a new one"] if tags.data_before else []),
         f"  navigation   authenticated data of {len(proven)} satellites: "
         + (" ".join(f"E{svid:02d}" for svid in proven) or "none"),
     ]
@@ -198,6 +202,7 @@ def _describe(report: OsnmaReport, counts: SbfCounts) -> dict[str, Any]:
             {"time": _describe_time(key.time), "key_hex": key.data.hex(), "reason": key.reason}
             for key in report.withheld
         ],
+        "alerts": [_describe_time(time) for time in report.alerts],
         "gaps": [
             {"after": _describe_time(gap.after), "before": _describe_time(gap.before), "missing": gap.n_missing}
             for gap in report.gaps
@@ -207,6 +212,7 @@ def _describe(report: OsnmaReport, counts: SbfCounts) -> dict[str, Any]:
         "tags_not_counted": {
             "dummy": tags.dummy, "no_data": tags.no_data, "no_key": tags.no_key, "unsupported": tags.unsupported,
         },
+        "tags_of_data_before": tags.data_before,
         "navigation": [
             asdict(data) | {"first": _describe_time(data.first), "last": _describe_time(data.last)}
             for data in report.navigation

@@ -13,6 +13,7 @@ from vestige.crypto.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks
 from vestige.crypto.merkle_tree import pkr_blocks
 from vestige.crypto.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
+from vestige.time import GalileoTime
 
 MAX_AGE_S = 1800  # ours: a DSM is repeated every few minutes, and its id comes back only after hours
 
@@ -71,6 +72,7 @@ class DsmCollector:
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
         self._handed_out: set[DsmMessage] = set()
+        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages whose last page is zero, by when they came first
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
@@ -81,8 +83,13 @@ class DsmCollector:
             If the message has a reserved length.
         """
         hkroot = subframe.hkroot
-        if hkroot is None:
-            return []
+        if hkroot is None and subframe.hkroot_if_sent is not None:
+            # A zero at the end that was sent comes again with the same block; one that was not sent does not.
+            first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
+            hkroot = subframe.hkroot_if_sent if first != subframe.time else None
+        return [] if hkroot is None else self._add(subframe, hkroot)
+
+    def _add(self, subframe: SatelliteSubframe, hkroot: bytes) -> list[DsmMessage]:
         header, dsm_id, number, block = hkroot[0], hkroot[1] >> 4, hkroot[1] & 15, hkroot[2:]
         messages, unsupported = [], None
         for source in (_ALL, subframe.svid):

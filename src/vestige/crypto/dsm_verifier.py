@@ -12,7 +12,7 @@ from vestige.crypto.merkle_tree import MerkleTree, verify_broadcast_key
 from vestige.crypto.osnma_report import Problem, ProblemKind, ProblemLog, RootCheck
 from vestige.crypto.public_key import PublicKey
 from vestige.crypto.root_key import verify_root_key
-from vestige.crypto.subframe import Content, Epoch
+from vestige.crypto.subframe import Epoch
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 
@@ -46,8 +46,6 @@ class DsmVerifier:
     def take(self, epoch: Epoch) -> None:
         """Take the DSM blocks of one subframe of all satellites."""
         for subframe in epoch.satellites.values():
-            if subframe.content is not Content.OSNMA:
-                continue
             try:
                 for message in self._collector.add(subframe):
                     self._verify(message, epoch.time)

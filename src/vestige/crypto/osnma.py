@@ -38,7 +38,7 @@ from vestige.crypto.osnma_report import (
 )
 from vestige.crypto.page_intake import PageIntake
 from vestige.crypto.public_key import PublicKey
-from vestige.crypto.status_claim import is_refuted
+from vestige.crypto.status_claim import proven_status
 from vestige.crypto.subframe import Content, Epoch, SatelliteSubframe
 from vestige.crypto.tag_verifier import TagVerifier
 from vestige.crypto.tags import parse_mack
@@ -236,13 +236,19 @@ class OsnmaReceiver:
         return named
 
     def _accept(
-        self, message: _Message, subframes: Sequence[SatelliteSubframe], chain: Chain, valid: ValidatedKey | None
+        self,
+        message: _Message,
+        subframes: Sequence[SatelliteSubframe],
+        chain: Chain,
+        valid: ValidatedKey | None,
+        proven: Mapping[int, int | None] | None = None,
     ) -> list[ValidatedKey]:
-        """Take the tags of a subframe and its key, if it is a new one."""
+        """Take the tags of a subframe, with the status that is proven where the header is forged, and a new key."""
         for subframe in subframes:
             mack = parse_mack(subframe, chain.parameters)
             if mack is not None and subframe.content is Content.OSNMA:
-                self._tags.add(mack, chain, message.navigation)
+                status = (proven or {}).get(subframe.svid) or mack.nma_status
+                self._tags.add(replace(mack, nma_status=status), chain, message.navigation)
         time = message.time.gst_seconds
         if valid is None or time in self._keys or time in self._withheld:
             return []
@@ -269,17 +275,17 @@ class OsnmaReceiver:
         keys = []
         for claim in tuple(self._claims):
             message = claim.message
-            refuted = [is_refuted(subframe, message.navigation, claim.chain) for subframe in message.refusing]
-            if None in refuted:
+            proven = {one.svid: proven_status(one, message.navigation, claim.chain) for one in message.refusing}
+            if None in proven.values():
                 continue
             self._claims.remove(claim)
-            if all(refuted) and not self._register.refusal(claim.chain, message.time):
+            if all(proven.values()) and not self._register.refusal(claim.chain, message.time):
                 del self._withheld[message.time.gst_seconds]
                 text = (
                     f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
                 )
                 self._problems.report(Problem(kind=ProblemKind.STATUS, time=message.time, text=text))
-                keys += self._accept(message, claim.subframes, claim.chain, claim.key)
+                keys += self._accept(message, claim.subframes, claim.chain, claim.key, proven)
         return keys
 
     def _validate(

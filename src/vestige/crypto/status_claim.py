@@ -19,8 +19,8 @@ from vestige.crypto.tesla import Chain
 from vestige.errors import AuthenticationError, UnsupportedError
 
 
-def is_refuted(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> bool | None:
-    """Return whether a tag proves that the satellite did not say "don't use"; None if its key is still to come.
+def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
+    """Return the NMA status other than "don't use" that a tag proves; 0 if none does, None if its key is to come.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def is_refuted(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationW
         return None
     mack = parse_mack(subframe, chain.parameters)
     if mack is None:
-        return False
+        return 0
     for tag, data in _covered(mack, chain, navigation):
         for status in (TEST, OPERATIONAL):
             if make_tag(replace(mack, nma_status=status), tag, data, key, chain.parameters) == tag.value:
-                return True
-    return False
+                return status
+    return 0
 
 
 def _covered(

@@ -10,7 +10,7 @@ satellites and a little out of order in time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -89,13 +89,17 @@ class SatelliteSubframe:
 
     @property
     def hkroot(self) -> bytes | None:
-        """The HKROOT message, 15 bytes; None if a page is lost or not sent.
+        """The HKROOT message, 15 bytes; None if a page is lost or was not sent."""
+        return _hkroot(self.sent)
 
-        The last page may hold nothing but padding of the MACK message, so a zero one counts as sent. If it was not, the
-        block is wrong, which the signature shows.
+    @property
+    def hkroot_if_sent(self) -> bytes | None:
+        """The HKROOT message of a subframe whose last field is zero; None of any other.
+
+        The last page may hold nothing but padding of the MACK message, so a zero one may have been sent.
         """
-        fields = [field for field in (*self.sent[:-1], self.osnma[-1]) if field is not None]
-        return bytes(field[0] for field in fields) if len(fields) == PAGES else None
+        last = self.osnma[-1]
+        return None if last is None or any(last) else _hkroot((*self.sent[:-1], last))
 
     def mack_bits(self, start: int, length: int) -> int | None:
         """Return `length` bits of the MACK message from bit `start` on, or None if a page is missing."""
@@ -185,6 +189,10 @@ class SubframeAssembler:
     def _close(self, before: int) -> list[Epoch]:
         starts = sorted(start for start in self._open if start + SUBFRAME_S <= before)
         return [_epoch(start, self._open.pop(start)) for start in starts]
+
+
+def _hkroot(fields: Sequence[bytes | None]) -> bytes | None:
+    return None if None in fields else bytes(field[0] for field in fields if field is not None)
 
 
 def _epoch(start: int, satellites: Mapping[int, list[InavPage | None]]) -> Epoch:

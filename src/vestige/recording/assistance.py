@@ -4,23 +4,26 @@ What may stand in the folder, or one folder below, is listed in `vestige.recordi
 
 Nothing is used that was not validated: a key must lead to the public key or the Merkle tree; when certificates are
 given, a RECS or BGD file must be signed with one of them (they are never taken from the folder itself). Where two files
-contradict each other, neither is used. A damaged file costs nothing but itself: it is one problem in the report.
+contradict each other, neither is used; a key that a signed root key of any file withdraws is not used either. A damaged
+file costs nothing but itself: it is one problem in the report.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from vestige.crypto.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.file_signature import SignatureStatus, load_public_key, signatures_in
-from vestige.errors import InputFileError, VestigeError
+from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
-from vestige.records import Assistance
+from vestige.records import Assistance, ValidatedKey
 from vestige.time import GalileoTime
 
 T = TypeVar("T")
@@ -233,7 +236,7 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         for s in contents.segments
     )
     delays = (((d.svid, d.valid_from), d, path) for path, contents in read for d in contents.group_delays)
-    keys = ((key.time, key, path) for path, contents in read for key in contents.keys)
+    keys = ((key.time, key, path) for path, key in _usable_keys(read, problems))
     ionosphere = ((svid, (svid, m), path) for path, contents in read for svid, m in contents.ionosphere_e1_m.items())
     biases = ((0, c.hardware_bias_s, path) for path, c in read if c.hardware_bias_s is not None)
     return Assistance(
@@ -244,6 +247,30 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # one or none
         ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
     )
+
+
+def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> list[tuple[Path, ValidatedKey]]:
+    """Return the keys that no signed root key withdraws, in whichever file it is."""
+    register = ChainRegister()
+    roots = (root for _, contents in read for root in contents.roots)
+    for root in sorted(roots, key=lambda root: root.received_at):
+        with suppress(RevokedKeyError):  # none of its keys was taken, unless by a file that did not know better
+            register.add(root)
+    for _, contents in read:
+        for time in contents.alerts:
+            register.add_alert(time)
+    usable = []
+    for path, contents in read:
+        refused = []
+        for key in contents.keys:
+            refusal = register.refusal_of(key)
+            if refusal:
+                refused.append(f"key of {key.time}: {refusal}")
+            else:
+                usable.append((path, key))
+        if refused:
+            problems.add([AuthenticationError(f"{path}: {len(refused)} keys are not used, the first: {refused[0]}")])
+    return usable
 
 
 def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:

@@ -22,12 +22,13 @@ from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
 from vestige.crypto import group_delay, recs_file
 from vestige.crypto.file_bytes import open_file, read_bytes
 from vestige.crypto.file_signature import SignatureStatus, verify_data
-from vestige.crypto.key_file import read_key_file
+from vestige.crypto.key_file import load_key_file
 from vestige.crypto.merkle_tree import MerkleTree
 from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.public_key import PublicKey
 from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
 from vestige.crypto.recs_name import parse_name
+from vestige.crypto.root_key import RootKey
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.recording import test_vector_csv
 from vestige.recording.navigation_pages import read_pages
@@ -144,6 +145,8 @@ class Contents:
     segments: tuple[EncryptedSegment, ...] = ()
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
+    roots: tuple[RootKey, ...] = ()
+    alerts: tuple[GalileoTime, ...] = ()
     received: tuple[ReceivedOsnma, ...] = ()
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
@@ -194,15 +197,21 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 def read_keys(path: Path, settings: Settings) -> Contents:
     """Return the validated keys of a key file; who wrote it received them."""
-    keys = read_key_file(path, _trust(path, settings).public_keys)
-    received = tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in keys)
-    return Contents(summary=f"{len(keys)} validated keys", keys=keys, received=received)
+    file = load_key_file(path, _trust(path, settings).public_keys)
+    return Contents(
+        summary=f"{len(file.keys)} validated keys",
+        keys=file.keys,
+        roots=file.roots,
+        alerts=file.alerts,
+        received=tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in file.keys),
+    )
 
 
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     """Return the keys that the OSNMA in recorded navigation pages proves, those of lost subframes among them.
 
-    What was demodulated is returned beside them: a forged key is in it.
+    What was demodulated is returned beside them: a forged key is in it. So are the root keys: they may withdraw keys of
+    other files.
     """
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
@@ -214,6 +223,8 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",
         keys=keys,
+        roots=report.verified_roots,
+        alerts=report.alerts,
         received=receiver.received(),
         problems=tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures),
     )

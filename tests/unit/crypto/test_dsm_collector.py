@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from vestige.crypto.dsm_collector import DsmCollector
@@ -56,6 +58,22 @@ def test_an_incomplete_subframe_gives_nothing() -> None:
     whole = block(1, 0)
     lost = SatelliteSubframe(svid=1, time=START, osnma=(None, *whole.osnma[1:]), words=whole.words)
     assert DsmCollector().add(lost) == []
+
+
+def test_a_block_that_ends_with_a_zero_page_counts_when_it_comes_again() -> None:
+    """The page may hold nothing but padding; once only, OSNMA may have stopped before it."""
+    message = MESSAGE[:12] + b"\0" + MESSAGE[13:]
+    collector = DsmCollector()
+    unsure = block(1, 0, message)
+    for at_s in (0, 30):
+        for number in range(8):
+            subframe = replace(block(1, number, message), time=START + at_s)
+            if number == 0:
+                subframe = replace(subframe, osnma=(*unsure.osnma[:-1], bytes(5)))
+                assert at_s or collector.add(replace(subframe, svid=2)) == []  # it may have stopped, too
+            found = collector.add(subframe)
+            assert (len(found) == 1) is (at_s == 30 and number == 0)
+            assert all(one.data == message for one in found)
 
 
 def test_reserved_length_is_named() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vestige.crypto.key_file import read_key_file, read_raw_keys, write_key_file
+from vestige.crypto.dsm import NmaHeader
+from vestige.crypto.key_file import load_key_file, read_key_file, read_raw_keys, write_key_file
 from vestige.crypto.public_key import PublicKey, Trust
-from vestige.crypto.simulated_chain import make_chain
+from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.simulated_chain import make_chain, sign_kroot
 from vestige.crypto.tesla import Chain, Key, validate
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.time import GalileoTime
@@ -83,9 +86,11 @@ def test_a_false_disclosure_time_is_refused(path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("# vestige OSNMA keys 1", "# vestige OSNMA keys 2"), "line 1"),
+        (("# vestige OSNMA keys 2", "# vestige OSNMA keys 3"), "line 1"),
         (("# root,1400", "# root,9999999"), "line 2"),
-        (("# root,1400,", "# root,1401,"), "line 2, week"),
+        (("operational", "test"), "line 2, status: found test, expected operational"),
+        (("operational,", "operational,9"), "line 2"),
+        (("# root,1400,604740,", "# root,1400,604800,"), "line 2, second"),
         (("gst_week", "week"), "line 3"),
         (("1400,604740,1", "1400,604800,1"), "line 4, gst_second"),
         (("1400,604740,1", "1400,604740,4"), "line 4, chain_id"),
@@ -96,6 +101,58 @@ def test_a_false_disclosure_time_is_refused(path: Path) -> None:
 def test_files_that_are_none(path: Path, change: tuple[str, str], words: str) -> None:
     path.write_text(path.read_text().replace(*change, 1))
     with pytest.raises(InputFileError, match=words):
+        read_key_file(path, PUBLIC)
+
+
+def of_version_1(path: Path, header: str = "92") -> None:
+    """Make it what vestige wrote before root keys had a time of reception and a status."""
+    text = path.read_text().replace("keys 2\n", "keys 1\n")
+    path.write_text(re.sub(r"# root,(\d+),\d+,[^,]*,..,", rf"# root,\1,{header},", text))
+
+
+def test_a_file_of_version_1_is_read_unless_a_root_key_withdraws_something(path: Path) -> None:
+    of_version_1(path)
+    assert read_key_file(path, PUBLIC) == KEYS
+    path.write_text(path.read_text().replace("# root,1400,", "# root,1401,"))
+    with pytest.raises(InputFileError, match="line 2, week"):
+        read_key_file(path, PUBLIC)
+    for header in (0xD2, 0x96, 0x9A, 0x9E):  # don't use; chain revoked, public key revoked, alert
+        kroot = sign_kroot(CHAIN.kroot, NmaHeader(header), CHAIN.private_key)
+        root = verify_root_key(kroot, NmaHeader(header), PUBLIC, near=START)
+        write_key_file(path, KEYS, (root,))
+        of_version_1(path, f"{header:02x}")
+        with pytest.raises(InputFileError, match=r"line 2: .* write the file again with `vestige osnma verify`"):
+            read_key_file(path, PUBLIC)
+
+
+def test_keys_from_a_signed_withdrawal_on_are_refused(tmp_path: Path) -> None:
+    """The root key was received with the third key; the status is its only one, or there is an operational one too."""
+    path = tmp_path / "keys.csv"
+    for header in (
+        status << 6 | chain_id << 4 | keys << 1 for status in range(4) for chain_id in (1, 2) for keys in range(8)
+    ):
+        kroot = sign_kroot(CHAIN.kroot, NmaHeader(header), CHAIN.private_key)
+        withdrawal = verify_root_key(kroot, NmaHeader(header), PUBLIC, near=START + 60)
+        refuses = header >> 6 in (0, 3) or header >> 1 & 7 == 7 or (header >> 1 & 7 in (3, 5) and header >> 4 & 3 != 1)
+        roots = (withdrawal, CHAIN.root) if header & 2 else (withdrawal,)
+        write_key_file(path, KEYS, roots)
+        if refuses:
+            with pytest.raises(AuthenticationError, match=rf"withdrawn by the signed root key .*0x{header:02X}"):
+                read_key_file(path, PUBLIC)
+            write_key_file(path, KEYS[:2], roots)
+            assert read_key_file(path, PUBLIC) == KEYS[:2]
+        else:
+            assert read_key_file(path, PUBLIC) == KEYS
+
+
+def test_keys_from_an_alert_on_are_refused(path: Path) -> None:
+    write_key_file(path, KEYS, (CHAIN.root,), (START + 90,))
+    with pytest.raises(AuthenticationError, match=r"alert message of .*; leave out the keys from then on"):
+        read_key_file(path, PUBLIC)
+    write_key_file(path, KEYS[:3], (CHAIN.root,), (START + 90,))
+    assert load_key_file(path, PUBLIC).alerts == (START + 90,)
+    path.write_text(path.read_text().replace("# alert,1401,30", "# alert,1401"))
+    with pytest.raises(InputFileError, match="line 3: found # alert,1401"):
         read_key_file(path, PUBLIC)
 
 

@@ -218,6 +218,120 @@ def test_status_dont_use_withholds_keys() -> None:
         everywhere.raise_if_failed()
 
 
+def with_header(pages: list[InavPage], svid: int, index: int, value: int) -> list[InavPage]:
+    """The pages; the header of one satellite and subframe is forged, and its checksum made for that."""
+    time = START + (30 * index + 1)
+    return [
+        make_page(svid, time, page.word, bytes([value]) + page.osnma[1:])
+        if (page.svid, page.time) == (svid, time)
+        else page
+        for page in pages
+    ]
+
+
+def test_a_forged_do_not_use_costs_30_s_and_no_key() -> None:
+    """Each subframe from the fourth on with another of the 64 values; the tags of the subframe disprove it."""
+    pages = PAGES
+    for index in range(4, N):
+        pages = with_header(pages, 7, index, 0xC0 | 5 * index & 63)
+    receiver = OsnmaReceiver((CHAIN.public_key,))
+    seen = {key.time: page.time for page in pages for key in receiver.process(page)}
+    receiver.finish()
+    report = receiver.report()
+    # The key of the last subframe would be needed to disprove that of the one before, which is in the last one's tags.
+    assert [key.data for key in report.keys] == expected_keys()[: N - 1]
+    assert [key.data for key in report.withheld] == expected_keys()[N - 1 :]
+    assert all(60 < page - key <= 75 for key, page in seen.items() if key > START + 4 * 30)
+    assert kinds(report) == {ProblemKind.STATUS}
+    assert sum("E07: unsigned header 0xD9" in problem.text for problem in report.problems) == 2
+    assert any("the tags prove that this is forged" in problem.text for problem in report.problems)
+    assert report.failures == ()
+    assert all(count.failed == 0 for count in report.tags.by_adkd.values())
+
+
+@pytest.mark.parametrize("what", ["tags", "data", "another satellite"])
+def test_without_a_good_tag_of_the_same_satellite_do_not_use_holds(what: str) -> None:
+    """The tags of E07 are damaged, or its navigation data of before is lost; those of the others are good."""
+    pages = with_header(PAGES, 7, 6, 0xD2)
+    if what == "tags":
+        pages = [
+            make_page(7, page.time, page.word, page.osnma[:1] + bytes(a ^ 0x5A for a in page.osnma[1:]))
+            if page.svid == 7 and START + 182 < page.time <= START + 201
+            else page
+            for page in pages
+        ]
+    elif what == "data":
+        pages = [page for page in pages if not START + 150 <= page.time < START + 180]
+    else:
+        pages = with_header(pages, 2, 6, 0xD2)
+        pages = [page for page in pages if not (page.svid == 2 and START + 182 < page.time <= START + 201)]
+    report = run(pages)
+    assert START + 180 not in {key.time for key in report.keys}
+    (withheld,) = report.withheld
+    assert withheld.time == START + 180
+    assert "unsigned header 0xD2 (don't use" in withheld.reason
+
+
+def test_the_chain_that_a_header_names_does_not_decide() -> None:
+    """With one satellite and another chain id in each header all keys are found all the same."""
+    pages = Broadcast(CHAIN, svids=(7,), n_subframes=N).pages()
+    for index in range(9, N):
+        pages = with_header(pages, 7, index, 0x82 | index % 4 << 4)
+    report = run(pages)
+    assert [key.data for key in report.keys] == expected_keys()
+    assert report.failures == ()
+
+
+def test_a_zero_field_was_not_sent() -> None:
+    """OSNMA starts in the middle of subframe 5 of E07 and stops in the middle of its subframe 9, at each page."""
+    for number in (0, 12, 14):
+        pages = [
+            make_page(7, page.time, page.word, bytes(5))
+            if page.svid == 7
+            and (START + 150 <= page.time < START + (151 + 2 * number) or START + (271 + 2 * number) <= page.time)
+            and (page.time < START + 300)
+            else page
+            for page in PAGES
+        ]
+        receiver = OsnmaReceiver((CHAIN.public_key,))
+        for page in pages:
+            receiver.process(page)
+        receiver.finish()
+        report = receiver.report()
+        assert report.failures == ()
+        assert kinds(report) <= set()
+        assert [key.data for key in report.keys] == expected_keys()
+        (started,) = [one for one in receiver.received() if one.svid == 7 and one.time == START + 150]
+        assert [field is None for field in started.fields] == [k < number for k in range(15)]
+
+
+def test_tags_on_the_word_5_before_a_change_without_new_iodnav_verify() -> None:
+    """The words 5 of all satellites change in subframe 6; the tags of subframe 7 are still of the word before."""
+
+    def changed(page: InavPage) -> InavPage:
+        kind, index = page.word >> 122, (page.time - START) // 30
+        return make_page(page.svid, page.time, page.word ^ 1 << 100, page.osnma) if kind == 5 and index == 6 else page
+
+    pages = [changed(page) for page in PAGES]
+    report = run(pages)
+    # In subframe 8 the tags are of the old word again, and so is the word of subframe 7.
+    n_tags = sum(count.checked for count in REPORT.tags.by_adkd.values())
+    assert report.problems == ()
+    assert report.tags.by_adkd == REPORT.tags.by_adkd
+    assert sum(count.ok for count in report.tags.by_adkd.values()) == n_tags
+    assert report.tags.data_before == 3 * 4  # of 6 tags of each satellite: ADKD 4 is not concerned, nor is a slow one
+    assert report.navigation == REPORT.navigation
+    # A word that stays changed is wrong from the second subframe on.
+    stays = run([
+        make_page(page.svid, page.time, page.word ^ 1 << 100, page.osnma)
+        if page.word >> 122 == 5 and page.time >= START + 180
+        else page
+        for page in PAGES
+    ])  # fmt: skip
+    assert stays.tags.by_adkd[0].failed > 0
+    assert all(problem.time >= START + 240 for problem in stays.problems)
+
+
 def test_a_wrong_tag_and_a_wrong_macseq_are_found() -> None:
     pages = list(PAGES)
     place = next(k for k, page in enumerate(pages) if page.svid == 7 and page.time == START + 121)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +16,16 @@ from hypothesis import strategies as st
 from builders import validated_key
 from osnma_builder import Broadcast
 from vestige.crypto import recs, recs_file
+from vestige.crypto.dsm import NmaHeader
 from vestige.crypto.file_signature import SignatureStatus
+from vestige.crypto.inav import InavPage
 from vestige.crypto.recs_name import time_of_deciseconds
-from vestige.crypto.simulated_chain import SimulatedChain, make_chain
+from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance import AssistanceFolder, read_assistance
 from vestige.recording.assistance_files import Kind
 from vestige.recording.assistance_writer import write_assistance
+from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.test_vector_csv import HEADER
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ReceivedOsnma
 from vestige.time import GalileoTime
@@ -98,6 +101,34 @@ def test_write_and_read(folder: Path, assistance: Assistance) -> None:
     result = read_assistance(folder)
     assert complete(result, assistance)
     assert result.missing == ("signatures: 4 files are not verified to be the server's",)
+
+
+def write_pages(path: Path, pages: Sequence[InavPage]) -> None:
+    digits = {svid: "".join(page.data.hex() for page in pages if page.svid == svid) for svid in {p.svid for p in pages}}
+    lines = [f"{svid:02d},{4 * len(text)},{text}" for svid, text in sorted(digits.items())]
+    path.write_text("\n".join([HEADER, *lines]))
+
+
+def test_a_withdrawal_in_the_pages_holds_for_the_key_file_too(folder: Path, chain: SimulatedChain) -> None:
+    """`keys.csv` has all keys of a chain of which the pages tell that it must not be used: signed, in subframe 7."""
+    header = NmaHeader(0xC0 | chain.header.value)
+    kroot = sign_kroot(chain.kroot, header, chain.private_key).serialise()
+    first = chain.keys[0].time
+    true, told = Broadcast(chain), Broadcast(chain, header=header.value, dsm_of=lambda _svid: kroot)
+    pages = [page for page in true.pages() if page.time < first + 120]
+    pages += [page for page in told.pages() if page.time >= first + 120]
+    write_pages(folder / "pages.csv", pages)
+    result = read_assistance(folder)
+    # The headers of subframes 4 to 6 are not signed. They withhold keys in the pages, but prove nothing of the file.
+    assert [key.time for key in result.assistance.keys] == [first + 30 * k for k in range(7)]
+    assert any("keys.csv: 5 keys are not used" in str(problem) for problem in result.problems)
+    # Whoever follows the recording reads the folder again and again: no key of then comes back with later headers.
+    forged = Broadcast(chain, header=chain.header.value, dsm_of=lambda _svid: kroot)
+    write_pages(folder / "pages.csv", [*(p for p in pages if p.time < first + 240),
+                                       *(p for p in forged.pages() if p.time >= first + 240)])  # fmt: skip
+    growing = GrowingAssistance(folder, warn=lambda _error: None)
+    growing.look(first, first + 300)
+    assert {key.time for key in growing.found.assistance.keys} == {first + 30 * k for k in range(7)}
 
 
 def test_segments_are_in_the_order_of_time_and_decrypt(folder: Path) -> None:

@@ -1,0 +1,297 @@
+"""No key of a withdrawn chain is ever accepted, whatever the headers say that nobody signed.
+
+The pages hold what decides it: NMA header, DSM block and key. Consecutive subframes have consecutive header values, so
+one run forges all 256 of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from vestige.crypto.chain_register import ChainRegister
+from vestige.crypto.dsm import DsmKroot, NmaHeader, parse_kroot
+from vestige.crypto.inav import InavPage, page_checksum
+from vestige.crypto.key_file import read_key_file, write_key_file
+from vestige.crypto.merkle_tree import MerkleTree, path_root
+from vestige.crypto.osnma import OsnmaReceiver
+from vestige.crypto.osnma_report import ProblemKind
+from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
+from vestige.errors import AuthenticationError
+from vestige.time import GalileoTime
+
+START = GalileoTime(1400, 604_800 - 30 * 30)  # a quarter of an hour before the end of the week
+WITHDRAWN_AT = 12  # first subframe whose header says so
+N = WITHDRAWN_AT + 50 + 256
+
+OLD = make_chain(b"withdrawn", START, N, chain_id=1, pkid=4)
+NEXT = replace(make_chain(b"next", START, N, chain_id=2, pkid=4), private_key=OLD.private_key)
+NEW_KEY = make_chain(b"new public key", START, N, chain_id=2, pkid=5)
+PUBLIC = (OLD.public_key, NEW_KEY.public_key)
+
+OPERATIONAL, DONT_USE = 2, 3
+NOMINAL, END_OF_CHAIN, CHAIN_REVOKED, KEY_REVOKED, ALERT = 1, 2, 3, 5, 7
+
+
+def header_of(status: int, chain_id: int, keys: int) -> int:
+    return status << 6 | chain_id << 4 | keys << 1
+
+
+@cache
+def signed(chain_name: str, header: int, hour_start: GalileoTime | None = None) -> bytes:
+    """The DSM-KROOT of a chain under a header, for the hour of the chain or a later one."""
+    chain = {"old": OLD, "next": NEXT, "new key": NEW_KEY}[chain_name]
+    kroot: DsmKroot = chain.kroot
+    if hour_start is not None:
+        key = next(key for key in chain.keys if key.time == hour_start + -30)
+        kroot = replace(kroot, root_week=hour_start.week, root_hour=hour_start.second // 3600, root_key=key.data)
+    return sign_kroot(kroot, NmaHeader(header), chain.private_key).serialise()
+
+
+def alert_message() -> tuple[bytes, MerkleTree]:
+    """A DSM-PKR of 13 blocks with a notice, and the tree that it belongs to."""
+    siblings = [hashlib.sha256(bytes([k])).digest() for k in range(4)]
+    leaf = bytes([4 << 4]) + b"OSNMA alert message".ljust(39, b".")
+    tree = MerkleTree(nodes={(4, 0): path_root(15, hashlib.sha256(leaf).digest(), siblings)})
+    message = bytes([7 << 4 | 15]) + b"".join(siblings) + leaf
+    assert len(message) == 13 * 13
+    return message, tree
+
+
+def page_of(svid: int, time: GalileoTime, osnma: bytes) -> InavPage:
+    bits = 1 << 119 | int.from_bytes(osnma, "big") << 62  # an odd half after an even one; word type 0 without time
+    checksum = page_checksum(bits.to_bytes(30, "big"))
+    return InavPage(svid=svid, time=time, data=(bits | checksum << 14).to_bytes(30, "big"))
+
+
+def subframe(
+    index: int,
+    header: int,
+    dsm: bytes,
+    chain: SimulatedChain = OLD,
+    svid: int = 2,
+    dsm_id: int = 3,
+    block: int | None = None,
+) -> list[InavPage]:
+    """One subframe of one satellite: the tags are noise, the key is true. Consecutive ones send consecutive blocks."""
+    time = START + 30 * index
+    number = index % (len(dsm) // 13) if block is None else block
+    hkroot = bytes([header, dsm_id << 4 | number]) + dsm[13 * number : 13 * number + 13]
+    mack = hashlib.sha512(bytes([svid, index % 256])).digest()[:42] + chain.keys[index].data + bytes(2)
+    return [page_of(svid, time + (1 + 2 * k), hkroot[k : k + 1] + mack[4 * k : 4 * k + 4]) for k in range(15)]
+
+
+def nominal(first: int = 0, last: int = WITHDRAWN_AT) -> list[list[InavPage]]:
+    header = header_of(OPERATIONAL, 1, NOMINAL)
+    return [subframe(index, header, signed("old", header)) for index in range(first, last)]
+
+
+def withdrawal(kind: str, first: int = WITHDRAWN_AT) -> list[list[InavPage]]:
+    """Subframes that tell the withdrawal until its DSM is there: 8 blocks, or 13 of an alert message."""
+    if kind == "alert message":
+        header = header_of(DONT_USE, 1, ALERT)
+        return [subframe(index, header, alert_message()[0], dsm_id=12) for index in range(first, first + 13)]
+    chain_name, header = {
+        "chain revoked": ("next", header_of(DONT_USE, 1, CHAIN_REVOKED)),
+        "public key revoked": ("new key", header_of(DONT_USE, 1, KEY_REVOKED)),
+        "signed alert": ("old", header_of(DONT_USE, 1, ALERT)),
+        "do not use": ("old", header_of(DONT_USE, 1, NOMINAL)),
+        "revoked, next in force": ("next", header_of(OPERATIONAL, 2, CHAIN_REVOKED)),
+        "reserved status": ("old", header_of(0, 1, NOMINAL)),
+    }[kind]
+    return [subframe(index, header, signed(chain_name, header)) for index in range(first, first + 8)]
+
+
+KINDS = (
+    "chain revoked", "public key revoked", "signed alert", "do not use", "revoked, next in force", "reserved status",
+    "alert message",
+)  # fmt: skip
+
+
+def received(subframes: Iterable[Sequence[InavPage]]) -> tuple[OsnmaReceiver, set[GalileoTime]]:
+    """The receiver at the end, and the times of all keys that it gave out while pages came or afterwards."""
+    receiver = OsnmaReceiver(PUBLIC, alert_message()[1])
+    keys = [key for pages in subframes for page in pages for key in receiver.process(page)]
+    keys += receiver.finish()
+    keys += (*receiver.report().keys, *receiver.filled_keys())
+    return receiver, {key.time for key in keys if key.chain_id == 1}
+
+
+@cache
+def forged_subframes(first: int) -> list[list[InavPage]]:
+    """What an attacker with the keys of the withdrawn chain may send: root keys of before, then every header.
+
+    Under a header of its own in each subframe no DSM completes, so there the pages with header and key are enough.
+    """
+    operational, announcing = header_of(OPERATIONAL, 1, NOMINAL), header_of(OPERATIONAL, 1, END_OF_CHAIN)
+    sent = [subframe(first + k, operational, signed("old", operational), dsm_id=4) for k in range(8)]
+    sent += [subframe(first + k, announcing, signed("old", announcing), dsm_id=5) for k in range(8, 16)]
+    for value in range(256):
+        pages = subframe(first + 16 + value, value, signed("old", operational))
+        sent.append([pages[0], *pages[10:]])
+    return sent
+
+
+@pytest.mark.parametrize(
+    ("kind", "saw_the_root_key_before"),
+    [(kind, True) for kind in KINDS] + [("chain revoked", False), ("public key revoked", False)],
+)
+def test_after_a_signed_withdrawal_no_forged_header_brings_keys_back(kind: str, saw_the_root_key_before: bool) -> None:
+    told = withdrawal(kind)
+    known_from = START + 30 * (WITHDRAWN_AT + len(told) - 1)
+    forged = forged_subframes(WITHDRAWN_AT + len(told))
+    receiver, times = received([*(nominal() if saw_the_root_key_before else []), *told, *forged])
+    assert all(time < known_from for time in times)
+    report = receiver.report()
+    assert any(problem.kind is ProblemKind.STATUS for problem in report.problems)
+    if saw_the_root_key_before:
+        assert len(report.withheld) >= 256
+        assert {START + 30 * k for k in range(WITHDRAWN_AT)} <= times
+
+
+def with_headers(pages: list[InavPage], index: int, values: Sequence[int]) -> list[InavPage]:
+    """The pages, and the first page of one more satellite for each header value: the rest of them is lost."""
+    forged = [
+        page_of(svid, START + (30 * index + 1), bytes([value, 1, 2, 3, 4]))
+        for svid, value in enumerate(values, start=3)
+    ]
+    return [*forged, *pages]
+
+
+HARMLESS = [value for value in range(256) if value >> 6 != DONT_USE]
+
+
+@pytest.mark.parametrize("values", [HARMLESS[k : k + 32] for k in range(0, 192, 32)])
+def test_every_header_in_every_state_of_the_withdrawing_dsm(values: list[int]) -> None:
+    """E02 tells the withdrawal, block by block; 32 others have forged headers in each subframe. E02 is believed."""
+    told = withdrawal("chain revoked")
+    receiver, times = received([
+        *nominal(), *(with_headers(pages, WITHDRAWN_AT + k, values) for k, pages in enumerate(told)),
+        *(with_headers([], index, values) for index in (20, 21)),
+        with_headers(subframe(22, 0xA2, signed("old", 0xA2)), 22, values),
+    ])  # fmt: skip
+    assert times == {START + 30 * k for k in range(WITHDRAWN_AT)}
+    assert len(receiver.report().withheld) == len(told) + 1
+
+
+@pytest.mark.parametrize("n_blocks", range(8))
+def test_before_the_withdrawal_is_signed_a_subframe_is_withheld_for_each_header(n_blocks: int) -> None:
+    """Without all blocks there is only what the headers say; the keys of these subframes stay away, filled or not."""
+    told = withdrawal("chain revoked")[:n_blocks]
+    _, times = received([*nominal(), *told, *nominal(WITHDRAWN_AT + n_blocks, WITHDRAWN_AT + 12)])
+    assert times == {
+        START + 30 * k for k in range(WITHDRAWN_AT + 12) if not WITHDRAWN_AT <= k < WITHDRAWN_AT + n_blocks
+    }
+
+
+def renewal(chain_name: str, chain: SimulatedChain, keys: int, first: int, n: int = 12) -> list[list[InavPage]]:
+    header = header_of(OPERATIONAL, chain.kroot.chain_id, keys)
+    return [subframe(index, header, signed(chain_name, header), chain) for index in range(first, first + n)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "chain", "keys"),
+    [("chain revoked", "next", NEXT, CHAIN_REVOKED), ("public key revoked", "new key", NEW_KEY, KEY_REVOKED)],
+)
+def test_the_chain_that_a_revocation_announces_comes_into_force(
+    kind: str, name: str, chain: SimulatedChain, keys: int
+) -> None:
+    told = withdrawal(kind)
+    first = WITHDRAWN_AT + len(told)
+    new = renewal(name, chain, keys, first)
+    back = forged_subframes(first + len(new))[:40]
+    receiver, old_times = received([*nominal(), *told, *new, *back])
+    report = receiver.report()
+    # Its root key under the new header is complete with the eighth subframe. Before, the status was "don't use".
+    assert [key.time for key in report.keys if key.chain_id == 2] == [
+        START + 30 * k for k in range(first + 7, first + 12)
+    ]
+    assert old_times == {START + 30 * k for k in range(WITHDRAWN_AT)}
+    if kind == "public key revoked":
+        revoked = "signed with public key PKID 4"
+        late, _ = received([*told, *new, *back])
+        assert any(revoked in root.reason and "PKID 5" in root.reason for root in late.report().roots)
+
+
+def test_only_a_root_key_of_after_the_withdrawal_ends_do_not_use() -> None:
+    """The hour after the withdrawal begins in subframe 30: its root key is a key that nobody knew before."""
+    told = withdrawal("do not use")
+    first = WITHDRAWN_AT + len(told)
+    operational = header_of(OPERATIONAL, 1, NOMINAL)
+    hour = GalileoTime(1401, 0)
+    again = [subframe(index, operational, signed("old", operational), dsm_id=5) for index in range(first, 32)]
+    renewed = [subframe(index, operational, signed("old", operational, hour), dsm_id=6) for index in range(32, 48)]
+    _, times = received([*nominal(), *told, *again, *renewed])
+    assert times == {START + 30 * k for k in (*range(WITHDRAWN_AT), *range(32 + 7, 48))}
+    _, times = received([*nominal(), *withdrawal("signed alert"), *again, *renewed])
+    assert times == {START + 30 * k for k in range(WITHDRAWN_AT)}  # an alert is final
+
+
+def test_the_end_of_a_chain_withdraws_nothing() -> None:
+    """Chain 1 until subframe 20, then chain 2, which was announced. Only the header "don't use" would cost a key."""
+    announced = header_of(OPERATIONAL, 1, END_OF_CHAIN)
+    sent = nominal()
+    for index in range(WITHDRAWN_AT, 32):
+        chain, header = (OLD, announced) if index < 20 else (NEXT, header_of(OPERATIONAL, 2, NOMINAL))
+        values = HARMLESS[(index - 14) * 32 :][:32] if index >= 14 else []  # 14 to 19, and once more from 20 on
+        values = values or HARMLESS[(index - 20) * 32 :][:32]
+        sent.append(with_headers(subframe(index, header, signed("next", header), chain), index, values))
+    receiver, _ = received(sent)
+    report = receiver.report()
+    assert [(key.time, key.chain_id) for key in report.keys] == [
+        (START + 30 * k, 1 if k < 20 else 2) for k in range(32)
+    ]
+    assert report.failures == ()
+    assert report.withheld == ()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_key_file_does_not_bring_them_back(kind: str, tmp_path: Path) -> None:
+    """What is written reads back; the file with all keys of the chain is refused."""
+    receiver, _ = received([*nominal(), *withdrawal(kind)])
+    report = receiver.report()
+    path = tmp_path / "keys.csv"
+    write_key_file(path, receiver.filled_keys(), report.verified_roots, report.alerts)
+    assert read_key_file(path, PUBLIC) == report.keys
+    write_key_file(path, OLD.validated_keys()[:40], report.verified_roots, report.alerts)
+    with pytest.raises(AuthenticationError, match="leave out the keys from then on"):
+        read_key_file(path, PUBLIC)
+
+
+def test_gaps_are_not_filled_with_withdrawn_keys() -> None:
+    """Keys of the same chain before and after the withdrawal; those between them follow, and are not used."""
+    operational = header_of(OPERATIONAL, 1, NOMINAL)
+    renewed = signed("old", operational, GalileoTime(1401, 0))
+    after = [subframe(index, operational, renewed, dsm_id=6) for index in range(32, 44)]
+    receiver, _ = received([*nominal(), *withdrawal("do not use"), *after])
+    # Nothing was received in subframes 20 to 31. The new root key is complete in subframe 39.
+    kept = [*range(WITHDRAWN_AT), *range(39, 44)]
+    assert [key.time for key in receiver.filled_keys()] == [START + 30 * k for k in kept]
+
+
+def test_the_register_orders_root_keys_by_what_they_say() -> None:
+    """A replayed revocation of long ago costs the keys until the next root key, and no longer."""
+    register = ChainRegister()
+    now = START + 600
+
+    def root_of(name: str, header: int, received_at: GalileoTime, hour: GalileoTime | None = None) -> None:
+        register.add(
+            verify_root_key(parse_kroot(signed(name, header, hour)), NmaHeader(header), PUBLIC, near=received_at)
+        )
+
+    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), START)
+    (chain,) = register.chains
+    assert register.refusal(chain, now) == ""
+    root_of("old", header_of(DONT_USE, 1, NOMINAL), now)  # once genuine
+    assert register.refusal(chain, now + -30) == ""
+    assert "don't use" in register.refusal(chain, now)
+    hour = GalileoTime(1401, 0)
+    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), hour + 120, hour)
+    assert register.refusal(chain, hour + 90) != ""
+    assert register.refusal(chain, hour + 120) == ""
