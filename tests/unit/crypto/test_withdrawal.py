@@ -124,16 +124,16 @@ def received(subframes: Iterable[Sequence[InavPage]]) -> tuple[OsnmaReceiver, se
 
 
 @cache
-def forged_subframes(first: int) -> list[list[InavPage]]:
-    """What an attacker with the keys of the withdrawn chain may send: root keys of before, then every header.
+def forged_subframes(first: int, step: int = 1) -> list[list[InavPage]]:
+    """What an attacker with the keys of the withdrawn chain may send: root keys of before, then headers of all values.
 
     Under a header of its own in each subframe no DSM completes, so there the pages with header and key are enough.
     """
     operational, announcing = header_of(OPERATIONAL, 1, NOMINAL), header_of(OPERATIONAL, 1, END_OF_CHAIN)
     sent = [subframe(first + k, operational, signed("old", operational), dsm_id=4) for k in range(8)]
     sent += [subframe(first + k, announcing, signed("old", announcing), dsm_id=5) for k in range(8, 16)]
-    for value in range(256):
-        pages = subframe(first + 16 + value, value, signed("old", operational))
+    for k, value in enumerate(range(0, 256, step)):
+        pages = subframe(first + 16 + k, value, signed("old", operational))
         sent.append([pages[0], *pages[10:]])
     return sent
 
@@ -145,13 +145,14 @@ def forged_subframes(first: int) -> list[list[InavPage]]:
 def test_after_a_signed_withdrawal_no_forged_header_brings_keys_back(kind: str, saw_the_root_key_before: bool) -> None:
     told = withdrawal(kind)
     known_from = START + 30 * (WITHDRAWN_AT + len(told) - 1)
-    forged = forged_subframes(WITHDRAWN_AT + len(told))
+    every_value = saw_the_root_key_before and kind in ("chain revoked", "do not use", "alert message")
+    forged = forged_subframes(WITHDRAWN_AT + len(told), 1 if every_value else 7)
     receiver, times = received([*(nominal() if saw_the_root_key_before else []), *told, *forged])
     assert all(time < known_from for time in times)
     report = receiver.report()
     assert any(problem.kind is ProblemKind.STATUS for problem in report.problems)
     if saw_the_root_key_before:
-        assert len(report.withheld) >= 256
+        assert len(report.withheld) >= len(forged)
         assert {START + 30 * k for k in range(WITHDRAWN_AT)} <= times
 
 
@@ -205,7 +206,7 @@ def test_the_chain_that_a_revocation_announces_comes_into_force(
     told = withdrawal(kind)
     first = WITHDRAWN_AT + len(told)
     new = renewal(name, chain, keys, first)
-    back = forged_subframes(first + len(new))[:40]
+    back = forged_subframes(first + len(new), 8)
     receiver, old_times = received([*nominal(), *told, *new, *back])
     report = receiver.report()
     # Its root key under the new header is complete with the eighth subframe. Before, the status was "don't use".
