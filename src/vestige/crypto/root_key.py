@@ -44,7 +44,9 @@ class RootKey:
         if self.time != self.kroot.root_time(self.time):
             raise AuthenticationError(f"the root key is of {self.kroot.root_time(self.time)}, not of {self.time}")
 
-    def __reduce__(self) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
+    def __reduce__(
+        self,
+    ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
         """Return what makes, and so checks, it again."""
         return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
 

@@ -25,6 +25,7 @@ from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
 from vestige.records import Assistance, ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
 
