@@ -23,7 +23,7 @@ from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
-from vestige.records import Assistance, ValidatedKey
+from vestige.records import Assistance
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
