@@ -71,7 +71,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
 
     from vestige.crypto.file_bytes import read_bytes
     from vestige.crypto.file_signature import load_public_key, signatures_in, verify_data
-    from vestige.crypto.recs_file import parse
+    from vestige.crypto.recs_file import MAX_FILE_BYTES, parse
     from vestige.errors import VestigeError
 
     public_keys = [load_public_key(path) for path in certificates]
@@ -80,7 +80,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     errors: list[VestigeError] = []
     for path in files:
         try:
-            data = read_bytes(path)
+            data = read_bytes(path, at_most=MAX_FILE_BYTES)
             file = parse(data, path, reference=reference)
             if path.parent not in signatures:
                 signatures[path.parent] = signatures_in(path.parent)

@@ -38,6 +38,7 @@ from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
 
 INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+MAX_FILE_BYTES = 1 << 30  # a week of one satellite, 16 ms every 6 s
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
 
@@ -161,7 +162,7 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     UnsupportedError
         If its interface version is not known.
     """
-    return parse(read_bytes(path), path, reference=reference)
+    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
 
 def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:

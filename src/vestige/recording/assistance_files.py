@@ -244,7 +244,7 @@ READERS: Mapping[Kind, Callable[[Path, Settings], Contents]] = {
 
 def _signed(path: Path, settings: Settings) -> tuple[bytes, SignatureStatus]:
     """Return the bytes of a file and what is known of the origin of these very bytes."""
-    data = read_bytes(path)
+    data = read_bytes(path, at_most=recs_file.MAX_FILE_BYTES)
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
     status = verify_data(data, path, signatures, settings.server_keys)
     if settings.server_keys and status is not SignatureStatus.VERIFIED:
