@@ -360,8 +360,8 @@ TARGETS = (
     Target(name="group-delay", make=_group_delays, read=_read_group_delays, share=40),
     Target(name="public-key", make=_public_keys, read=_read_public_key, share=40),
     Target(name="merkle-tree", make=_trees, read=_read_tree, share=60),
-    Target(name="keys-csv", make=_key_files, read=_read_keys, spoil=_spoil_keys, share=80),
+    Target(name="keys-csv", make=_key_files, read=_read_keys, spoil=_spoil_keys, share=60),
     Target(name="keys-xml", make=_raw_keys, read=_read_raw_keys, share=20),
-    Target(name="pages", make=_page_files, read=_read_page_file, spoil=_spoil_page_file, share=80),
-    Target(name="withdrawn-chain", make=_withdrawn, read=_read_withdrawn, spoil=_spoil_withdrawn, share=20),
+    Target(name="pages", make=_page_files, read=_read_page_file, spoil=_spoil_page_file, share=25),
+    Target(name="withdrawn-chain", make=_withdrawn, read=_read_withdrawn, spoil=_spoil_withdrawn, share=12),
 )

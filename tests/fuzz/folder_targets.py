@@ -170,6 +170,6 @@ def _no_number(text: str) -> None:
 
 
 TARGETS = (
-    Target(name="assistance", make=_assistance_folders, read=_read_assistance, spoil=_spoil_folder, share=50),
-    Target(name="command-line", make=_command_lines, read=_read_command_line, spoil=_spoil_command_line, share=50),
+    Target(name="assistance", make=_assistance_folders, read=_read_assistance, spoil=_spoil_folder, share=16),
+    Target(name="command-line", make=_command_lines, read=_read_command_line, spoil=_spoil_command_line, share=30),
 )

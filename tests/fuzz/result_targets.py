@@ -232,12 +232,12 @@ def _read_sweeps(folder: Path) -> None:
 
 
 TARGETS = (
-    Target(name="scenario", make=_scenarios, read=_read_scenario, spoil=_spoil_scenario, share=80),
+    Target(name="scenario", make=_scenarios, read=_read_scenario, spoil=_spoil_scenario, share=60),
     Target(name="scenario-tables", make=_tables, read=_read_tables, share=30),
     Target(name="sweep-axes", make=_axes, read=_read_axes, share=30),
-    Target(name="store", make=_stores, read=_read_store, share=6),
-    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=6),
+    Target(name="store", make=_stores, read=_read_store, share=4),
+    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=3),
     Target(name="threats", make=_threat_folders, read=_read_threats, share=30),
-    Target(name="threat-store", make=_threat_stores, read=_read_threat_store, share=5),
+    Target(name="threat-store", make=_threat_stores, read=_read_threat_store, share=3),
     Target(name="sweep", make=_sweeps, read=_read_sweeps, share=30),
 )

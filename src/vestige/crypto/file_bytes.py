@@ -35,13 +35,15 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
             raise InputFileError(path, "file", _reason(error), "a readable file") from error
 
 
-def read_text(path: Path, *, at_most: int) -> str:
+def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str:
     """Return the content of the regular file `path` as text: UTF-8, with or without a byte order mark.
 
     Parameters
     ----------
     path, at_most
         As `read_bytes`.
+    expected
+        What it is if it is one, for the message.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def read_text(path: Path, *, at_most: int) -> str:
     try:
         return read_bytes(path, at_most=at_most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a text file") from error
+        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", expected) from error
 
 
 def open_file(path: Path) -> BinaryIO:

@@ -67,7 +67,7 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     """
     path = Path(path)
     try:
-        table = list(csv.DictReader(StringIO(read_text(path, at_most=MAX_FILE_BYTES), newline=""), strict=True))
+        table = list(csv.DictReader(StringIO(read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file"), newline=""), strict=True))
     except csv.Error as error:
         raise InputFileError(path, "table", str(error), "comma-separated text in UTF-8") from error
     if not table or "cn0_dbhz" not in table[0]:

@@ -110,7 +110,7 @@ def read_threat_table(path: Path) -> ThreatTable:
         If it is no such table.
     """
     try:
-        lines = list(csv.reader(StringIO(read_text(path, at_most=MAX_FILE_BYTES), newline=""), strict=True))
+        lines = list(csv.reader(StringIO(read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED), newline=""), strict=True))
     except csv.Error as error:
         raise InputFileError(path, "file", error, EXPECTED) from error
     columns = tuple(lines[0]) if lines else ()

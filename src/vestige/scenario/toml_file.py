@@ -56,7 +56,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         If it cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(read_text(path, at_most=MAX_FILE_BYTES))
+        return tomllib.loads(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
     except (ValueError, RecursionError) as error:  # tomllib's own errors, integers of 5000 digits, endless brackets
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
