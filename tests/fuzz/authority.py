@@ -15,6 +15,7 @@ from osnma_builder import Broadcast
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.crypto import recs
 from vestige.crypto.dsm import NmaHeader
+from vestige.crypto.signature_scheme import P521
 from vestige.crypto.simulated_chain import make_chain, sign_kroot
 from vestige.records import ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
 from vestige.time import GalileoTime
@@ -22,6 +23,8 @@ from vestige.time import GalileoTime
 START = GalileoTime(1372, 478_800)  # a full hour, so the key before the first one is the root key
 CHAIN = make_chain(b"fuzz", START, 6)
 KEYS = CHAIN.validated_keys()
+WIDE_CHAIN = make_chain(b"fuzz wide", START, 6, chain_id=1, pkid=2, scheme=P521)  # signed on the wider curve
+CHAINS = (CHAIN, WIDE_CHAIN)
 SERVER_KEY = ec.derive_private_key(0x1234567, ec.SECP256R1())
 _WEEKS_S = 4096 * SECONDS_PER_WEEK  # OSNMA counts weeks modulo 4096: a receiver knows its time to 39 years
 
@@ -71,7 +74,11 @@ def files_of(write: Callable[[Path], object]) -> Files:
         }
 
 
-_TRUE_KEYS = {key.time.gst_seconds % _WEEKS_S: key.data for key in (CHAIN.root, *CHAIN.keys)}
+_TRUE_KEYS = {
+    (chain.root.chain_id, key.time.gst_seconds % _WEEKS_S, key.data)
+    for chain in CHAINS
+    for key in (chain.root, *chain.keys)
+}
 
 
 def require_genuine_keys(keys: Iterable[ValidatedKey]) -> None:
@@ -79,5 +86,5 @@ def require_genuine_keys(keys: Iterable[ValidatedKey]) -> None:
     for key in keys:
         delays_s = (key.disclosed_at - key.time, key.complete_at - key.time)
         true_s = (KEYS[0].disclosed_at - KEYS[0].time, KEYS[0].complete_at - KEYS[0].time)
-        if _TRUE_KEYS.get(key.time.gst_seconds % _WEEKS_S) != key.data or delays_s != true_s:
+        if (key.chain_id, key.time.gst_seconds % _WEEKS_S, key.data) not in _TRUE_KEYS or delays_s != true_s:
             raise WrongAcceptanceError(f"a false key is valid: {key}")

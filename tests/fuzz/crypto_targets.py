@@ -15,12 +15,14 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from fuzz.authority import (
     CHAIN,
+    CHAINS,
     GROUP_DELAYS,
     KEYS,
     PAGES,
     SEGMENTS,
     SERVER_KEY,
     START,
+    WIDE_CHAIN,
     WITHDRAWN_PAGES,
     files_of,
     pem,
@@ -35,15 +37,14 @@ from vestige.crypto.inav import InavPage, page_checksum
 from vestige.crypto.key_file import read_key_file, read_raw_keys, write_key_file
 from vestige.crypto.merkle_tree import verify_public_key
 from vestige.crypto.osnma import OsnmaReceiver
+from vestige.crypto.public_key import PublicKey
 from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree, read_public_key
 from vestige.crypto.recs import LENGTHS
 from vestige.crypto.recs_name import parse_name
+from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.recording.navigation_pages import read_pages
 from vestige.recording.sbf import SbfCounts
 from vestige.records import ValidatedKey
-
-PUBLIC_KEY = pem(CHAIN.private_key.public_key())
-
 
 # --- RECS, their names and signatures
 
@@ -161,57 +162,79 @@ def _read_group_delays(folder: Path) -> None:
 # --- OSNMA: public keys, trees, keys, pages
 
 
-def _tree_xml() -> bytes:
+def _tree_xml(chain: SimulatedChain) -> bytes:
+    (claim,) = chain.tree.public_keys
     nodes = "".join(
         f"<TreeNode><j>{j}</j><i>{i}</i><lengthInBits>256</lengthInBits><x_ji>{value.hex()}</x_ji></TreeNode>"
-        for (j, i), value in CHAIN.tree.nodes.items()
-        if j == 4 or i == (1 >> j) ^ 1
+        for (j, i), value in chain.tree.nodes.items()
+        if j == 4 or i == (claim.leaf or 0) >> j ^ 1
     )
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><signalData><MerkleTree><N>16</N><HashFunction>SHA-256</HashFunction>'
-        f"<PublicKey>{_key_elements()}</PublicKey>{nodes}</MerkleTree></signalData>"
+        f"<PublicKey>{_key_elements(chain)}</PublicKey>{nodes}</MerkleTree></signalData>"
     ).encode()
 
 
-def _key_elements() -> str:
-    (claim,) = CHAIN.tree.public_keys
+def _key_elements(chain: SimulatedChain) -> str:
+    (claim,) = chain.tree.public_keys
+    kind = "ECDSA P-521/SHA-512" if chain is WIDE_CHAIN else "ECDSA P-256/SHA-256"
     return (
-        f"<i>{claim.leaf}</i><PKID>{claim.pkid}</PKID><lengthInBits>264</lengthInBits><point>{claim.point.hex()}</point>"
-        "<PKType>ECDSA P-256/SHA-256</PKType>"
+        f"<i>{claim.leaf}</i><PKID>{claim.pkid}</PKID><lengthInBits>{8 * len(claim.point)}</lengthInBits>"
+        f"<point>{claim.point.hex()}</point><PKType>{kind}</PKType>"
     )
 
 
 def _public_keys() -> Sequence[Files]:
-    return [{"key.xml": f"<body>{_key_elements()}</body>".encode()}, {"key.pem": PUBLIC_KEY}]
+    return [
+        files
+        for chain in CHAINS
+        for files in (
+            {"key.xml": f"<body>{_key_elements(chain)}</body>".encode()},
+            {"key.pem": pem(chain.private_key.public_key())},
+        )
+    ]
 
 
 def _read_public_key(folder: Path) -> None:
-    """A claimed key that the true tree takes has the true point and number."""
-    (true,) = CHAIN.tree.public_keys
+    """A claimed key that a true tree takes has the true point and number."""
     for path in sorted(folder.iterdir()):
         load_public_keys(path, None)
-        key = verify_public_key(read_public_key(path), CHAIN.tree)
-        if (key.point, key.pkid) != (true.point, true.pkid):
-            raise WrongAcceptanceError(f"the tree takes {key}")
+        claim = read_public_key(path)
+        chain = WIDE_CHAIN if len(claim.point) > 33 else CHAIN
+        _require_true(verify_public_key(claim, chain.tree), chain)
+
+
+def _require_true(key: PublicKey, chain: SimulatedChain) -> None:
+    (true,) = chain.tree.public_keys
+    if (key.point, key.pkid) != (true.point, true.pkid):
+        raise WrongAcceptanceError(f"the tree takes {key}")
 
 
 def _trees() -> Sequence[Files]:
-    return [{"tree.xml": _tree_xml()}, {"tree.xml": _tree_xml(), "key.pem": PUBLIC_KEY}]
+    return [
+        {"tree.xml": _tree_xml(chain)} | own
+        for chain in CHAINS
+        for own in ({}, {"key.pem": pem(chain.private_key.public_key())})
+    ]
 
 
 def _read_tree(folder: Path) -> None:
-    """The user trusts the root: a tree with the true root gives the true key only."""
-    (true,) = CHAIN.tree.public_keys
+    """The user trusts the root: a tree with a true root gives its true key only."""
     tree = folder / "tree.xml"
     keys = load_public_keys(folder / "key.pem" if (folder / "key.pem").exists() else None, tree)
-    if read_merkle_tree(tree).root == CHAIN.tree.root and any(
-        (key.point, key.pkid) != (true.point, true.pkid) for key in keys
-    ):
-        raise WrongAcceptanceError(f"the true root gives {keys}")
+    root = read_merkle_tree(tree).root
+    for chain in CHAINS:
+        if root == chain.tree.root:
+            for key in keys:
+                _require_true(key, chain)
 
 
 def _key_files() -> Sequence[Files]:
-    return [files_of(lambda folder: write_key_file(folder / "keys.csv", KEYS, (CHAIN.root,)))]
+    renewed = (*KEYS[:3], *WIDE_CHAIN.validated_keys()[3:])
+    return [
+        files_of(lambda folder: write_key_file(folder / "keys.csv", KEYS, (CHAIN.root,))),
+        files_of(lambda folder: write_key_file(folder / "keys.csv", renewed, (CHAIN.root, WIDE_CHAIN.root))),
+    ]
 
 
 def _spoil_keys(rng: Random, files: Files) -> Files:
@@ -237,7 +260,7 @@ def _spoil_keys(rng: Random, files: Files) -> Files:
 
 
 def _read_keys(folder: Path) -> None:
-    require_genuine_keys(read_key_file(folder / "keys.csv", (CHAIN.public_key,)))
+    require_genuine_keys(read_key_file(folder / "keys.csv", [chain.public_key for chain in CHAINS]))
 
 
 def _raw_keys() -> Sequence[Files]:

@@ -144,7 +144,7 @@ def _spoil_command_line(rng: Random, files: Files) -> Files:
 
 
 def _read_command_line(folder: Path) -> None:
-    """It ends with 0; or with 1 or 2 and a line that says why. What it prints as JSON is JSON."""
+    """It ends with 0; or with 1 or 2 and a line that says why. It prints only what is printable, and JSON as JSON."""
     words = json.loads((folder / _ARGUMENTS).read_bytes())
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace")
@@ -159,6 +159,8 @@ def _read_command_line(folder: Path) -> None:
     lines = told.splitlines()
     if code not in (0, 1, 2) or (code and not lines):
         raise WrongAcceptanceError(f"{words}: exit code {code}, {told!r}")
+    if not all(line.isprintable() for line in (*printed.splitlines(), *lines)):
+        raise WrongAcceptanceError(f"{words}: characters that a terminal obeys: {printed!r}, {told!r}")
     if code == 1 and not lines[-1].startswith("vestige: "):
         raise WrongAcceptanceError(f"{words}: the last line is {lines[-1]!r}")
     if "--json" in words and printed:

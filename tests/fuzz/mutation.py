@@ -290,9 +290,10 @@ def _digit(rng: Random, text: str) -> str:
 def spoil_pem(rng: Random, data: bytes) -> bytes:
     """Return a PEM file whose DER was spoiled and encoded anew, or whose text was."""
     match = re.fullmatch(rb"(-----BEGIN [^\n]+\n)([A-Za-z0-9+/\n]+=*\n)(-----END [^\n]+\n)", data)
-    if match is None or rng.random() < 0.3:
-        return spoil_text(rng, data)
-    return match[1] + base64.encodebytes(spoil_bytes(rng, base64.b64decode(match[2]))) + match[3]
+    if match is not None and rng.random() < 0.7:
+        with contextlib.suppress(ValueError):  # it was spoiled before
+            return match[1] + base64.encodebytes(spoil_bytes(rng, base64.b64decode(match[2]))) + match[3]
+    return spoil_text(rng, data)
 
 
 def by_suffix(name: str) -> Spoil:

@@ -61,7 +61,7 @@ def test_a_hang_is_found(read: Callable[[Path], object], monkeypatch: pytest.Mon
     assert finding.kind.startswith("_HangError at ")
 
 
-@pytest.mark.parametrize("read", [lambda folder: None, _raise(InputFileError("a.csv", "line 1", "1", "2"))])
+@pytest.mark.parametrize("read", [lambda _: None, _raise(InputFileError("a.csv", "line 1", "1", "2"))])
 def test_a_right_answer_is_no_finding(read: Callable[[Path], object]) -> None:
     assert examine(_target(read), FILES) is None
 

@@ -66,8 +66,9 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
         If it is no such table.
     """
     path = Path(path)
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
     try:
-        table = list(csv.DictReader(StringIO(read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file"), newline=""), strict=True))
+        table = list(csv.DictReader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:
         raise InputFileError(path, "table", str(error), "comma-separated text in UTF-8") from error
     if not table or "cn0_dbhz" not in table[0]:

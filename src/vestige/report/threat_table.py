@@ -109,8 +109,9 @@ def read_threat_table(path: Path) -> ThreatTable:
     InputFileError
         If it is no such table.
     """
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED)
     try:
-        lines = list(csv.reader(StringIO(read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED), newline=""), strict=True))
+        lines = list(csv.reader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:
         raise InputFileError(path, "file", error, EXPECTED) from error
     columns = tuple(lines[0]) if lines else ()

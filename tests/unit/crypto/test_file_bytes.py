@@ -1,4 +1,4 @@
-"""Files that never end or hold more than they can mean: refused before they are read, by every reader of whole files."""
+"""Files that never end, or hold more than they can mean, are refused before they are read."""
 
 from __future__ import annotations
 
