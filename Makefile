@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: setup demo test lint types arch fmt constraints clean
+.PHONY: setup demo test fuzz lint types arch fmt constraints clean
 
 setup: $(READY)
 
@@ -23,6 +23,12 @@ demo: $(READY)
 
 test: $(READY)
 	@$(BIN)/python -m pytest -n 2
+
+# Spoiled inputs for every reader. INPUTS=…, SEED=…, TARGET=… (one reader) or REPLAY=… (one input that was kept).
+INPUTS ?= 100000
+fuzz: $(READY)
+	@PYTHONPATH=tests $(BIN)/python -m fuzz --inputs $(INPUTS) $(if $(SEED),--seed $(SEED)) \
+	  $(if $(TARGET),--target $(TARGET)) $(if $(REPLAY),--replay $(REPLAY))
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+LONGEST = 1000  # characters of a message; what stands in a file or an option may be longer
+
 
 class VestigeError(Exception):
     """Something from outside (a file, a key, an option) is not usable; the message is one line for the user.
@@ -12,7 +14,8 @@ class VestigeError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(printable(" ".join(message.split())))
+        line = printable(" ".join(message.split()))
+        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST - 200]} … {line[-200:]}")
 
 
 class InputFileError(VestigeError):
@@ -58,5 +61,9 @@ def printable(text: str) -> str:
 
 def _short(value: object, limit: int = 80) -> str:
     """Return `value` as printable text of at most `limit` characters (files may hold anything)."""
-    text = printable((value if isinstance(value, str) else repr(value))[: limit + 1])
+    try:
+        text = value if isinstance(value, str) else repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        text = "an integer of thousands of digits"
+    text = printable(text[: limit + 1])
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -16,7 +16,8 @@ SCENARIOS = sorted((Path(__file__).resolve().parents[2] / "scenarios").glob("*.t
 def test_every_scenario_of_the_project_is_good() -> None:
     assert SCENARIOS
     result = CliRunner().invoke(command, [*map(str, SCENARIOS), "--json"], standalone_mode=False)
-    assert json.loads(result.stdout).keys() == {str(path) for path in SCENARIOS}
+    content = json.loads(result.stdout, parse_constant=pytest.fail)  # one has an infinite limit
+    assert content.keys() == {str(path) for path in SCENARIOS}
 
 
 def test_good_ones_are_printed_before_the_bad_one_is_reported(tmp_path: Path) -> None:
@@ -59,7 +60,8 @@ def test_a_staircase_is_cautioned_against_on_stderr(tmp_path: Path) -> None:
     harsh = next(path for path in SCENARIOS if path.stem == "harsh").read_text()
     path.write_text(harsh.replace("12.5e6", "10.23e6"))
     result = CliRunner().invoke(command, [str(path), "--json"], standalone_mode=False)
-    assert json.loads(result.stdout).keys() == {str(path)}
+    content = json.loads(result.stdout, parse_constant=pytest.fail)  # one has an infinite limit
+    assert content.keys() == {str(path)}
     (line,) = result.stderr.splitlines()
     assert "29.3 m" in line
     assert "10.3 MHz" in line

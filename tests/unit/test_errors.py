@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from vestige.errors import AuthenticationError, InputFileError, UnsupportedError, VestigeError
+from vestige.errors import LONGEST, AuthenticationError, InputFileError, UnsupportedError, VestigeError
 
 ERRORS = (
     VestigeError("two\nlines"),
@@ -27,3 +27,14 @@ def test_what_was_found_in_a_file_is_printable_and_short() -> None:
     text = str(InputFileError("a.bin", "byte 0", "\x1b" * 500, "RECS"))
     assert text.isprintable()
     assert len(text) < 150
+
+
+def test_what_python_does_not_write_is_an_error_of_the_file_all_the_same() -> None:
+    assert "found an integer of thousands of digits" in str(InputFileError("a.toml", "x", 1 << 20_000, "a number"))
+
+
+def test_a_line_has_an_end() -> None:
+    text = str(VestigeError(f"--set x={'9' * 70_000}: expected a number"))
+    assert len(text) <= LONGEST + 3
+    assert text.startswith("--set x=999")
+    assert text.endswith(": expected a number")

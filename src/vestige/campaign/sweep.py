@@ -18,6 +18,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ from vestige.campaign.statistics import Proportion, enough, false_alarms, summar
 from vestige.campaign.sweep_axes import Value, store_name
 from vestige.campaign.threat_matrix import outcomes_of, window_of
 from vestige.campaign.threat_outcome import RunOutcome
+from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.scenario.campaign import CampaignScenario
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     import xarray
 
 TABLE = "sweep.csv"
+MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
 _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
 
@@ -205,13 +208,14 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
     """Raise if a sweep of these keys would write over, or into, something else."""
     if (folder / "zarr.json").exists():
         raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
-    try:
-        with (folder / TABLE).open(encoding="utf-8", newline="") as file:
-            heading = next(csv.reader(file), [])
-    except FileNotFoundError:
+    if not (folder / TABLE).exists():
         return
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(folder / TABLE, "heading", str(error), "the table of a sweep") from error
+    expected = "the table of a sweep"
+    try:
+        text = read_text(folder / TABLE, at_most=MAX_FILE_BYTES, expected=expected)
+        heading = next(csv.reader(StringIO(text, newline="")), [])
+    except csv.Error as error:
+        raise InputFileError(folder / TABLE, "heading", str(error), expected) from error
     before = heading[: heading.index(_FIRST_RESULT)] if _FIRST_RESULT in heading else heading
     if set(before) != keys:
         raise InputFileError(folder / TABLE, "keys", ", ".join(before), f"{', '.join(sorted(keys))}, as in this sweep")

@@ -73,7 +73,8 @@ def store_name(settings: Mapping[str, Value]) -> str:
     VestigeError
         If it is too long for a file name.
     """
-    name = quote(",".join(f"{key}={_toml(value)}" for key, value in settings.items()), safe="=,+") + ".zarr"
+    text = ",".join(f"{key}={_toml(value)}" for key, value in settings.items())
+    name = quote(text, safe="=,+", errors="surrogateescape") + ".zarr"
     if len(name) > _MAX_NAME:
         raise VestigeError(f"--sweep: {name[:40]}…: found {len(name)} characters, expected at most {_MAX_NAME}")
     return name

@@ -44,7 +44,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
             continue
         for caution in cautions(scenario):
             echo(f"vestige: {path}: {caution}", err=True)
-        resolved[str(path)] = scenario.model_dump(mode="json", by_alias=True)
+        resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # JSON has no infinity: null
         if not as_json:
             echo(*_lines(path, scenario))
     if as_json:

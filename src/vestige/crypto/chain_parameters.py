@@ -21,14 +21,6 @@ ALPHA_BYTES = 6  # random pattern of the chain [OSNMA-ICD, DSM-KROOT]
 TAG_INFO_BITS = 16  # PRN_D 8, ADKD 4, COP 4; in the first tag's place MACSEQ 12, COP 4 [OSNMA-ICD, MACK]
 
 
-def _sha256(message: bytes) -> bytes:
-    return hashlib.sha256(message).digest()
-
-
-def _sha3_256(message: bytes) -> bytes:
-    return hashlib.sha3_256(message).digest()
-
-
 def _hmac_sha256(key: bytes, message: bytes) -> bytes:
     return hmac.digest(key, message, "sha256")
 
@@ -39,9 +31,9 @@ def _cmac_aes(key: bytes, message: bytes) -> bytes:
     return mac.finalize()
 
 
-HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], bytes]]] = {  # HF [OSNMA-ICD, DSM-KROOT]
-    0: ("SHA-256", _sha256),
-    2: ("SHA3-256", _sha3_256),
+HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {  # HF [OSNMA-ICD, DSM-KROOT]
+    0: ("SHA-256", hashlib.sha256),
+    2: ("SHA3-256", hashlib.sha3_256),
 }
 MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {  # MF [OSNMA-ICD, DSM-KROOT]
     0: ("HMAC-SHA-256", _hmac_sha256),
@@ -136,9 +128,10 @@ class ChainParameters:
         last_bit = self.key_start_bit + self.key_bits - 1
         return 1 + 2 * (last_bit // MACK_BITS) + 2
 
-    def hash(self, message: bytes) -> bytes:
-        """Return the chain's hash of `message`, 32 bytes."""
-        return HASH_FUNCTIONS[self.hash_function][1](message)
+    @property
+    def new_hash(self) -> Callable[[bytes], hashlib._Hash]:
+        """The chain's hash function; its digests have 32 bytes. Nothing stands between: a chain has 100,000 steps."""
+        return HASH_FUNCTIONS[self.hash_function][1]
 
     def mac(self, key: bytes, message: bytes, n_bits: int) -> int:
         """Return the first `n_bits` of the chain's message authentication code."""

@@ -35,6 +35,27 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
             raise InputFileError(path, "file", _reason(error), "a readable file") from error
 
 
+def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str:
+    """Return the content of the regular file `path` as text: UTF-8, with or without a byte order mark.
+
+    Parameters
+    ----------
+    path, at_most
+        As `read_bytes`.
+    expected
+        What it is if it is one, for the message.
+
+    Raises
+    ------
+    InputFileError
+        As `read_bytes`; also if it is not UTF-8.
+    """
+    try:
+        return read_bytes(path, at_most=at_most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", expected) from error
+
+
 def open_file(path: Path) -> BinaryIO:
     """Return the regular file `path`, open for reading; a pipe or device, which may never end, is refused.
 

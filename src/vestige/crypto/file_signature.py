@@ -27,6 +27,7 @@ from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
 from vestige.crypto.file_bytes import list_folder, read_bytes
+from vestige.crypto.recs_file import MAX_FILE_BYTES
 from vestige.errors import AuthenticationError, InputFileError
 
 _NAME = re.compile(r"(?P<signed>.+)_(?P<certificate>\d{2})\.(?P<curve>p256|p384|p521)", re.ASCII | re.DOTALL)
@@ -133,7 +134,8 @@ def verify(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = ()) ->
 
     See `verify_data` for parameters and errors.
     """
-    return verify_data(read_bytes(path), path, signatures_in(path.parent).get(path.name, ()), public_keys)
+    data = read_bytes(path, at_most=MAX_FILE_BYTES)
+    return verify_data(data, path, signatures_in(path.parent).get(path.name, ()), public_keys)
 
 
 def verify_data(

@@ -71,9 +71,9 @@ def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes
 
 def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -> bytes:
     """Return the key of `stop` that follows from `key`, the key of `start` (GST seconds, start >= stop)."""
-    alpha, n_bytes, function = parameters.alpha, parameters.key_bytes, parameters.hash
+    alpha, n_bytes, new_hash = parameters.alpha, parameters.key_bytes, parameters.new_hash
     for time in range(start - SUBFRAME_S, stop - 1, -SUBFRAME_S):
-        key = function(key + gst_sf(time) + alpha)[:n_bytes]
+        key = new_hash(key + gst_sf(time) + alpha).digest()[:n_bytes]
     return key
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import xarray
 
+from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError, VestigeError
 from vestige.plots.epochs import attribute, is_detected, is_missed, select
 from vestige.plots.sweep_curves import KEY
 
+MAX_FILE_BYTES = 1 << 26
 _CONSTANT = ("integration_s", "p_fa")  # attributes of a sweep; in a table, columns with one value throughout
 _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
 
@@ -63,10 +66,10 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
         If it is no such table.
     """
     path = Path(path)
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            table = list(csv.DictReader(file, strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
+        table = list(csv.DictReader(StringIO(text, newline=""), strict=True))
+    except csv.Error as error:
         raise InputFileError(path, "table", str(error), "comma-separated text in UTF-8") from error
     if not table or "cn0_dbhz" not in table[0]:
         raise InputFileError(path, "table", "no column cn0_dbhz, or no row", "cn0_dbhz,trials,detections and rows")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtr
 
+from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.receiver.error_process import Streams
 from vestige.receiver.ionosphere import PASS_TAU_S, Correlation, IonosphereProcess
@@ -91,14 +91,5 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
 
 def _text(path: Path) -> str:
     """Return a regular file of bounded size as text, one character a byte."""
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise InputFileError(path, "file", "something else", "a regular file")
-        if status.st_size > LARGEST_FILE:
-            raise InputFileError(path, "file", f"{status.st_size} bytes", f"at most {LARGEST_FILE}")
-        return path.read_bytes().removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputFileError):
-            raise
-        raise InputFileError(path, "file", str(error) or "an error", "a readable file") from error
+    data = read_bytes(path, at_most=LARGEST_FILE)
+    return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

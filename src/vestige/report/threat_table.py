@@ -12,10 +12,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
+from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
+MAX_FILE_BYTES = 1 << 26
 KEYS = ("threat", "scene")
 EXPECTED = "a table of threats, as `vestige threats -o` writes it"
 _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
@@ -106,10 +109,10 @@ def read_threat_table(path: Path) -> ThreatTable:
     InputFileError
         If it is no such table.
     """
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED)
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            lines = list(csv.reader(file, strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
+        lines = list(csv.reader(StringIO(text, newline=""), strict=True))
+    except csv.Error as error:
         raise InputFileError(path, "file", error, EXPECTED) from error
     columns = tuple(lines[0]) if lines else ()
     for key in KEYS:

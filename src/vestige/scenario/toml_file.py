@@ -15,10 +15,12 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 LARGEST_NUMBER = 1e15
+MAX_FILE_BYTES = 1 << 20
 _DEEPEST = 20  # tables and lists in each other; the deepest that means anything is 5
 _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
@@ -51,12 +53,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputFileError
-        If it is not TOML.
+        If it cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a TOML file") from error
+        return tomllib.loads(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
     except (ValueError, RecursionError) as error:  # tomllib's own errors, integers of 5000 digits, endless brackets
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
@@ -144,7 +144,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
             place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
             raise InputFileError(path, place, first["ctx"].get("tag", "nothing"), kinds or "a kind") from error
-        found, expected = _found_and_expected(first, _keys(adapter.json_schema()), _table_of(raw, first["loc"][:-1]))
+        found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
         raise InputFileError(path, place or "top level", found, expected) from error
 
 
@@ -173,11 +173,11 @@ _EXPECTED = {
 }
 
 
-def _found_and_expected(first: ErrorDetails, keys: Iterable[str], table: Mapping[str, Any]) -> tuple[object, str]:
+def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: Mapping[str, Any]) -> tuple[object, str]:
     """Return what stands at the place of an error, in a table, and what should."""
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         unknown = str(first["loc"][-1])
-        near = difflib.get_close_matches(unknown, keys, n=1)
+        near = difflib.get_close_matches(unknown, _keys(adapter.json_schema()), n=1)
         if near == [unknown]:  # a key of another table, or of another kind of this one
             kind = f" of kind {table['kind']}" if "kind" in table else ""
             return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from math import isfinite
 from pathlib import Path
 
+from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
+MAX_FILE_BYTES = 1 << 26  # 2 million points
 _HEADER = "time_s,value"
 
 
@@ -18,13 +20,7 @@ def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
     InputFileError
         If it is not such a file, holds fewer than two points or a number that is not finite, or times do not ascend.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets put a byte order mark
-    except UnicodeDecodeError as error:
-        raise InputFileError(path, f"byte {error.start}", "bytes that are not UTF-8", "a CSV file") from error
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(path, "file", reason, "a CSV file with a profile") from error
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     if not lines or lines[0][1].replace(" ", "") != _HEADER:

@@ -83,3 +83,8 @@ def test_names() -> None:
     assert "/" not in store_name({"../a": "b/c"})
     with pytest.raises(VestigeError, match="at most 200"):
         store_name({"a": "x" * 300})
+
+
+def test_a_value_that_is_not_utf_8_has_a_name_of_its_bytes() -> None:
+    (settings,) = grid([parse_axis('start="\udcff"')])  # the byte FF of a command line, as Python gives it
+    assert store_name(settings) == "start=%22%FF%22.zarr"

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -112,16 +113,15 @@ def test_the_number_of_steps_is_bounded() -> None:
 
 def test_a_run_of_keys_costs_one_step_each(monkeypatch: pytest.MonkeyPatch) -> None:
     steps = 0
-    plain = ChainParameters.hash
 
-    def counting(self: ChainParameters, message: bytes) -> bytes:
+    def counting(message: bytes) -> Any:
         nonlocal steps
         steps += 1
-        return plain(self, message)
+        return hashlib.sha256(message)
 
     chain = fresh()
     validate(KEYS[0], chain)
-    monkeypatch.setattr(ChainParameters, "hash", counting)
+    monkeypatch.setattr(ChainParameters, "new_hash", property(lambda _: counting))
     for key in KEYS[1:]:
         validate(key, chain)
     assert steps == len(KEYS) - 1

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import binascii
 import struct
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import make_page, make_word
-from vestige.crypto.inav import InavPage
+from page_files import inav_block, sbf_block
 from vestige.errors import InputFileError
 from vestige.recording.sbf import SbfCounts, read_sbf
 from vestige.time import GalileoTime
@@ -20,21 +19,6 @@ PAGES = [
     for k in range(20)
     for svid in (4, 36)
 ]
-
-
-def block(body: bytes, number: int = 4023, length: int | None = None) -> bytes:
-    body = body.ljust(-(-len(body) // 4) * 4, b"\0")
-    after = struct.pack("<HH", number, 8 + len(body) if length is None else length) + body
-    return b"$@" + struct.pack("<H", binascii.crc_hqx(after, 0)) + after
-
-
-def inav_block(page: InavPage, source: int = 17, passed: int = 1) -> bytes:
-    end = page.time + 2
-    bits = f"{int.from_bytes(page.data, 'big'):0240b}"
-    bits = (bits[:114] + bits[120:]).ljust(256, "0")
-    words = [int(bits[k : k + 32], 2) for k in range(0, 256, 32)]
-    head = struct.pack("<IHBBBBBB", end.second * 1000, end.week + 1024, page.svid + 70, passed, 0, source, 0, 0)
-    return block(head + struct.pack("<8I", *words))
 
 
 @pytest.fixture
@@ -52,7 +36,7 @@ def test_pages_come_back(path: Path) -> None:
 
 def test_garbage_other_blocks_and_cut_blocks_are_skipped_and_counted(path: Path) -> None:
     blocks = [inav_block(page) for page in PAGES]
-    other = block(b"another kind of block", number=4007)
+    other = sbf_block(b"another kind of block", number=4007)
     bad = bytearray(blocks[1])
     bad[20] ^= 1
     long = b"$@" + b"\0\0" + struct.pack("<HH", 4023, 0xFFFC)  # claims to be longer than the file
@@ -67,7 +51,7 @@ def test_garbage_other_blocks_and_cut_blocks_are_skipped_and_counted(path: Path)
 
 
 def test_blocks_across_the_border_of_what_is_read_at_once(path: Path) -> None:
-    filler = block(bytes(60_000), number=1)
+    filler = sbf_block(bytes(60_000), number=1)
     path.write_bytes(filler * 17 + b"".join(map(inav_block, PAGES)) + filler * 20 + inav_block(PAGES[0]))
     assert list(read_sbf(path)) == [*PAGES, PAGES[0]]
 
@@ -89,13 +73,13 @@ def test_only_e1b_is_read(path: Path, source: int, name: str) -> None:
 )  # fmt: skip
 def test_blocks_without_time_or_satellite(path: Path, tow_ms: int, week: int, svid: int) -> None:
     head = struct.pack("<IHBBBBBB", tow_ms, week, svid, 1, 0, 17, 0, 0)
-    path.write_bytes(block(head + bytes(32)))
+    path.write_bytes(sbf_block(head + bytes(32)))
     counts = SbfCounts()
     assert list(read_sbf(path, counts)) == []
     assert counts.no_time == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"$@", b"$@" * 1000, block(b"x", number=1)])
+@pytest.mark.parametrize("content", [b"", b"$@", b"$@" * 1000, sbf_block(b"x", number=1)])
 def test_a_file_without_pages_is_an_error(path: Path, content: bytes) -> None:
     path.write_bytes(content)
     with pytest.raises(InputFileError, match="none of them GALRawINAV of E1-B"):

@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import Broadcast, make_page, make_word
+from page_files import vector_csv
 from vestige.crypto.inav import InavPage
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import InputFileError
@@ -17,18 +18,10 @@ START = GalileoTime(1251, 604_770)
 PAGES = Broadcast(make_chain(b"csv", START, 3), n_subframes=3, svids=(2, 7)).pages()
 
 
-def csv(pages: list[InavPage] = PAGES) -> str:
-    lines = [HEADER]
-    for svid in sorted({page.svid for page in pages}):
-        digits = "".join(page.data.hex().upper() for page in pages if page.svid == svid)
-        lines.append(f"{svid:02d},{4 * len(digits)},{digits}")
-    return "\n".join(lines)
-
-
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     path = tmp_path / "vector.csv"
-    path.write_text(csv())
+    path.write_text(vector_csv(PAGES))
     return path
 
 
@@ -44,7 +37,7 @@ def test_a_given_start_wins(path: Path) -> None:
 
 def test_lines_of_different_length(path: Path) -> None:
     shorter = [page for page in PAGES if page.svid == 2 or page.time < START + 30]
-    path.write_text(csv(shorter) + "\n")
+    path.write_text(vector_csv(shorter) + "\n")
     assert list(read_test_vector(path)) == shorter
 
 
@@ -53,7 +46,7 @@ def test_words_with_a_wrong_checksum_have_no_vote(path: Path) -> None:
     lie = make_page(2, START, make_word(5, 2, other, 1), bytes(5)).data[:-5] + bytes(5)
     lies = [InavPage(svid=2, time=page.time, data=lie) for page in PAGES if page.svid == 2]
     truth = [page for page in PAGES if page.svid == 7]
-    path.write_text(csv([*lies, *truth]))
+    path.write_text(vector_csv([*lies, *truth]))
     assert next(read_test_vector(path)).time == START + 1
 
 
@@ -96,7 +89,7 @@ def test_not_text(path: Path) -> None:
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 @given(st.data())
 def test_damage_gives_one_line_or_pages_at_the_true_time(path: Path, data: st.DataObject) -> None:
-    text = csv().encode()
+    text = vector_csv(PAGES).encode()
     at = data.draw(st.integers(0, len(text)))
     end = data.draw(st.integers(at, min(len(text), at + 70)))
     path.write_bytes(text[:at] + data.draw(st.sampled_from([b"", b"00", b",", b"\n", b"\xff", b"A" * 70])) + text[end:])

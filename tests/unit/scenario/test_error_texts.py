@@ -36,6 +36,11 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ),
         ("receiver.cn0_dbhz=nan", "receiver.cn0_dbhz: found nan, expected a finite number"),
         ("receiver.cn0_dbhz=-1e16", "receiver.cn0_dbhz: found -1e+16, expected a number between -1e+15 and 1e+15"),
+        (f"seed={'9' * 400}", f"seed: found {'9' * 79}…, expected a number between -1e+15 and 1e+15"),
+        (
+            f"seed=0x{'f' * 5000}",
+            "seed: found an integer of thousands of digits, expected a number between -1e+15 and 1e+15",
+        ),
         ("receiver.cn0_dbhz=none", "receiver.cn0_dbhz: found nothing, expected a value: the key is needed"),
         ("receiver.cn0_dbhz=90", "receiver.cn0_dbhz: found 90, expected at most 80"),
         ("receiver.cn0_dbhz=-1", "receiver.cn0_dbhz: found -1, expected at least 0"),
