@@ -70,6 +70,8 @@ def _comments_and_docstrings(path: Path) -> str:
 
 @cache
 def _keys_of(path: Path) -> set[str]:
+    if not _KEY.search(path.read_text()):
+        return set()
     text = _comments_and_docstrings(path) if path.suffix == ".py" else _SPAN.sub("", _prose(path))
     return set(_KEY.findall(text))
 
