@@ -1,4 +1,5 @@
 # Two commands do everything on a fresh machine: make demo, make test. The rest is for developers.
+# make test finds most mistakes in minutes; make test-slow has the rest of the tests, make test-all both.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
@@ -7,8 +8,15 @@ READY  := $(VENV)/.ready
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
+# Compiled modules are kept, those of the tests too: to compile them takes longer than many a test.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test fuzz lint types arch fmt constraints clean
+# Folders of tests that many random epochs, real data or other programs make slow. Whatever is in none of them is quick.
+SLOW   := $(addprefix tests/,agreement browser golden paper statistical)
+# A worker takes whole files, so that what the tests of a file share is computed once.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+
+.PHONY: setup demo test test-slow test-all fuzz lint types arch fmt constraints clean
 
 setup: $(READY)
 
@@ -22,7 +30,14 @@ demo: $(READY)
 	@$(BIN)/python examples/demo.py
 
 test: $(READY)
-	@$(BIN)/python -m pytest -n 2
+	@$(PYTEST) $(addprefix --ignore=,$(SLOW))
+
+test-slow: $(READY)
+	@$(PYTEST) --unchecked-arrays $(SLOW)
+
+test-all:
+	@$(MAKE) --no-print-directory test
+	@$(MAKE) --no-print-directory test-slow
 
 # Spoiled inputs for every reader. INPUTS=…, SEED=…, TARGET=… (one reader) or REPLAY=… (one input that was kept).
 INPUTS ?= 100000

@@ -1,24 +1,43 @@
-"""What every test may use. Array shapes and dtypes of all annotated functions are checked while the tests run."""
+"""What every test may use. Array shapes and dtypes of annotated functions are checked while the quick tests run."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import jaxtyping
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-# What numba compiles must be plain functions; their callers are checked.
+# Modules whose arrays are checked. What numba compiles must be plain functions; their callers are checked.
 SOURCE = Path(__file__).resolve().parents[1] / "src"
 UNCHECKED = ("cli", "scenario", "spoofer")  # no arrays in the first; pydantic checks the fields of the others
-CHECKED = tuple(
-    ".".join(path.relative_to(SOURCE).with_suffix("").parts)
-    for path in sorted((SOURCE / "vestige").rglob("*.py"))
-    if path.relative_to(SOURCE / "vestige").parts[0] not in UNCHECKED
-    and path.stem != "__init__"
-    and "numba" not in path.read_text(encoding="utf-8")
-)
-_hook = install_import_hook(list(CHECKED), "strict_types.check")
+
+
+def _modules_with_arrays() -> list[str]:
+    found = []
+    for path in sorted((SOURCE / "vestige").rglob("*.py")):
+        module, text = path.relative_to(SOURCE).with_suffix(""), path.read_text(encoding="utf-8")
+        if module.parts[1] not in UNCHECKED and "jaxtyping" in text and "numba" not in text:
+            found.append(".".join(module.parts))
+    return found
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--unchecked-arrays", action="store_true", help="Do not check array shapes and dtypes.")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not config.getoption("--unchecked-arrays"):
+        jaxtyping.install_import_hook(_modules_with_arrays(), "strict_types.check")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs."""
+    jaxtyping.config.update("jaxtyping_disable", item.get_closest_marker("many_epochs") is not None)
+    return (yield)
+
 
 settings.register_profile("vestige", deadline=None, derandomize=True)
 settings.load_profile("vestige")

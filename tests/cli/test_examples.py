@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
+import pytest
 from PIL import Image
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 OF_MAKE = {"demo.py"}
-
-
-def _run(name: str, *arguments: object) -> str:
-    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout  # noqa: S603
 
 
 def test_every_example_is_run_here_or_by_make() -> None:
@@ -23,8 +19,11 @@ def test_every_example_is_run_here_or_by_make() -> None:
     assert "examples/demo.py" in (EXAMPLES.parent / "Makefile").read_text()
 
 
-def test_lift_off(tmp_path: Path) -> None:
-    text = _run("lift_off.py", tmp_path)
+@pytest.mark.many_epochs
+def test_lift_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["lift_off.py", str(tmp_path)])
+    runpy.run_path(str(EXAMPLES / "lift_off.py"), run_name="__main__")
+    text = capsys.readouterr().out
     assert text.count("The attacker") == 6
     offsets_m = {
         detector: [float(value) for value in re.findall(rf"{detector} +range +([+-][\d.]+) m", text)]

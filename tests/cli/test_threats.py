@@ -14,6 +14,8 @@ from vestige.cli.threats import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
 
+pytestmark = pytest.mark.many_epochs
+
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
@@ -22,9 +24,9 @@ def threats(*arguments: object) -> Result:
 
 
 def measured(*arguments: object) -> str:
-    """Return what the command prints in a process of its own, where types are not checked."""
-    command = [sys.executable, "-m", "vestige", "threats", *(str(one) for one in arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout  # noqa: S603
+    result = threats(*arguments)
+    assert result.exit_code == 0, result.output
+    return result.stdout
 
 
 def test_a_row_with_its_expectation_and_what_differs() -> None:

@@ -2,10 +2,13 @@ from __future__ import annotations
 
 from functools import partial
 
+import pytest
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.campaign.check_detection import check_detection
 from vestige.scenario.campaign import CampaignScenario
+
+pytestmark = pytest.mark.many_epochs
 
 
 def jammed(j_over_n_db: float, seed: int) -> CampaignScenario:
@@ -13,31 +16,10 @@ def jammed(j_over_n_db: float, seed: int) -> CampaignScenario:
     return sky_scenario(*CLEAN, f"seed={seed}", "epochs=30", "recs.every=10", attack)
 
 
-def test_a_strong_attack_is_seen_while_it_acts_and_a_weak_one_is_not() -> None:
-    checks = ("E1 received power", "C/N0", "RAIM")
-    strong = check_detection(partial(jammed, 10.0), range(3), checks=checks, window_s=(20.0, 30.0))
-    assert {name: (one.successes, one.trials) for name, one in strong.items()} == {
-        "E1 received power": (3, 3),
-        "C/N0": (3, 3),
-        "RAIM": (0, 3),
-    }
-    before = check_detection(partial(jammed, 10.0), range(3), checks=checks, window_s=(0.0, 20.0))
-    weak = check_detection(partial(jammed, -40.0), range(3), checks=checks, window_s=(20.0, 30.0))
-    for found in (before, weak):
-        assert all(one.successes == 0 for one in found.values())
-
-
 def test_an_attack_is_seen_by_a_check_that_fails_once() -> None:
-    """The jammer takes ten of 30 s."""
-    found = check_detection(partial(jammed, 10.0), range(2), checks=("E1 received power", "C/N0"), window_s=(0.0, 30.0))
-    assert [one.successes for one in found.values()] == [2, 2]
-
-
-def test_a_front_end_that_drifts_hides_a_jammer_from_the_power() -> None:
-    """10 % more power is 0.41 dB: far above the 0.03 dB of the measurement, and below 4.4 times a drift of 0.3 dB."""
-    jammer = partial(jammed, -10.0)
-    for drift_db, seen in ((0.0, 2), (0.3, 0)):
+    """The jammer takes ten of 30 s, which the window holds, holds among others, or does not hold."""
+    for window_s, seen in (((20.0, 30.0), 1), ((0.0, 30.0), 1), ((0.0, 20.0), 0)):
         found = check_detection(
-            jammer, range(2), checks=("E1 received power",), window_s=(20.0, 30.0), sigma_system_db=drift_db
+            partial(jammed, 10.0), range(1), checks=("E1 received power", "C/N0"), window_s=window_s
         )
-        assert found["E1 received power"].successes == seen
+        assert [(one.successes, one.trials) for one in found.values()] == [(seen, 1)] * 2

@@ -174,13 +174,12 @@ def test_no_address(address: str) -> None:
 
 
 def test_no_traceback_after_the_line(tmp_path: Path) -> None:
-    for address, message in (("tcp://127.0.0.1:9", "no dask scheduler answers"), ("", "expected an address")):
-        arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--scheduler", address]
-        command = [sys.executable, "-m", "vestige", *arguments]
-        found = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603
-        assert found.returncode == 1
-        (line,) = found.stderr.splitlines()
-        assert message in line
+    arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--scheduler", "tcp://127.0.0.1:9"]
+    command = [sys.executable, "-m", "vestige", *arguments]
+    found = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603
+    assert found.returncode == 1
+    (line,) = found.stderr.splitlines()
+    assert "no dask scheduler answers" in line
 
 
 def test_no_workers() -> None:

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from tests.sky_builder import CLEAN, columns_of, sky_scenario
+from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.campaign.monitoring import Track, tracks
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.statistics import binomial_test
 from vestige.receiver.osnma_reception import of_mask
 from vestige.records import Status
+
+pytestmark = pytest.mark.many_epochs
 
 AVAILABILITY, RECEPTION, INERTIAL = "OSNMA availability", "OSNMA reception", "inertial range rate"
 AGREEMENT = "OSNMA agreement"
@@ -134,19 +135,6 @@ def test_pages_of_any_interval_make_subframes(interval_s: float, tmp_path: Path)
     _, found = tracks_of(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
     assert found[RECEPTION].run.any()
     assert np.nanmax(found[RECEPTION].statistic) == 0.0
-
-
-def test_keys_are_lost_with_the_probability_of_their_pages() -> None:
-    """One satellite of 23 dBHz: five pages of its key, each with the loss of that C/N0."""
-    from vestige.receiver.osnma_reception import page_loss
-    from vestige.receiver.tracking_noise import BetzTrackingNoise
-
-    settings = ("constellation.svids=[7]", "constellation.cn0_fall_db=0.0", "receiver.cn0_e1_dbhz=23.0")
-    found = columns_of(sky_scenario(*CLEAN, *settings, "epochs=1500", "interval_s=30.0", "recs.every=1"))
-    keys = found["osnma_key"][np.isfinite(found["elevation_deg"][:, 0])]
-    whole = (1 - float(page_loss(np.array([23.0]), BetzTrackingNoise())[0])) ** 5
-    assert keys.size > 300
-    assert binomial_test(int(keys.sum()), keys.size, whole) > 1e-4
 
 
 def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: Path) -> None:

@@ -18,6 +18,8 @@ from vestige.recording.observations import open_observations
 from vestige.recording.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.time import GalileoTime
 
+pytestmark = pytest.mark.many_epochs
+
 START = GalileoTime.parse("2026-11-21T16:00:00 GST")
 EVERYBODY = ("constellation.svids=none", "recs.every=10")
 

@@ -30,6 +30,8 @@ from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
+pytestmark = pytest.mark.many_epochs
+
 distributed = pytest.importorskip("distributed", reason="needs the optional extra `distributed`")
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
@@ -99,7 +101,7 @@ def test_a_cluster_of_which_a_worker_is_killed(tmp_path: Path, truth: Any, sched
 
 def test_kill_of_the_command_at_a_random_moment(tmp_path: Path, truth: Any) -> None:
     """Of a longer run, so that there is time to kill; the epochs above are its beginning, bit for bit."""
-    more = 8 * N_EPOCHS["samples"]
+    more = 4 * N_EPOCHS["samples"]
     command = [
         *(sys.executable, "-m", "vestige.cli.main", "run", SCENARIOS / "harsh.toml", "-o", tmp_path / "a"),
         *("--set", f"epochs={more}", "--chunk", "25", "-j", "2"),

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from vestige.campaign.executors import local_executor
 from vestige.campaign.origin import vestige_version
@@ -24,9 +23,12 @@ from vestige.campaign.threat_matrix import (
 from vestige.campaign.threat_outcome import Agreement, RunOutcome
 from vestige.campaign.threat_runs import RUNS, read_runs, write_runs
 from vestige.campaign.threat_table import read_threat_dataset, rows_of
+from vestige.cli.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import read_threats
+
+pytestmark = pytest.mark.many_epochs
 
 SOME = cases([threat for threat in read_threats() if threat.id in {"A1", "A3"}])
 
@@ -89,10 +91,10 @@ def found(cells: Sequence[Cell]) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with six runs of each, measured in a process of its own, where types are not checked."""
+    """A folder with six runs of each."""
     folder = tmp_path_factory.mktemp("six")
-    command = [sys.executable, "-m", "vestige", "threats", "--only", "A1", "--only", "A3", "--seeds", "6"]
-    subprocess.run([*command, "-o", str(folder)], check=True, capture_output=True)  # noqa: S603
+    words = ["--only", "A1", "--only", "A3", "--seeds", "6", "-o", str(folder)]
+    assert CliRunner().invoke(threats, words).exit_code == 0
     return folder
 
 

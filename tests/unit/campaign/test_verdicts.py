@@ -13,6 +13,8 @@ from vestige.campaign.results import open_results
 from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
 
+pytestmark = pytest.mark.many_epochs
+
 
 @pytest.fixture(scope="module")
 def lift_off(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:

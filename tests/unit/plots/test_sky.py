@@ -15,6 +15,8 @@ from vestige.campaign.statistics import proportion
 from vestige.cli.plot import command
 from vestige.errors import VestigeError
 
+pytestmark = pytest.mark.many_epochs
+
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -8,6 +8,8 @@ from tests.sky_builder import CLEAN, columns_of, sky_scenario
 
 from vestige.receiver.e1_taps import TAP_CHIPS
 
+pytestmark = pytest.mark.many_epochs
+
 PROMPT = TAP_CHIPS.index(0.0)
 
 

@@ -15,6 +15,8 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
 
+pytestmark = pytest.mark.many_epochs
+
 HARSH = Path(__file__).resolve().parents[3] / "scenarios" / "harsh.toml"
 
 

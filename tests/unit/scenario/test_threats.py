@@ -14,6 +14,8 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import LEVELS, OUTCOMES, Draw, Scene, Threat, read_threats, scenario_of
 from vestige.spoofer.spoofer import ALL_ATTACKS, Spoofer
 
+pytestmark = pytest.mark.many_epochs
+
 THREATS = read_threats()
 SCENES = [(threat, scene) for threat in THREATS for scene in threat.scene]
 
