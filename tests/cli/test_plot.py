@@ -13,7 +13,7 @@ from PIL import Image
 from results_builder import RecordedPlan, campaign_results, lift_off, stored
 from vestige.campaign.run import run as run_campaign
 from vestige.cli.plot import FORMATS, KINDS, command
-from vestige.errors import VestigeError
+from vestige.errors import InputFileError, VestigeError
 from vestige.plots import figure
 
 OF_A_CAMPAIGN = [
@@ -197,7 +197,7 @@ def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path, result
 
 
 def _missing_table(tmp_path: Path) -> str:
-    with pytest.raises(FileNotFoundError) as caught:
+    with pytest.raises(InputFileError) as caught:
         CliRunner().invoke(
             command, ["detection-curve", str(tmp_path / "t.csv"), "-o", str(tmp_path / "a.png")],
             standalone_mode=False, catch_exceptions=False,

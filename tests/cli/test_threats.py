@@ -77,7 +77,7 @@ def test_one_json_object(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_a_table_has_no_figure(tmp_path: Path) -> None:
-    with pytest.raises(VestigeError, match=r"threats\.zarr: found .*, expected the folder that"):
+    with pytest.raises(VestigeError, match=r"threats\.zarr: store: found nothing, expected the table that"):
         CliRunner().invoke(
             plot,
             ["threats", str(tmp_path), "-o", str(tmp_path / "x.png")],

@@ -202,7 +202,7 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
     InputFileError
         If it is no such store, is damaged, or claims to be larger.
     """
-    check_files(path)
+    check_files(path, expected)
     try:
         for name, array in arrays_of(path, zarr.open_group(path, mode="r", zarr_format=3)).items():
             check_small_array(path, name, array)

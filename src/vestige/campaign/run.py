@@ -109,7 +109,9 @@ def run(
         As raised by Ctrl-C. Like every exception from here it has a note (`__notes__`) that says how much is stored;
         the same call continues there.
     """
-    make_store(Path(store), plan, chunk_epochs=chunk_epochs)
+    # an empty folder is replaced by the new store, and with it the lock of whoever is about to write there
+    with only_writer(Path(store)) if Path(store).is_dir() else nullcontext():
+        make_store(Path(store), plan, chunk_epochs=chunk_epochs)
     with only_writer(Path(store)):
         return _run(open_store(store, plan, chunk_epochs=chunk_epochs), plan, workers, executor, progress, enough)
 

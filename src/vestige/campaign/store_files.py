@@ -27,7 +27,7 @@ _FRAME = b"\x28\xb5\x2f\xfd"  # of zstd [RFC8878]
 _LONGEST_FRAME_HEADER = 18
 
 
-def check_files(folder: Path) -> None:
+def check_files(folder: Path, expected: str = EXPECTED) -> None:
     """Return nothing if a store has regular files and folders only, and none of its metadata is too long.
 
     Opening a pipe would wait for ever, and a link may lead anywhere.
@@ -38,7 +38,7 @@ def check_files(folder: Path) -> None:
         If it is not so; with the file.
     """
     if not folder.is_dir():
-        raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", EXPECTED)
+        raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", expected)
     for place, folders, names in os.walk(folder, onerror=_unreadable):
         for name in (*folders, *names):
             path = Path(place, name)
