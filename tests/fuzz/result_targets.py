@@ -130,10 +130,13 @@ def _read_axes(folder: Path) -> None:
 
 # --- results
 
+_STORE = "run.zarr"
+_LOST = ("taps/zarr.json", "svid/c/0")
+
 
 def _stores() -> Sequence[Files]:
     """A finished run, and one that lacks its last chunk."""
-    whole = files_of(lambda folder: run(ToyPlan(n_epochs=6), folder / "run.zarr", chunk_epochs=3))
+    whole = files_of(lambda folder: run(ToyPlan(n_epochs=6), folder / _STORE, chunk_epochs=3))
     return [whole, {name: data for name, data in whole.items() if not name.endswith("digest/c/1")}]
 
 
@@ -143,11 +146,25 @@ def _true_values() -> Mapping[str, np.ndarray]:
 
 
 def _read_store(folder: Path) -> None:
-    """Epochs that count have the values that were written; the same run again finishes and mends, or refuses."""
-    path = folder / "run.zarr"
-    kept_chunk_epochs(path, 3)
+    kept_chunk_epochs(folder / _STORE, 3)
+    _check_values(folder / _STORE)
+
+
+def _damaged_stores() -> Sequence[Files]:
+    """A finished run that lost metadata, and one that lost a label."""
+    (whole, _) = _stores()
+    return [{name: data for name, data in whole.items() if name != f"{_STORE}/{lost}"} for lost in _LOST]
+
+
+def _read_again(folder: Path) -> None:
+    """The same run goes on from what there is, and mends it, or refuses."""
+    open_store(folder / _STORE, ToyPlan(n_epochs=6), chunk_epochs=3)
+    _check_values(folder / _STORE)
+
+
+def _check_values(path: Path) -> None:
+    """Epochs that count have the values that were written."""
     results = open_results(path, partial=True, damaged="leave out").load()
-    open_store(path, ToyPlan(n_epochs=6), chunk_epochs=3)
     for name, true in _true_values().items():
         found = results.dataset[name]
         if not np.array_equal(found.values, np.take(true, results.epochs, found.dims.index("epoch")), equal_nan=True):
@@ -156,20 +173,20 @@ def _read_store(folder: Path) -> None:
 
 def _reports() -> Sequence[Files]:
     def write(folder: Path) -> None:
-        made(folder / "run.zarr", "quick", "epochs=8")
+        made(folder / _STORE, "quick", "epochs=8")
 
     return [files_of(write)]
 
 
 def _read_report(folder: Path) -> None:
     """A page about a run."""
-    results = open_results(folder / "run.zarr", partial=True, damaged="leave out")
+    results = open_results(folder / _STORE, partial=True, damaged="leave out")
     run_page(results.dataset.load(), "run")
 
 
 def _spoil_report(rng: Random, files: Files) -> Files:
     """Spoil what a store says of itself and repair the digests of it, so that it is believed; or spoil any file."""
-    root, progress = f"run.zarr/{_METADATA}", f"run.zarr/{PROGRESS}/{_METADATA}"
+    root, progress = f"{_STORE}/{_METADATA}", f"{_STORE}/{PROGRESS}/{_METADATA}"
     group, own = (json.loads(_bytes(files[name])) for name in (root, progress))
     if rng.random() < 0.2:
         return spoil_files(rng, files)
@@ -250,7 +267,8 @@ TARGETS = (
     Target(name="scenario-tables", make=_tables, read=_read_tables, share=30),
     Target(name="sweep-axes", make=_axes, read=_read_axes, share=30),
     Target(name="store", make=_stores, read=_read_store, share=4),
-    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=3),
+    Target(name="store-again", make=_damaged_stores, read=_read_again, share=3),
+    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=2),
     Target(name="threats", make=_threat_folders, read=_read_threats, share=30),
     Target(name="threat-store", make=_threat_stores, read=_read_threat_store, share=3),
     Target(name="sweep", make=_sweeps, read=_read_sweeps, share=30),
