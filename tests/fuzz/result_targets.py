@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -14,13 +16,15 @@ import numpy as np
 import xarray
 
 from fuzz.authority import files_of
-from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
+from fuzz.engine import Files, Special, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS, WRONG_VALUES, json_of, spoil_tree, toml_value
 from report_builder import made, threat_folder
 from toy_plan import ToyPlan
 from vestige.campaign.direct import direct_results
+from vestige.campaign.results import open_results
 from vestige.campaign.run import run
-from vestige.campaign.store import kept_chunk_epochs, open_results, open_store
+from vestige.campaign.store import kept_chunk_epochs, open_store
+from vestige.campaign.store_skeleton import PROGRESS, WORK, work_digest
 from vestige.campaign.sweep import _check_folder as check_folder
 from vestige.campaign.sweep_axes import grid, parse_axis, store_name
 from vestige.campaign.threat_outcome import RunOutcome
@@ -126,10 +130,13 @@ def _read_axes(folder: Path) -> None:
 
 # --- results
 
+_STORE = "run.zarr"
+_LOST = ("taps/zarr.json", "svid/c/0")
+
 
 def _stores() -> Sequence[Files]:
     """A finished run, and one that lacks its last chunk."""
-    whole = files_of(lambda folder: run(ToyPlan(n_epochs=6), folder / "run.zarr", chunk_epochs=3))
+    whole = files_of(lambda folder: run(ToyPlan(n_epochs=6), folder / _STORE, chunk_epochs=3))
     return [whole, {name: data for name, data in whole.items() if not name.endswith("digest/c/1")}]
 
 
@@ -139,45 +146,69 @@ def _true_values() -> Mapping[str, np.ndarray]:
 
 
 def _read_store(folder: Path) -> None:
-    """Epochs that count have the values that were written, or the store is of other work and says so."""
-    path = folder / "run.zarr"
-    kept_chunk_epochs(path, 3)
-    results = open_results(path, partial=True).load()
-    open_store(path, ToyPlan(n_epochs=6), chunk_epochs=3)  # refuses what is not the same work
-    epochs = results["epoch"].values if "epoch" in results.coords else np.arange(6)
+    kept_chunk_epochs(folder / _STORE, 3)
+    _check_values(folder / _STORE)
+
+
+def _damaged_stores() -> Sequence[Files]:
+    """A finished run that lost metadata, and one that lost a label."""
+    (whole, _) = _stores()
+    return [{name: data for name, data in whole.items() if name != f"{_STORE}/{lost}"} for lost in _LOST]
+
+
+def _read_again(folder: Path) -> None:
+    """The same run goes on from what there is, and mends it, or refuses."""
+    open_store(folder / _STORE, ToyPlan(n_epochs=6), chunk_epochs=3)
+    _check_values(folder / _STORE)
+
+
+def _check_values(path: Path) -> None:
+    """Epochs that count have the values that were written."""
+    results = open_results(path, partial=True, damaged="leave out").load()
     for name, true in _true_values().items():
-        if not np.array_equal(
-            results[name].values, np.take(true, epochs, results[name].dims.index("epoch")), equal_nan=True
-        ):
+        found = results.dataset[name]
+        if not np.array_equal(found.values, np.take(true, results.epochs, found.dims.index("epoch")), equal_nan=True):
             raise WrongAcceptanceError(f"{name} has other values than those that were written")
 
 
 def _reports() -> Sequence[Files]:
     def write(folder: Path) -> None:
-        made(folder / "run.zarr", "quick", "epochs=8")
+        made(folder / _STORE, "quick", "epochs=8")
 
     return [files_of(write)]
 
 
 def _read_report(folder: Path) -> None:
     """A page about a run."""
-    run_page(open_results(folder / "run.zarr", partial=True).load(), "run")
+    results = open_results(folder / _STORE, partial=True, damaged="leave out")
+    run_page(results.dataset.load(), "run")
 
 
 def _spoil_report(rng: Random, files: Files) -> Files:
-    """Spoil what a store says of itself, which its page believes; sometimes any file of it."""
-    name = "run.zarr/zarr.json"
-    data = files[name]
-    assert isinstance(data, bytes)
+    """Spoil what a store says of itself and repair the digests of it, so that it is believed; or spoil any file."""
+    root, progress = f"{_STORE}/{_METADATA}", f"{_STORE}/{PROGRESS}/{_METADATA}"
+    group, own = (json.loads(_bytes(files[name])) for name in (root, progress))
     if rng.random() < 0.2:
         return spoil_files(rng, files)
-    group = json.loads(data)
     attributes = group["attributes"]
     if rng.random() < 0.7:
         attributes["scenario"] = json_of(spoil_tree(rng, json.loads(attributes["scenario"]))).decode()
     else:
-        attributes[rng.choice(sorted(attributes))] = rng.choice(WRONG_VALUES)
-    return dict(files) | {name: json_of(group)}
+        name = rng.choice(sorted(attributes))
+        attributes[name] = rng.choice(WRONG_VALUES)
+    if isinstance(attributes["scenario"], str):
+        attributes["scenario_digest"] = hashlib.sha256(attributes["scenario"].encode()).hexdigest()
+    with contextlib.suppress(ValueError, RecursionError):  # what is no JSON has no digest
+        own["attributes"][WORK] = work_digest(json.loads(json_of(attributes)))
+    return dict(files) | {root: json_of(group), progress: json_of(own)}
+
+
+_METADATA = "zarr.json"
+
+
+def _bytes(content: bytes | Special) -> bytes:
+    assert isinstance(content, bytes)
+    return content
 
 
 def _threat_folders() -> Sequence[Files]:
@@ -236,7 +267,8 @@ TARGETS = (
     Target(name="scenario-tables", make=_tables, read=_read_tables, share=30),
     Target(name="sweep-axes", make=_axes, read=_read_axes, share=30),
     Target(name="store", make=_stores, read=_read_store, share=4),
-    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=3),
+    Target(name="store-again", make=_damaged_stores, read=_read_again, share=3),
+    Target(name="report", make=_reports, read=_read_report, spoil=_spoil_report, share=2),
     Target(name="threats", make=_threat_folders, read=_read_threats, share=30),
     Target(name="threat-store", make=_threat_stores, read=_read_threat_store, share=3),
     Target(name="sweep", make=_sweeps, read=_read_sweeps, share=30),

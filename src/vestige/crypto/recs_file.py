@@ -38,7 +38,6 @@ from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
 
 INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
-MAX_FILE_BYTES = 1 << 30  # a week of one satellite, 16 ms every 6 s
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
 MAX_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
