@@ -10,7 +10,7 @@ receiver that does not accelerate, by the receiver's acceleration along the line
 
 so the difference of both sides is bounded by what is left of each:
 
-    variance = 2 σ_ρ̇² + (σ_bias T)² + N² T + c² Sg T
+    variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
 with σ_bias the accelerometers' bias, N their velocity random walk and Sg that of the receiver's oscillator. The test
 fails beyond K standard deviations. A pull-off that stays below the oscillator's and the accelerometers' drift, and one
@@ -27,33 +27,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import (
+from vestige.acas_processor.checks.check import (
     check_budget,
-    judged,
     two_sided_detection,
     two_sided_factor,
 )
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.inertial_bridging import rate_steps
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import CheckResult
-
-
-def gained_towards_mps(
-    before: Float[np.ndarray, "*n m 3"],
-    now: Float[np.ndarray, "*n m 3"],
-    gained_mps: Float[np.ndarray, "*n 3"],
-    mean_mps: Float[np.ndarray, "*n 3"],
-) -> Float[np.ndarray, "*n m"]:
-    """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
-
-    Parameters
-    ----------
-    before, now
-        e, unit vectors to the satellites at both ends.
-    gained_mps, mean_mps
-        Δv = ∫ a dt and the mean velocity of the receiver, all in one system of axes.
-    """
-    own = np.einsum("...mi,...i->...m", (before + now) / 2, gained_mps)
-    return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
+from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +44,6 @@ class InertialMonitor:
 
     Attributes
     ----------
-    sigma_rate_mps
-        Error of a range rate.
     sigma_bias_mps2
         Bias of the accelerometers along the line of sight, 1σ.
     walk_mps_per_sqrt_s
@@ -74,7 +54,6 @@ class InertialMonitor:
         False-alarm probability of one test of one satellite.
     """
 
-    sigma_rate_mps: float = 0.03
     sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
     walk_mps_per_sqrt_s: float = 0.002
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
@@ -84,9 +63,9 @@ class InertialMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "inertial range rate"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.INERTIAL_RANGE_RATE
 
     @property
     def unit(self) -> str:
@@ -94,12 +73,12 @@ class InertialMonitor:
         return "m/s"
 
     def sigma_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the standard deviation of the statistic after an interval T."""
+        """Return the standard deviation of the statistic after an interval T, without the errors of the range rates."""
         walk = self.walk_mps_per_sqrt_s**2 + SPEED_OF_LIGHT_MPS**2 * self.clock_walk_hz
-        return np.sqrt(2 * self.sigma_rate_mps**2 + (self.sigma_bias_mps2 * interval_s) ** 2 + walk * interval_s)
+        return np.sqrt((self.sigma_bias_mps2 * interval_s) ** 2 + walk * interval_s)
 
     def threshold_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the largest |statistic| that passes after an interval T."""
+        """Return the largest |statistic| that passes after an interval T, if range rates had no errors."""
         return two_sided_factor(self.p_fa) * self.sigma_mps(interval_s)
 
     def statistic(
@@ -121,23 +100,50 @@ class InertialMonitor:
         """
         return rate_change_mps - satellite_change_mps + gained_mps
 
-    def probability_of_detection(self, pull_mps: Float[np.ndarray, "*n"], interval_s: float) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the range rate by an attacker is seen after an interval."""
-        return two_sided_detection(pull_mps / self.sigma_mps(np.asarray([interval_s]))[0], self.p_fa)
-
-    def check(
-        self, rate_change_mps: float, satellite_change_mps: float, gained_mps: float, interval_s: float
-    ) -> CheckResult:
-        """Return the check of one satellite.
+    def probability_of_detection(
+        self, pull_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_rate_mps: float
+    ) -> Float[np.ndarray, "*n"]:
+        """Return the probability that a change of the range rate by an attacker is seen after an interval.
 
         Parameters
         ----------
-        rate_change_mps, satellite_change_mps, gained_mps
-            As for `statistic`.
+        pull_mps
+            The change.
         interval_s
             T.
+        sigma_rate_mps
+            Standard deviation of a range rate.
         """
-        threshold = float(self.threshold_mps(np.array([interval_s]))[0])
-        change = rate_change_mps - satellite_change_mps + gained_mps
-        failure = f"the range rate changed by {change:+.2f} m/s more than the motion explains"
-        return judged(self, change, threshold, failure)
+        sigma = np.hypot(self.sigma_mps(np.asarray([interval_s]))[0], math.sqrt(2) * sigma_rate_mps)
+        return two_sided_detection(pull_mps / sigma, self.p_fa)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block: at every epoch with RECS and a position, against the one before."""
+        statistic, threshold = np.full((2, *evidence.shape), np.nan)
+        reasons: dict[int, str] = {}
+        for step in rate_steps(evidence):
+            if step.why:
+                reasons[step.epoch] = step.why
+                continue
+            assert step.gained_mps is not None
+            change = self.statistic(step.rate_change_mps, step.static_change_mps, step.gained_mps)
+            statistic[step.epoch] = change
+            of_rates = two_sided_factor(self.p_fa) * step.sigma_change_mps
+            threshold[step.epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
+
+        def explain(epoch: int, satellite: int) -> str:
+            if evidence.measured.snapshots.increments is None:
+                return "no accelerations of inertial sensors"
+            if np.isnan(statistic[epoch, satellite]):
+                return reasons.get(epoch, "no range rate at both ends")
+            return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.where(np.isnan(statistic), np.nan, threshold),
+            explain=explain,
+            exact=False,
+        )

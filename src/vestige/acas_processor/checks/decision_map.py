@@ -22,14 +22,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
 
-from vestige.acas_processor.monitors.judgement import judged, not_run
-from vestige.acas_processor.monitors.power_distortion import distortion_variance, mean_distortion, power_rise_db
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.checks.power_distortion import distortion_variance, mean_distortion, power_rise_db
+from vestige.acas_processor.evidence import Evidence
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import CheckResult
+from vestige.records.checks import CheckName, CheckSeries
 from vestige.signals.pulse import BPSK, Pulse
 from vestige.streams import stream
 
@@ -241,6 +243,14 @@ def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draw
     return np.stack(rows).astype(np.int64)
 
 
+class PowerAndDistortion(NamedTuple):
+    """ΔP of the band in dB, D in σ, and the C/N0 of the map that decides; NaN where not known."""
+
+    map_dbhz: Float[np.ndarray, "n m"]
+    rise_db: Float[np.ndarray, "n m"]
+    distortion: Float[np.ndarray, "n m"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerDistortionMonitor:
     """Whether power and distortion of a satellite are those of an attack.
@@ -265,9 +275,9 @@ class PowerDistortionMonitor:
     p_fa: float = 0.006
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "power-distortion"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.POWER_DISTORTION
 
     @property
     def unit(self) -> str:
@@ -291,15 +301,46 @@ class PowerDistortionMonitor:
             rates.append(np.count_nonzero(found >= SignalClass.SPOOFED) / draws)
         return np.array(rates)
 
-    def check(
-        self, power_rise_db: float | None, distortion: float | None, expected_cn0_dbhz: float | None
-    ) -> CheckResult:
-        """Return the check of one satellite; None or NaN is not known."""
-        inputs = {"received power": power_rise_db, "E1 taps": distortion, "expected C/N0": expected_cn0_dbhz}
-        missing = [name for name, value in inputs.items() if value is None or np.isnan(value)]
-        if missing or power_rise_db is None or distortion is None or expected_cn0_dbhz is None:
-            return not_run(self, f"not known: {', '.join(missing)}", float(SignalClass.MULTIPATH))
-        found = self.map_for(expected_cn0_dbhz).classify(np.array([power_rise_db]), np.array([distortion]))
-        name = SignalClass(int(found[0])).name.lower()
-        failure = f"power {power_rise_db:+.1f} dB, distortion {distortion:.1f} sigma: {name}"
-        return judged(self, float(found[0]), float(SignalClass.MULTIPATH), failure)
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block: a class for every epoch at which E1 correlators are known."""
+        measured = self.measured(evidence)
+        statistic = np.full(evidence.shape, np.nan)
+        known = np.isfinite(measured.map_dbhz) & np.isfinite(measured.distortion) & np.isfinite(measured.rise_db)
+        for cn0_dbhz in np.unique(measured.map_dbhz[known]).tolist():
+            here = known & (measured.map_dbhz == cn0_dbhz)
+            statistic[here] = self.map_for(cn0_dbhz).classify(measured.rise_db[here], measured.distortion[here])
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if evidence.measured.snapshots.e1.taps is None:
+                return "E1 was not tracked between the last two RECS"
+            if np.isnan(statistic[here]):
+                return "received power, E1 correlators or expected C/N0 are not known"
+            name = SignalClass(int(statistic[here])).name.lower()
+            return f"power {measured.rise_db[here]:+.1f} dB, distortion {measured.distortion[here]:.1f} sigma: {name}"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.full(evidence.shape, float(SignalClass.MULTIPATH)),
+            explain=explain,
+            exact=False,
+        )
+
+    def measured(self, evidence: Evidence) -> PowerAndDistortion:
+        """Return power and distortion of every epoch and satellite, and the C/N0 of the map that decides."""
+        e1 = evidence.measured.snapshots.e1
+        expected_dbhz = evidence.references[Quantity.E1_CN0_DBHZ].value
+        rise_db = evidence.observed[Quantity.E1_POWER_DB] - evidence.references[Quantity.E1_POWER_DB].value
+        distortion = np.full(evidence.shape, np.nan)
+        if e1.taps is not None:
+            half = self.hypotheses.half_spacing_chips
+            early, late = e1.tap_chips.index(-half), e1.tap_chips.index(half)
+            distortion = np.abs(e1.taps[..., early] - e1.taps[..., late])
+        return PowerAndDistortion(
+            map_dbhz=np.round(expected_dbhz / self.cn0_step_db) * self.cn0_step_db,
+            rise_db=np.broadcast_to(rise_db[:, None], evidence.shape),
+            distortion=distortion,
+        )

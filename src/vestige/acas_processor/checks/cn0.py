@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import (
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.acas_processor.checks.check import (
     check_budget,
-    judged,
-    not_run,
     two_sided_detection,
     two_sided_factor,
 )
-from vestige.records import CheckResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +47,9 @@ class Cn0Monitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "C/N0"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E1_CN0
 
     @property
     def unit(self) -> str:
@@ -76,12 +76,29 @@ class Cn0Monitor:
         """Return the probability that a change of the C/N0 is seen."""
         return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
-    def check(self, cn0_dbhz: float | None, expected_dbhz: float | None) -> CheckResult:
-        """Return the check of one satellite; None or NaN is not known."""
-        if cn0_dbhz is None or math.isnan(cn0_dbhz):
-            return not_run(self, "C/N0 on E1 is not known", self.threshold_db)
-        if expected_dbhz is None or math.isnan(expected_dbhz):
-            return not_run(self, "no C/N0 is expected: the elevation is not known", self.threshold_db)
-        change = cn0_dbhz - expected_dbhz
-        failure = f"C/N0 is {change:+.1f} dB from what is expected, more than {self.threshold_db:.1f} dB"
-        return judged(self, change, self.threshold_db, failure)
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        reference = evidence.references[Quantity.E1_CN0_DBHZ]
+        measured = evidence.observed[Quantity.E1_CN0_DBHZ]
+        statistic = self.statistic(measured, reference.value)
+        threshold = self.threshold_db * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if np.isnan(measured[here]):
+                return "C/N0 on E1 is not known"
+            if np.isnan(statistic[here]):
+                return reference.why_unknown(here)
+            return (
+                f"C/N0 is {statistic[here]:+.1f} dB from what is expected, more than {threshold[here]:.1f} dB"
+            )
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=False,
+        )

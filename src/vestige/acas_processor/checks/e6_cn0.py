@@ -18,9 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run, two_sided_factor
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.acas_processor.measurement import Availability
+from vestige.acas_processor.checks.check import check_budget, two_sided_factor
 from vestige.acas_processor.thresholds import amplitude
-from vestige.records import CheckResult, CorrelatorBank
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +45,9 @@ class E6StrengthMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "E6 C/N0"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E6_CN0
 
     @property
     def unit(self) -> str:
@@ -73,14 +76,29 @@ class E6StrengthMonitor:
         spread = amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)
 
-    def check(self, bank: CorrelatorBank | None, expected_cn0_dbhz: float) -> CheckResult:
-        """Return the check of one satellite; NaN is not known."""
-        if bank is None or not bank.noise_power > 0:
-            return not_run(self, "nothing was correlated on E6")
-        if math.isnan(expected_cn0_dbhz):
-            return not_run(self, "no C/N0 is expected on E6")
-        expected = np.array([expected_cn0_dbhz])
-        magnitude = np.max(np.abs(bank.taps), keepdims=True) / np.sqrt(bank.noise_power / 2)
-        statistic = float(self.statistic(magnitude, expected, bank.integration_s)[0])
-        limit = float(self.threshold(expected, bank.integration_s)[0])
-        return judged(self, statistic, limit, f"E6 is {statistic:+.1f} sigma from the strength that is expected")
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        reference, banks = evidence.references[Quantity.E6_CN0_DBHZ], evidence.measured.banks
+        correlated = evidence.measured.availability == Availability.CORRELATED
+        noise = np.where(correlated, banks.noise_power, 1.0)
+        magnitude = np.max(np.abs(np.where(correlated[..., None], banks.taps, 0.0)), axis=2) / np.sqrt(noise / 2)
+        statistic = np.where(correlated, self.statistic(magnitude, reference.value, banks.integration_s), np.nan)
+        threshold = self.threshold(reference.value, banks.integration_s) * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return "nothing was correlated on E6"
+            if np.isnan(statistic[here]):
+                return reference.why_unknown(here)
+            return f"E6 is {statistic[here]:+.1f} sigma from the strength that is expected"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=False,
+        )

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.handover import assisted_delay_m
-from vestige.acas_processor.monitors.judgement import Monitor, check_budget, judged, not_run
+from vestige.acas_processor.checks.check import Monitor, check_budget, judged, not_run
 from vestige.acas_processor.search_budget import search_budget
 from vestige.acas_processor.vestigial import (
     E1_WINDOW_S,

@@ -12,20 +12,22 @@ Both are before the gain control: a gain that follows the noise would hide it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import (
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.acas_processor.measurement import Availability
+from vestige.signals.definitions import E6C
+from vestige.acas_processor.checks.check import (
     check_budget,
-    judged,
-    not_run,
     two_sided_detection,
     two_sided_factor,
 )
-from vestige.acas_processor.monitors.received_power import DB_PER_NEPER
-from vestige.records import CheckResult
+from vestige.acas_processor.checks.received_power import DB_PER_NEPER
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +36,6 @@ class WrongCodeFloorMonitor:
 
     Attributes
     ----------
-    nominal_floor_db
-        Floor without interference, 10 log₁₀ of the noise power before the gain control.
     n_chips
         N_c, chips of the RECS.
     sigma_system_db
@@ -44,8 +44,7 @@ class WrongCodeFloorMonitor:
         False-alarm probability of one test.
     """
 
-    nominal_floor_db: float
-    n_chips: int
+    n_chips: int = round(16e-3 * E6C.chip_rate_hz)
     sigma_system_db: float = 0.3
     p_fa: float = 1e-6
 
@@ -53,9 +52,9 @@ class WrongCodeFloorMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "wrong-code floor"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.NOISE_FLOOR
 
     @property
     def unit(self) -> str:
@@ -72,25 +71,38 @@ class WrongCodeFloorMonitor:
         """Largest |ΔN| that passes, in dB."""
         return two_sided_factor(self.p_fa) * self.sigma_db
 
-    def statistic(
-        self, noise_power: Float[np.ndarray, "*n"], agc_gain_db: Float[np.ndarray, "*n"]
-    ) -> Float[np.ndarray, "*n"]:
-        """Return ΔN in dB; NaN where no noise power was measured."""
-        measured = noise_power > 0
-        floor = 10 * np.log10(np.where(measured, noise_power, 1.0)) - agc_gain_db - self.nominal_floor_db
-        return np.where(measured, floor, np.nan)
-
     def probability_of_detection(self, jam_to_noise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the probability that added noise of J/N, in the band of the code, is seen."""
         rise_db = 10 * np.log10(1 + 10 ** (jam_to_noise_db / 10))
         return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
 
-    def check(self, noise_power: float | None, agc_gain_db: float | None) -> CheckResult:
-        """Return the check of one snapshot; None is not known."""
-        if noise_power is None or not noise_power > 0:
-            return not_run(self, "nothing was correlated on E6", self.threshold_db)
-        if agc_gain_db is None or math.isnan(agc_gain_db):
-            return not_run(self, "the gain of the E6 front end is not known", self.threshold_db)
-        rise = float(self.statistic(np.array([noise_power]), np.array([agc_gain_db]))[0])
-        failure = f"the E6 noise floor is {rise:+.1f} dB from its calibration, more than {self.threshold_db:.1f} dB"
-        return judged(self, rise, self.threshold_db, failure)
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        measured, reference = evidence.measured, evidence.references[Quantity.FLOOR_DB]
+        correlated = measured.availability == Availability.CORRELATED
+        monitor = replace(self, n_chips=round(measured.banks.integration_s * E6C.chip_rate_hz))
+        statistic = evidence.observed[Quantity.FLOOR_DB] - reference.value
+        threshold = monitor.threshold_db * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return "nothing was correlated on E6"
+            if np.isnan(evidence.observed[Quantity.FLOOR_DB][here]):
+                return "the gain of the E6 front end is not known"
+            if np.isnan(statistic[here]):
+                return reference.why_unknown(here)
+            return (
+                f"the E6 noise floor is {statistic[here]:+.1f} dB from its usual level, "
+                f"more than {threshold[here]:.1f} dB"
+            )
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=not self.sigma_system_db,
+        )

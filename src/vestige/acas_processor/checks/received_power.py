@@ -18,14 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.judgement import (
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.evidence import Evidence
+from vestige.records import Band
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.acas_processor.checks.check import (
     check_budget,
-    judged,
-    not_run,
     two_sided_detection,
     two_sided_factor,
 )
-from vestige.records import Band, CheckResult, FrontEndStatus, Outcome
 
 DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a power
 
@@ -38,8 +39,6 @@ class ReceivedPowerMonitor:
     ----------
     band
         Whose front end.
-    nominal_power_db
-        Power without interference, in the reference of `FrontEndStatus`.
     sigma_system_db
         Drift of gain and temperature, 1σ.
     bandwidth_hz, averaging_s
@@ -49,7 +48,6 @@ class ReceivedPowerMonitor:
     """
 
     band: Band
-    nominal_power_db: float = 0.0
     sigma_system_db: float = 0.3
     bandwidth_hz: float = 2e6
     averaging_s: float = 0.01
@@ -59,9 +57,9 @@ class ReceivedPowerMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return f"{self.band.value} received power"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName(f"{self.band.value} received power")
 
     @property
     def unit(self) -> str:
@@ -78,30 +76,39 @@ class ReceivedPowerMonitor:
         """Largest |ΔP| that passes, in dB."""
         return two_sided_factor(self.p_fa) * self.sigma_db
 
-    def statistic(self, total_power_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return ΔP in dB; where only an AGC gain is known, give its negative."""
-        return total_power_db - self.nominal_power_db
-
     def probability_of_detection(self, rise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the probability that a rise (or fall) of the power is seen."""
         return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
 
-    def check(self, status: FrontEndStatus | None) -> CheckResult:
-        """Return the check of one snapshot; a saturated front end fails it, whatever power it reads."""
-        if status is None:
-            return not_run(self, f"no status of the {self.band.value} front end", self.threshold_db)
-        power = status.total_power_db if math.isfinite(status.total_power_db) else -status.agc_gain_db
-        rise = power - self.nominal_power_db
-        if status.saturated:
-            return CheckResult(
-                name=self.name,
-                outcome=Outcome.FAIL,
-                statistic=rise,
-                threshold=self.threshold_db,
-                unit=self.unit,
-                reason=f"the {self.band.value} front end is saturated",
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block; a saturated front end fails it, whatever power it reads."""
+        quantity = Quantity.E1_POWER_DB if self.band is Band.E1 else Quantity.E6_POWER_DB
+        reference = evidence.references[quantity]
+        front_end = evidence.measured.snapshots.front_end.get(self.band)
+        measured_db = evidence.observed[quantity]
+        statistic = measured_db - reference.value
+        if front_end is not None:
+            statistic = np.where(front_end.saturated, np.inf, statistic)
+        threshold = self.threshold_db * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if np.isinf(statistic[epoch]):
+                return f"the {self.band.value} front end is saturated"
+            if np.isnan(measured_db[epoch]):
+                return f"no status of the {self.band.value} front end"
+            if np.isnan(statistic[epoch]):
+                return reference.why_unknown((epoch,))
+            return (
+                f"{self.band.value} power is {statistic[epoch]:+.1f} dB from its usual level, "
+                f"more than {threshold[epoch]:.1f} dB"
             )
-        failure = (
-            f"{self.band.value} power is {rise:+.1f} dB from its calibration, more than {self.threshold_db:.1f} dB"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=not self.sigma_system_db,
         )
-        return judged(self, rise, self.threshold_db, failure)

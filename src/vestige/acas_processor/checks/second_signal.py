@@ -26,9 +26,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.elevation_model import relative_ray_amplitude
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.checks.check import check_budget
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import CheckResult, CorrelatorBank
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
@@ -41,9 +44,9 @@ _BLOCK = 20_000  # epochs at once, so that memory does not grow
 class TwoSignals(NamedTuple):
     """What two signals explain: √G, amplitude s of the stronger (σ per dimension), place of the earlier one in m."""
 
-    statistic: Float[np.ndarray, " n"]
-    amplitude: Float[np.ndarray, " n"]
-    earlier_m: Float[np.ndarray, " n"]
+    statistic: Float[np.ndarray, "*n"]
+    amplitude: Float[np.ndarray, "*n"]
+    earlier_m: Float[np.ndarray, "*n"]
 
 
 class _Places(NamedTuple):
@@ -73,9 +76,9 @@ class SecondSignalMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "E6 second signal"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E6_SECOND_SIGNAL
 
     @property
     def unit(self) -> str:
@@ -117,13 +120,38 @@ class SecondSignalMonitor:
         variance = 1 + amplitude**2 * 10 ** (self.ray_power_db / 10) / 2
         return np.sqrt(-2 * variance * np.log(self.p_fa / tried))
 
-    def check(self, bank: CorrelatorBank | None) -> CheckResult:
-        """Return the check of one satellite."""
-        if bank is None or not bank.noise_power > 0:
-            return not_run(self, "nothing was correlated on E6")
-        statistic, amplitude, _ = self.statistic(bank.taps[None], np.array([bank.noise_power]), bank.offsets_m)
-        limit = float(self.threshold(amplitude, bank.offsets_m)[0])
-        return judged(self, float(statistic[0]), limit, "there is a second signal beside the one that E1 predicts")
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block; low satellites have stronger multipath, high ones weaker."""
+        measured = evidence.measured
+        found = two_signals(self, measured)
+        relative = relative_ray_amplitude(evidence.elevation_rad)
+        threshold = self.threshold(found.amplitude * relative, measured.banks.offsets_m)
+
+        def explain(epoch: int, satellite: int) -> str:
+            if np.isnan(found.statistic[epoch, satellite]):
+                return "nothing was correlated on E6"
+            return "there is a second signal beside the one that E1 predicts"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=found.statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=False,
+        )
+
+
+def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:
+    """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
+    correlated = measured.availability == Availability.CORRELATED
+    banks = measured.banks
+    parts = []
+    for values in monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m):
+        parts.append(np.full(correlated.shape, np.nan))
+        parts[-1][correlated] = values
+    return TwoSignals(*parts)
 
 
 @cache

@@ -1,100 +1,22 @@
-"""RAIM as checks: whether the pseudoranges of an epoch agree, by residuals and by leaving one satellite out.
+"""Solution separation as a check: whether the position without each satellite is where the position with all is.
 
 See `navigation/raim.py` for the theory. A pull of all satellites together, in time or in position, is not seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from vestige.acas_processor.monitors.judgement import check_budget, judged, not_run, two_sided_detection
+from vestige.acas_processor.checks.check import check_budget, two_sided_detection
+from vestige.acas_processor.evidence import Evidence
 from vestige.navigation.position_fix import UNKNOWNS, Fix, local_geometry
-from vestige.navigation.raim import (
-    NOT_EXCLUDED,
-    chi_square_statistic,
-    chi_square_threshold,
-    degrees_of_freedom,
-    exclude_one,
-    missed_detection,
-    redundancy,
-    separation_factor,
-    solution_separation,
-)
-from vestige.records import CheckResult
+from vestige.navigation.raim import redundancy, separation_factor, solution_separation
+from vestige.records.checks import CheckName, CheckSeries
 
 _AXES = ("east", "north", "up")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RaimMonitor:
-    """Whether the residuals of a fix are those of independent errors with the σ of its weights.
-
-    Attributes
-    ----------
-    p_fa
-        False-alarm probability of one epoch.
-    """
-
-    p_fa: float = 1e-5
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "RAIM"
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma²"
-
-    def statistic(self, fix: Fix) -> Float[np.ndarray, " n"]:
-        """Return T of every epoch, NaN without redundancy."""
-        enough = fix.valid & (degrees_of_freedom(fix.weight) > 0)
-        return np.where(enough, chi_square_statistic(fix.residual_m, fix.weight), np.nan)
-
-    def threshold(self, fix: Fix) -> Float[np.ndarray, " n"]:
-        """Return the threshold of every epoch, NaN without redundancy."""
-        return chi_square_threshold(degrees_of_freedom(fix.weight), self.p_fa)
-
-    def probability_of_detection(
-        self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, " k"]:
-        """Return the probability that a bias on the satellite of a column is seen, in the first epoch of a fix."""
-        share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
-        freedom = int(degrees_of_freedom(fix.weight[:1])[0])
-        return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)
-
-    def check(self, fix: Fix | None, svids: Sequence[int], epoch: int = 0) -> CheckResult:
-        """Return the check of one epoch; if it fails, the reason names the satellite that would explain it.
-
-        Parameters
-        ----------
-        fix
-            Fixes, None if there are none.
-        svids
-            Satellite of each column.
-        epoch
-            Row of the fix.
-        """
-        if fix is None or not fix.valid[epoch]:
-            return not_run(self, "no position fix")
-        if fix.n_used[epoch] <= UNKNOWNS:
-            return not_run(self, f"{fix.n_used[epoch]} satellites leave nothing to compare")
-        one = slice(epoch, epoch + 1)
-        residual, weight = fix.residual_m[one], fix.weight[one]
-        found = exclude_one(redundancy(fix.geometry[one], weight), residual, weight, self.p_fa)
-        culprit = int(found.excluded[0])
-        failure = "the pseudoranges do not agree, and no single satellite explains it"
-        if culprit != NOT_EXCLUDED:
-            failure = f"the pseudoranges do not agree; without E{svids[culprit]:02d} they do"
-        return judged(self, float(self.statistic(fix)[epoch]), float(self.threshold(fix)[epoch]), failure)
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
@@ -121,6 +43,7 @@ def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
     return np.where(known.any(axis=-1), found, np.nan)
 
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolutionSeparationMonitor:
     """Whether the position without each satellite is where the position with all is.
@@ -140,9 +63,9 @@ class SolutionSeparationMonitor:
         check_budget(self.p_fa)
 
     @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "solution separation"
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.SOLUTION_SEPARATION
 
     @property
     def unit(self) -> str:
@@ -193,13 +116,30 @@ class SolutionSeparationMonitor:
         single = min(self.p_fa_horizontal / 2, self.p_fa_vertical, key=lambda p: separation_factor(p, used)) / used
         return two_sided_detection(bias_m * np.sqrt(fix.weight[0, column] * share), single)
 
-    def check(self, fix: Fix | None, svids: Sequence[int], epoch: int = 0) -> CheckResult:
-        """Return the check of one epoch; parameters are those of `RaimMonitor.check`."""
-        if fix is None or not fix.valid[epoch]:
-            return not_run(self, "no position fix")
-        if fix.n_used[epoch] <= UNKNOWNS:
-            return not_run(self, f"{fix.n_used[epoch]} satellites leave nothing to compare")
-        ratios = self.ratios(fix)[epoch]
-        axis, column = np.unravel_index(int(np.argmax(np.where(np.isfinite(ratios), ratios, -np.inf))), ratios.shape)
-        failure = f"without E{svids[int(column)]:02d} the position moves too far {_AXES[axis]}"
-        return judged(self, float(self.statistic(fix)[epoch]), 1.0, failure)
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        fix, svids = evidence.measured.fix, evidence.measured.snapshots.svids
+        nothing = np.full(evidence.shape[0], np.nan)
+        used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites
+        statistic = nothing if fix is None else self.over_threshold(fix.separation_sigmas, fix.separation_modes)
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if fix is None or not used[epoch]:
+                return "no position fix"
+            if used[epoch] <= UNKNOWNS:
+                return f"{used[epoch]} satellites leave nothing to compare"
+            ratios = self.ratios(fix.at(epoch))[0]
+            known = np.where(np.isfinite(ratios), ratios, -np.inf)
+            axis, column = np.unravel_index(int(np.argmax(known)), known.shape)
+            svid = svids[int(column)]
+            return f"without E{svid:02d} the position moves too far {_AXES[axis]}"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.ones(statistic.shape),
+            explain=explain,
+            exact=False,
+        )

@@ -1,0 +1,109 @@
+"""Which RECS each satellite of a block sent, with which key, and whether that key was secret when it was received.
+
+The rule that makes delayed disclosure safe stands in `provably_secret`, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.measurement import RecsBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Assistance, EncryptedSegment, ValidatedKey
+from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.times import GalileoTimes
+from vestige.time import GalileoTime
+
+SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
+_NEVER = GalileoTime(0, 0)
+
+
+class RecsLookup(Protocol):
+    """The RECS of a block: arrays, and each segment with its key when it is asked for."""
+
+    @property
+    def block(self) -> RecsBlock:
+        """What there is, and when keys are on air."""
+        ...
+
+    def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return the RECS of one satellite at one epoch, and its key."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoundRecs:
+    """The RECS of a block, found one by one."""
+
+    block: RecsBlock
+    segments: dict[tuple[int, int], tuple[EncryptedSegment, ValidatedKey]]
+
+    def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return the RECS of one satellite at one epoch, and its key."""
+        return self.segments[epoch, satellite]
+
+
+def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
+    """Return the RECS that the satellites of a block sent."""
+    shape = snapshots.asked.shape
+    found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    times = [[[_NEVER] * shape[1] for _ in range(shape[0])] for _ in range(3)]
+    segments = {}
+    keys = {key.time: key for key in reversed(assistance.keys)}
+    for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(snapshots.e1.seen)), strict=True):
+        svid, travel_m = snapshots.svids[column], float(snapshots.e1.pseudorange_m[epoch, column])
+        sent = snapshots.time.at(epoch) + -travel_m / SPEED_OF_LIGHT_MPS
+        segment = segment_at(assistance, svid, sent)
+        if segment is None:
+            continue
+        found[epoch, column] = True
+        times[0][epoch][column] = segment.key_time
+        key = keys.get(segment.key_time)
+        if key is not None:
+            with_key[epoch, column] = True
+            times[1][epoch][column], times[2][epoch][column] = key.disclosed_at, key.complete_at
+            segments[epoch, column] = (segment, key)
+    key_time, disclosed, complete = (_times(rows, shape) for rows in times)
+    block = RecsBlock(found=found, with_key=with_key, key_time=key_time, disclosed=disclosed, complete=complete)
+    return FoundRecs(block=block, segments=segments)
+
+
+def provably_secret(
+    disclosed: GalileoTimes, received_at: GalileoTimes, time_uncertainty_s: Float[np.ndarray, "*n"]
+) -> Bool[np.ndarray, "*n"]:
+    """Return whether samples were provably received before a key was on air.
+
+    Parameters
+    ----------
+    disclosed
+        When the first bit of the key is on air.
+    received_at
+        Receiver-clock time of the last sample.
+    time_uncertainty_s
+        Upper limit of the clock's error; an infinite one proves nothing.
+    """
+    return disclosed - received_at > time_uncertainty_s
+
+
+def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS that are sent from the first to the last time, give or take `SEGMENT_WINDOW_S`."""
+    segments = assistance.segments
+    low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    return segments[low:high]
+
+
+def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
+    """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
+    own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
+    return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
+
+
+def _times(rows: list[list[GalileoTime]], shape: tuple[int, int]) -> GalileoTimes:
+    flat = GalileoTimes.of(time for row in rows for time in row)
+    return GalileoTimes(flat.second.reshape(shape), flat.fraction.reshape(shape))
