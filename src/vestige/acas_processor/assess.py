@@ -259,8 +259,7 @@ class _Assessment:
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
             assistance=self._assistance,
-            cipher_mode=self._processor.cipher_mode,
-            group_delay_convention=self._processor.group_delay_convention,
+            processor=self._processor,
         )
 
     def _search_e1(self) -> SearchResults:

@@ -19,11 +19,12 @@ from jaxtyping import Bool, Float
 
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.handover import assisted_delay_m, hand_over
-from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock, RecsBlock
-from vestige.acas_processor.recs_of_block import RecsLookup, provably_secret
+from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
+from vestige.acas_processor.disclosure import provably_secret
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.crypto.recs import decrypt
 from vestige.records import Assistance, Handover
+from vestige.records.recs_block import RecsBlock, RecsLookup
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 
 if TYPE_CHECKING:
@@ -111,18 +112,23 @@ def _banks(
         return snapshots.e6.correlate(asked, handovers, processor.offsets_m)
     taps = np.full((*asked.shape, processor.n_taps), np.nan + 0j)
     return BankBlock(
-        offsets_m=processor.offsets_m, taps=taps, noise_power=np.full(asked.shape, np.nan), integration_s=np.nan
+        offsets_m=processor.offsets_m, taps=taps, noise_power=np.full(asked.shape, np.nan), integration_s=np.full(asked.shape, np.nan)
     )
 
 
 def _predicted_pd(
-    expected_dbhz: Float[np.ndarray, "n m"], correlated: Bool[np.ndarray, "n m"], integration_s: float, p_fa: float
+    expected_dbhz: Float[np.ndarray, "n m"],
+    correlated: Bool[np.ndarray, "n m"],
+    integration_s: Float[np.ndarray, "n m"],
+    p_fa: float,
 ) -> Float[np.ndarray, "n m"]:
     known = correlated & ~np.isnan(expected_dbhz)
     predicted = np.full(known.shape, np.nan)
     if known.any():
-        levels, place = np.unique(expected_dbhz[known], return_inverse=True)
-        predicted[known] = probability_of_detection(levels, integration_s, p_fa)[place]
+        for length_s in np.unique(integration_s[known]).tolist():
+            here = known & (integration_s == length_s)
+            levels, place = np.unique(expected_dbhz[here], return_inverse=True)
+            predicted[here] = probability_of_detection(levels, length_s, p_fa)[place]
     return predicted
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
 
 from vestige.navigation.position_fix import Fix, Transmission
+from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
-from vestige.records.times import GalileoTimes
 
 
 class Availability(IntEnum):
@@ -24,25 +24,6 @@ class Availability(IntEnum):
     NO_SAMPLES = 5
     OUTSIDE = 6
     ZERO = 7
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RecsBlock:
-    """The RECS of n epochs and m satellites, and when their keys are on air.
-
-    Attributes
-    ----------
-    found, with_key
-        Whether there is a RECS, and a validated key for it.
-    key_time, disclosed, complete
-        Start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS.
-    """
-
-    found: Bool[np.ndarray, "n m"]
-    with_key: Bool[np.ndarray, "n m"]
-    key_time: GalileoTimes
-    disclosed: GalileoTimes
-    complete: GalileoTimes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

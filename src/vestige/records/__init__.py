@@ -10,12 +10,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float, Int8
 
 from vestige.time import GalileoTime
+
+if TYPE_CHECKING:
+    from vestige.records.recs_block import RecsLookup
+    from vestige.records.snapshot_block import SnapshotBlock
 
 
 class Band(Enum):
@@ -282,6 +286,12 @@ class Assistance:
     received: tuple[ReceivedOsnma, ...] = ()  # valid or not, in order of time; empty if nobody kept it
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
+
+    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
+        """Return the RECS that the satellites of a block sent, with their keys."""
+        from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
+
+        return find_recs(snapshots, self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -132,13 +132,13 @@ class BankBlock:
     noise_power
         As in `CorrelatorBank`; NaN where nothing was correlated.
     integration_s
-        Coherent integration time in s.
+        float64[n, m], coherent integration time in s; NaN where nothing was correlated.
     """
 
     offsets_m: Float[np.ndarray, " n_taps"]
     taps: Complex128[np.ndarray, "n m n_taps"]
     noise_power: Float[np.ndarray, "n m"]
-    integration_s: float
+    integration_s: Float[np.ndarray, "n m"]
 
 
 class Handovers(Protocol):
@@ -198,8 +198,8 @@ class SearchRequest:
         False-alarm probability of one search.
     expected_s
         float64[k, m], when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not.
-    assistance, cipher_mode, group_delay_convention
-        Of the processor, to decrypt and to hand over.
+    assistance, processor
+        To decrypt and to hand over, with the settings of the searches.
     """
 
     epoch: Int64[np.ndarray, " k"]
@@ -209,8 +209,7 @@ class SearchRequest:
     p_fa: float
     expected_s: Float[np.ndarray, "k m"]
     assistance: Any = None
-    cipher_mode: Any = None
-    group_delay_convention: Any = None
+    processor: Any = None
 
 
 class Searches(Protocol):

@@ -58,7 +58,7 @@ class E6StrengthMonitor:
         self,
         magnitude_sigma: Float[np.ndarray, "*n"],
         expected_cn0_dbhz: Float[np.ndarray, "*n"],
-        integration_s: float,
+        integration_s: float | Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
         """Return |c| − √(s² + 1).
 
@@ -71,7 +71,7 @@ class E6StrengthMonitor:
         """
         return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
 
-    def threshold(self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float) -> Float[np.ndarray, "*n"]:
+    def threshold(self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the largest |statistic| that passes."""
         spread = amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)

@@ -12,7 +12,7 @@ Both are before the gain control: a gain that follows the noise would hide it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -80,9 +80,10 @@ class WrongCodeFloorMonitor:
         """Return the check over a block."""
         measured, reference = evidence.measured, evidence.references[Quantity.FLOOR_DB]
         correlated = measured.availability == Availability.CORRELATED
-        monitor = replace(self, n_chips=round(measured.banks.integration_s * E6C.chip_rate_hz))
+        n_chips = np.round(np.where(correlated, measured.banks.integration_s, 1.0) * E6C.chip_rate_hz)
+        sigma_db = np.hypot(self.sigma_system_db, DB_PER_NEPER / np.sqrt(n_chips))
         statistic = evidence.observed[Quantity.FLOOR_DB] - reference.value
-        threshold = monitor.threshold_db * reference.growth
+        threshold = two_sided_factor(self.p_fa) * sigma_db * reference.growth
 
         def explain(epoch: int, satellite: int) -> str:
             here = (epoch, satellite)

@@ -1,7 +1,4 @@
-"""Which RECS each satellite of a block sent, with which key, and whether that key was secret when it was received.
-
-The rule that makes delayed disclosure safe stands in `provably_secret`, and nowhere else.
-"""
+"""Which RECS each satellite of a block sent, and with which key."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.measurement import RecsBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Assistance, EncryptedSegment, ValidatedKey
 from vestige.records.snapshot_block import SnapshotBlock
@@ -21,6 +17,25 @@ from vestige.time import GalileoTime
 
 SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
 _NEVER = GalileoTime(0, 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecsBlock:
+    """The RECS of n epochs and m satellites, and when their keys are on air.
+
+    Attributes
+    ----------
+    found, with_key
+        Whether there is a RECS, and a validated key for it.
+    key_time, disclosed, complete
+        Start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS.
+    """
+
+    found: Bool[np.ndarray, "n m"]
+    with_key: Bool[np.ndarray, "n m"]
+    key_time: GalileoTimes
+    disclosed: GalileoTimes
+    complete: GalileoTimes
 
 
 class RecsLookup(Protocol):
@@ -71,23 +86,6 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
     key_time, disclosed, complete = (_times(rows, shape) for rows in times)
     block = RecsBlock(found=found, with_key=with_key, key_time=key_time, disclosed=disclosed, complete=complete)
     return FoundRecs(block=block, segments=segments)
-
-
-def provably_secret(
-    disclosed: GalileoTimes, received_at: GalileoTimes, time_uncertainty_s: Float[np.ndarray, "*n"]
-) -> Bool[np.ndarray, "*n"]:
-    """Return whether samples were provably received before a key was on air.
-
-    Parameters
-    ----------
-    disclosed
-        When the first bit of the key is on air.
-    received_at
-        Receiver-clock time of the last sample.
-    time_uncertainty_s
-        Upper limit of the clock's error; an infinite one proves nothing.
-    """
-    return disclosed - received_at > time_uncertainty_s
 
 
 def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
