@@ -40,8 +40,9 @@ from vestige.acas_processor.search_schedule import search_due
 from vestige.acas_processor.searches import SearchResults
 from vestige.acas_processor.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
 from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
-from vestige.records import Assistance, Status
+from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
+from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import SearchRequest
 from vestige.time import GalileoTime
 
@@ -77,7 +78,7 @@ class _Guess:
 
 
 def assess(
-    processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: Assistance
+    processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
 ) -> tuple[VerdictBlock, ReceiverState]:
     """Return what the processor says of a block, and the state for the next one.
 
@@ -104,7 +105,7 @@ class _Assessment:
     """One block on its way from measurements to verdicts."""
 
     def __init__(
-        self, processor: AcasProcessor, state: ReceiverState, measured: MeasurementBlock, assistance: Assistance
+        self, processor: AcasProcessor, state: ReceiverState, measured: MeasurementBlock, assistance: AssistanceData
     ) -> None:
         self._processor, self._state, self._measured, self._assistance = processor, state, measured, assistance
         self._specs = {spec.name: spec for spec in LEVELS[processor.level]}

@@ -12,7 +12,7 @@ from vestige.records.times import GalileoTimes
 
 
 def provably_secret(
-    disclosed: GalileoTimes, received_at: GalileoTimes, time_uncertainty_s: Float[np.ndarray, "*n"]
+    disclosed: GalileoTimes, received_at: GalileoTimes, time_uncertainty_s: Float[np.ndarray, "*#n"]
 ) -> Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before a key was on air.
 

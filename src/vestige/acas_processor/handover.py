@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
-from vestige.records import Assistance, ChipSequence, E1Observation, Handover
+from vestige.records import ChipSequence, E1Observation, Handover
+from vestige.records.recs_block import AssistanceData
 from vestige.time import GalileoTime
 
 # E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
@@ -47,7 +48,7 @@ def predicted_delay_m(
 
 
 def assisted_delay_m(
-    assistance: Assistance, svid: int, time: GalileoTime, convention: GroupDelayConvention = OS_ICD_CONVENTION
+    assistance: AssistanceData, svid: int, time: GalileoTime, convention: GroupDelayConvention = OS_ICD_CONVENTION
 ) -> float:
     """Return P6 − P1 of a satellite in m as the assistance predicts it: 0 for what it does not say."""
     valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]

@@ -23,15 +23,15 @@ from vestige.acas_processor.measurement import Availability, DetectedBlock, Meas
 from vestige.acas_processor.disclosure import provably_secret
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.crypto.recs import decrypt
-from vestige.records import Assistance, Handover
-from vestige.records.recs_block import RecsBlock, RecsLookup
+from vestige.records import Handover
+from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
 
-def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assistance) -> MeasurementBlock:
+def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
     """Return what can be measured of every satellite that E1 observes.
 
     Parameters
@@ -138,7 +138,7 @@ class _DecryptedHandovers:
 
     processor: AcasProcessor
     snapshots: SnapshotBlock
-    assistance: Assistance
+    assistance: AssistanceData
     lookup: RecsLookup
     expected_s: np.ndarray = None  # type: ignore[assignment]
 

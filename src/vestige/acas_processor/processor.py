@@ -27,7 +27,8 @@ from vestige.acas_processor.state import ReceiverState
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs import CipherMode
-from vestige.records import Assistance, Verdict
+from vestige.records import Verdict
+from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.source import Source
 
@@ -96,7 +97,7 @@ class AcasProcessor:
             yield from step.verdicts.verdicts()
 
     def steps(
-        self, blocks: Iterable[SnapshotBlock], *, assistance: Assistance, state: ReceiverState | None = None
+        self, blocks: Iterable[SnapshotBlock], *, assistance: AssistanceData, state: ReceiverState | None = None
     ) -> Iterator[Step]:
         """Yield the answer to each block; `state` is that of an earlier run, if there was one."""
         for block in blocks:
@@ -104,17 +105,17 @@ class AcasProcessor:
             state = step.state
             yield step
 
-    def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: Assistance) -> Step:
+    def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: AssistanceData) -> Step:
         """Return the answer to one block; `state` is that after the block before, None at first."""
         verdicts, after = self.assess(state, self.measure(block, assistance), assistance)
         return Step(verdicts=verdicts, state=after)
 
-    def measure(self, block: SnapshotBlock, assistance: Assistance) -> MeasurementBlock:
+    def measure(self, block: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
         """Return what can be measured of a block: pure, and independent of the cut."""
         return measure(self, block, assistance)
 
     def assess(
-        self, state: ReceiverState | None, measured: MeasurementBlock, assistance: Assistance
+        self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
     ) -> tuple[VerdictBlock, ReceiverState]:
         """Return what a measured block means, and the state after it."""
         return assess(self, state, measured, assistance)

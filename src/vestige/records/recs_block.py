@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Assistance, EncryptedSegment, ValidatedKey
+from vestige.records import Assistance, EncryptedSegment, GroupDelay, ValidatedKey
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
@@ -38,6 +39,7 @@ class RecsBlock:
     complete: GalileoTimes
 
 
+@runtime_checkable
 class RecsLookup(Protocol):
     """The RECS of a block: arrays, and each segment with its key when it is asked for."""
 
@@ -48,6 +50,30 @@ class RecsLookup(Protocol):
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
+        ...
+
+
+@runtime_checkable
+class AssistanceData(Protocol):
+    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+
+    @property
+    def group_delays(self) -> tuple[GroupDelay, ...]:
+        """Broadcast group delays."""
+        ...
+
+    @property
+    def hardware_bias_e1_e6_s(self) -> float:
+        """Calibrated delay of the E6 front end minus that of E1, in s."""
+        ...
+
+    @property
+    def ionosphere_e1_m(self) -> Mapping[int, float]:
+        """Predicted slant ionospheric delay on E1 by SVID, in m."""
+        ...
+
+    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
+        """Return the RECS that the satellites of a block sent, with their keys."""
         ...
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int8, Int64
@@ -141,6 +141,7 @@ class BankBlock:
     integration_s: Float[np.ndarray, "n m"]
 
 
+@runtime_checkable
 class Handovers(Protocol):
     """The hand-overs of a block, made one by one because each decrypts its chips when it is asked for."""
 
@@ -149,6 +150,7 @@ class Handovers(Protocol):
         ...
 
 
+@runtime_checkable
 class E6(Protocol):
     """E6 of a block as the processor knows it: samples, or a model that draws what they would give."""
 
@@ -212,6 +214,7 @@ class SearchRequest:
     processor: Any = None
 
 
+@runtime_checkable
 class Searches(Protocol):
     """The searches of a block: made in samples, or drawn by a model of their detection."""
 

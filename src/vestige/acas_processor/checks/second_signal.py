@@ -105,7 +105,7 @@ class SecondSignalMonitor:
         found = np.empty((3, noise_power.size))
         for low in range(0, noise_power.size, _BLOCK):
             part = slice(low, low + _BLOCK)
-            alone = np.abs(scaled[part] @ places.whitened.T)
+            alone = np.abs(np.einsum("nt,pt->np", scaled[part], places.whitened))  # no BLAS: same bits for any number of rows
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)
