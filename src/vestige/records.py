@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Complex64, Complex128, Float, Int8
 
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 
 class Band(Enum):
@@ -220,29 +221,6 @@ class EncryptedSegment:
     key_time: GalileoTime
     key_delay: int
     random_offset: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValidatedKey:
-    """A TESLA key that leads to a signed root key; only `vestige.crypto.tesla.validate` makes one.
-
-    Attributes
-    ----------
-    chain_id
-        OSNMA chain (CID) that it belongs to.
-    time
-        GST_SF of the key: start of the subframe in which it is transmitted.
-    disclosed_at
-        Earliest time at which a bit of the key is on air. Samples must be taken before.
-    complete_at
-        Time at which its last bit has been sent: nobody can have a verdict earlier.
-    """
-
-    chain_id: int
-    time: GalileoTime
-    disclosed_at: GalileoTime
-    complete_at: GalileoTime
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

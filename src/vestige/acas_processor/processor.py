@@ -42,11 +42,11 @@ from vestige.records import (
     Measurement,
     SatelliteMeasurement,
     Snapshot,
-    ValidatedKey,
     Verdict,
 )
 from vestige.source import Source
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 NOT_SEEN = "not seen on E1"
 SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time

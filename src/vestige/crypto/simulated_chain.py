@@ -20,8 +20,8 @@ from vestige.crypto.public_key import ClaimedPublicKey, PublicKey, compressed_po
 from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.signature_scheme import P256, SignatureScheme, scheme_of_curve
 from vestige.crypto.tesla import Chain, Key, one_way, validate
-from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 _P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551  # [FIPS 186-4, D.1.2.3]
 _HOUR_S = 3600
@@ -74,6 +74,7 @@ def make_chain(
     pkid: int = 1,
     parameters: ChainParameters | None = None,
     scheme: SignatureScheme = P256,
+    last_key: bytes | None = None,
 ) -> SimulatedChain:
     """Return a chain whose keys cover `n_keys` subframes from the one of `start` on; the same seed, the same chain.
 
@@ -91,6 +92,8 @@ def make_chain(
         Parameters of the chain; without them the operational ones, with an alpha from the seed.
     scheme
         What the root key is signed with.
+    last_key
+        The key of the last subframe, which all others follow from; drawn from the seed if it is not given.
     """
     if n_keys < 1:
         raise ValueError(f"a chain needs at least one key, not {n_keys}")
@@ -99,7 +102,8 @@ def make_chain(
     first = start.subframe
     hour = first + -(first.second % _HOUR_S)
     root_time = hour + -SUBFRAME_S
-    key = Key(time=first + SUBFRAME_S * (n_keys - 1), data=_expand(seed, "last key", parameters.key_bytes))
+    data = _expand(seed, "last key", parameters.key_bytes) if last_key is None else last_key
+    key = Key(time=first + SUBFRAME_S * (n_keys - 1), data=data)
     keys = [key]
     while key.time > root_time:
         time = key.time + -SUBFRAME_S

@@ -49,7 +49,7 @@ from vestige.receiver.sampled_epoch import (
     window,
 )
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
-from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot, ValidatedKey
+from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -58,6 +58,7 @@ from vestige.signal_generator.synthesis import amplitude
 from vestige.spoofer.spoofer import NOBODY, Spoofer
 from vestige.streams import stream, stream_key
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 Fidelity = Literal["samples", "correlators"]
 

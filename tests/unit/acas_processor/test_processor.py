@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builders import START, batch_of
+from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.watch import Watch
@@ -19,10 +19,10 @@ from vestige.records import (
     GroupDelay,
     Snapshot,
     Status,
-    ValidatedKey,
     Verdict,
 )
 from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.validated_key import ValidatedKey
 
 FS = 10.3e6
 RANGE_M = 24_123_456.0
@@ -30,10 +30,7 @@ DOPPLER_HZ = 300.0  # on E1
 
 
 def _key(number: int = 0) -> ValidatedKey:
-    time = START.subframe + 30 * number
-    return ValidatedKey(
-        chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=bytes([number + 1]) * 16
-    )
+    return validated_key(START.subframe + 30 * number, bytes([number + 1]) * 16)
 
 
 def _world(

@@ -19,13 +19,14 @@ from vestige.acas_processor.vestigial import (
     secret_until,
 )
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.records import Assistance, Band, EncryptedSegment, SampleBatch, ValidatedKey
+from vestige.records import Assistance, Band, EncryptedSegment, SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 SVID, RANGE_M, RATE_MPS = 11, 2.4e7, -300.0
 CHIPS = random_chips(np.random.default_rng(4), 81_840)  # sent at START
