@@ -23,6 +23,7 @@ from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import standing_range_rate
 from vestige.records import CheckResult
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
 
 LONGEST_STEP_S = 1.5  # between two samples; what a receiver does in a longer one, a straight line does not tell
 
@@ -44,6 +45,10 @@ class Accelerations:
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, "n 3"]
+
+    def __post_init__(self) -> None:
+        for name, values in (("elapsed_s", self.elapsed_s), ("acceleration_mps2", self.acceleration_mps2)):
+            require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def gained_mps(
         self,

@@ -35,7 +35,8 @@ import numpy as np
 from jaxtyping import Bool, Int8
 
 from vestige.acas_processor.minimum_defence import Limits, check_e6_power, check_range
-from vestige.records import CheckResult, Measurement, Outcome, Status, Verdict
+from vestige.measurement import Measurement
+from vestige.records import CheckResult, Outcome, Status, Verdict
 
 
 class Scope(Enum):

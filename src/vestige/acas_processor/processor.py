@@ -4,14 +4,16 @@
 number of workers. `decide` is light; at level 1 it needs nothing else. `step` goes with a state from snapshot to
 snapshot, which is what levels 2 and 3 are about (`watch.py`). For one satellite `measure` goes
 
-    segment of this epoch → key validated and *not yet disclosed when the samples were taken* → chips
-    → hand-over from E1 → bank of correlators → threshold → detector → range offset
+    segment of this epoch → validated key → chips → hand-over from E1
+    → *the window that is correlated ends provably before the key's disclosure*
+    → bank of correlators → threshold → detector → range offset
 
 and stops at the first step that is impossible, with the reason. Nothing here knows where the snapshot came from.
 """
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -31,21 +33,14 @@ from vestige.acas_processor.monitors.vestigial_search import TimeUncertainty
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.acas_processor.watch import Watch, WatchState
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import provably_before_disclosure
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs import CipherMode, decrypt
-from vestige.records import (
-    Assistance,
-    CorrelatorBank,
-    Detection,
-    E1Observation,
-    EncryptedSegment,
-    Measurement,
-    SatelliteMeasurement,
-    Snapshot,
-    Verdict,
-)
+from vestige.measurement import Detection, Measurement, SatelliteMeasurement
+from vestige.records import Assistance, CorrelatorBank, E1Observation, EncryptedSegment, Handover, Snapshot, Verdict
 from vestige.source import Source
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
 from vestige.validated_key import ValidatedKey
 
 NOT_SEEN = "not seen on E1"
@@ -204,22 +199,21 @@ class AcasProcessor:
         key = _key_at(assistance, segment.key_time)
         if key is None:
             return SatelliteMeasurement(svid=svid, unavailable=f"no validated OSNMA key of {segment.key_time}")
-        if not key.disclosed_at - snapshot.received_at > snapshot.time_uncertainty_s:
-            reason = (
-                f"not provably received before the key's disclosure: samples until {snapshot.received_at} "
-                f"± {snapshot.time_uncertainty_s:g} s, key on air from {key.disclosed_at}"
-            )
+        delay_m = assisted_delay_m(assistance, svid, snapshot.time, self.group_delay_convention)
+        chips = decrypt(segment, key, mode=self.cipher_mode)
+        handover = hand_over(observation, snapshot.time, chips, delay_m=delay_m, e6_over_e1_db=self.e6_over_e1_db)
+        received_until = max(snapshot.received_at, _window_end(handover, self.offsets_m))
+        if not provably_before_disclosure(key.disclosed_at - received_until, snapshot.time_uncertainty_s):
+            reason = _not_provable(received_until, snapshot.time_uncertainty_s, key)
             return SatelliteMeasurement(svid=svid, unavailable=reason)
         if snapshot.e6 is None:
             return SatelliteMeasurement(svid=svid, unavailable="no E6 samples", available_at=key.complete_at)
 
-        delay_m = assisted_delay_m(assistance, svid, snapshot.time, self.group_delay_convention)
-        chips = decrypt(segment, key, mode=self.cipher_mode)
-        handover = hand_over(observation, snapshot.time, chips, delay_m=delay_m, e6_over_e1_db=self.e6_over_e1_db)
         bank = snapshot.e6.correlate(handover, self.offsets_m)
         if bank is None:
             reason = f"the E6 samples do not hold the RECS expected at {handover.start_time}"
             return SatelliteMeasurement(svid=svid, handover=handover, unavailable=reason, available_at=key.complete_at)
+        require_finite(f"E6 of E{svid:02d}", taps=float(np.abs(bank.taps).sum()), noise_power=bank.noise_power)
         if not bank.noise_power > 0:
             reason = "the E6 samples are all zero"
             return SatelliteMeasurement(svid=svid, handover=handover, unavailable=reason, available_at=key.complete_at)
@@ -271,6 +265,25 @@ def _segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -
     """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
+
+
+def _window_end(handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> GalileoTime:
+    """Return the time label at which the latest correlator of a bank ends."""
+    duration_s = handover.chips.chips.size / handover.chips.chip_rate_hz
+    return handover.start_time + (duration_s + float(offsets_m[-1]) / SPEED_OF_LIGHT_MPS)
+
+
+def _not_provable(received_until: GalileoTime, time_uncertainty_s: float, key: ValidatedKey) -> str:
+    """Return why samples are not provably from before their key's disclosure."""
+    if math.isinf(time_uncertainty_s):
+        return (
+            "not provably received before the key's disclosure: the bound on the receiver clock's error is not known "
+            "(time_uncertainty_s)"
+        )
+    return (
+        f"not provably received before the key's disclosure: samples until {received_until} "
+        f"± {time_uncertainty_s:g} s, key on air from {key.disclosed_at}"
+    )
 
 
 def _key_at(assistance: Assistance, time: GalileoTime) -> ValidatedKey | None:

@@ -21,15 +21,14 @@ from vestige.acas_processor.watch import (
     _true_offsets,
 )
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.measurement import Measurement, SatelliteMeasurement
 from vestige.records import (
     Assistance,
     ChipSequence,
     E1Observation,
     Handover,
-    Measurement,
     Outcome,
     ReceivedOsnma,
-    SatelliteMeasurement,
     Snapshot,
     Status,
     Verdict,

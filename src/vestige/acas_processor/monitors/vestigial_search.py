@@ -27,8 +27,9 @@ from vestige.acas_processor.vestigial import (
     decide_vestigial,
     handover_peaks,
     line_stretches,
-    secret_until,
+    reception_proof,
 )
+from vestige.crypto.disclosure import ReceptionProof
 from vestige.crypto.recs import decrypt
 from vestige.records import Assistance, CheckResult, ChipSequence, SampleBatch, Snapshot
 from vestige.sample_processor.acquisition import Acquisition
@@ -38,6 +39,7 @@ from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, 
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite, require_time_uncertainty
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
@@ -62,6 +64,10 @@ class TimeUncertainty:
     frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
     fixed_at: GalileoTime | None = None
     fixed_s: float = FIXED_S
+
+    def __post_init__(self) -> None:
+        require_time_uncertainty(self.initial_s)
+        require_finite("time uncertainty", frequency_error=self.frequency_error, fixed_s=self.fixed_s)
 
     def at(self, time: GalileoTime) -> float:
         """Return the bound at a time, in s."""
@@ -189,7 +195,7 @@ class E1VestigialSearch:
                 for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
             ]
             found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
-            own = decide_vestigial(svid, found, _secret_until(code, snapshot, assistance, uncertainty))
+            own = decide_vestigial(svid, found, _proof(code, snapshot, assistance, uncertainty))
             if _says(own) > _says(decision):
                 decision, sent = own, code.transmit_time
         return decision, sent
@@ -253,7 +259,7 @@ class E6ExhaustiveSearch:
             stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
             found_of = sorted(self._peaks(source, stretches), key=lambda one: _apart_s(one[0], snapshot))
             for code, peaks in found_of:
-                own = decide_vestigial(code.svid, peaks, _secret_until(code, snapshot, assistance, uncertainty))
+                own = decide_vestigial(code.svid, peaks, _proof(code, snapshot, assistance, uncertainty))
                 if code.svid not in decisions or _says(own) > _says(decisions[code.svid]):
                     decisions[code.svid] = own
                     sent[code.svid] = code.transmit_time
@@ -344,19 +350,16 @@ def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
     return () if decision.true is None else decision.peaks
 
 
-def _secret_until(
+def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
-) -> GalileoTime:
-    """Return until when, on the clock of the samples' labels, a RECS may begin and is provably from before disclosure.
+) -> ReceptionProof:
+    """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
 
-    The labels follow E1, and with it a spoofer. What the receiver knows is when it had the last sample of the snapshot.
+    The labels of the samples follow E1, and with it a spoofer; `received_at` does not.
     """
-    e6 = snapshot.e6
-    until = secret_until(assistance, code, uncertainty.at(snapshot.received_at))
-    if not isinstance(e6, CorrelatableSamples):
-        return until
-    end = e6.batch.start + e6.batch.samples.size / e6.batch.sample_rate_hz
-    return until + (end - snapshot.received_at)
+    proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
+    behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)
+    return replace(proof, labels_behind_s=behind_s)
 
 
 def _codes(
@@ -374,7 +377,7 @@ def _codes(
             reason = f"no validated OSNMA key of {segment.key_time}"
             continue
         code = decrypt(segment, key)
-        if begin < _secret_until(code, snapshot, assistance, uncertainty):
+        if _proof(code, snapshot, assistance, uncertainty).holds(begin):
             codes.append(code)
         else:
             reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
