@@ -63,8 +63,8 @@ class DrawnSearches:
     earliest_m: np.ndarray
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        signals = self.signals[request.epoch] + (request.uncertainty_s > 0.5)[:, None] * 0.0
-        return self._block(np.where(request.fixed[:, None], signals, np.maximum(signals, 1.0)), request)
+        signals = self.signals[request.epoch]
+        return self._block(signals, request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         return self._block(self.signals[request.epoch], request)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.chain_parameters import KEY_BITS, ChainParameters
+from vestige.crypto.simulated_chain import make_chain
 from vestige.receiver.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
@@ -12,6 +16,7 @@ from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.definitions import ALL_SIGNALS, CARRIER_HZ, E6C
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 START = GalileoTime(1372, 480_136)  # 2025-12-12 13:22:16 GST, 16 s into a subframe
 # a replay of both bands on a single line of sight, in the model of the correlators
@@ -31,6 +36,16 @@ start_s = 300
 delay_s = 2e-6
 power_db = 6.0
 """
+
+
+@cache
+def validated_key(time: GalileoTime, data: bytes = bytes(range(16)), chain_id: int = 1) -> ValidatedKey:
+    """Return a key with these bytes: the last one of a chain that ends with it, on air from second 22 to 31."""
+    size = next(code for code, bits in KEY_BITS.items() if bits == 8 * len(data))
+    parameters = ChainParameters(alpha=b"alpha!", key_size=size)
+    chain = make_chain(b"builders", time, 1, chain_id=chain_id, parameters=parameters, last_key=data)
+    (key,) = chain.validated_keys()
+    return key
 
 
 def random_chips(rng: np.random.Generator, n: int, svid: int = 11) -> ChipSequence:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builders import validated_key
 from vestige.crypto import recs, recs_file
 from vestige.crypto.recs import CipherMode
 from vestige.crypto.recs_file import FileKind, RecsFile
-from vestige.records import ChipSequence, EncryptedSegment, ValidatedKey
+from vestige.records import ChipSequence, EncryptedSegment
 from vestige.time import GalileoTime
 
 KEY = bytes.fromhex("be7801d2d4eb75a7e686054a18c58141")
@@ -79,7 +80,7 @@ def test_encrypted_body(chips: ChipSequence, segment: EncryptedSegment) -> None:
 
 @pytest.mark.parametrize("mode", CipherMode)
 def test_decrypted_chips(chips: ChipSequence, mode: CipherMode) -> None:
-    key = ValidatedKey(chain_id=3, time=GST_SF, disclosed_at=GST_SF + 22, complete_at=GST_SF + 31, data=KEY)
+    key = validated_key(GST_SF, KEY, chain_id=3)
     decrypted = recs.decrypt(recs.encrypt(chips, KEY, mode=mode), key, mode=mode)
     assert (decrypted.svid, decrypted.transmit_time, decrypted.chip_rate_hz) == (SVID, EPOCH, 5.115e6)
     np.testing.assert_array_equal(decrypted.chips, chips.chips)

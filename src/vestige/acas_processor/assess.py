@@ -243,20 +243,9 @@ class _Assessment:
         return limits
 
     def _request(self, epochs: Int64[np.ndarray, " k"]) -> SearchRequest:
-        times = self._measured.snapshots.time
-        received = self._measured.snapshots.received_at
-        limits = [self._uncertainties[epoch] for epoch in epochs.tolist()]
-        at_reception = [
-            max(limit.at(received.at(epoch, column)) for column in range(received.shape[1]))
-            for epoch, limit in zip(epochs.tolist(), limits, strict=True)
-        ]
         return SearchRequest(
             epoch=epochs,
-            uncertainty_s=np.array(
-                [limit.at(times.at(epoch)) for epoch, limit in zip(epochs.tolist(), limits, strict=True)]
-            ),
-            uncertainty_at_reception_s=np.array(at_reception),
-            fixed=np.array([limit.fixed_at is not None for limit in limits], np.bool_),
+            uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
             assistance=self._assistance,

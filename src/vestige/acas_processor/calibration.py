@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Measurement
+from vestige.measurement import Measurement
 
 MIN_SATELLITES = 3  # with one satellite a bias cannot be told from spoofing
 

@@ -17,6 +17,7 @@ from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, 
 from vestige.records import ChipSequence, E1Observation, Handover
 from vestige.records.recs_block import AssistanceData
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
 
 # E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
 NOMINAL_E6_OVER_E1_DB = 2.0
@@ -52,12 +53,14 @@ def assisted_delay_m(
 ) -> float:
     """Return P6 − P1 of a satellite in m as the assistance predicts it: 0 for what it does not say."""
     valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
-    return predicted_delay_m(
+    delay_m = predicted_delay_m(
         ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
         bgd_e1_e6_s=max(valid, key=lambda delay: delay.valid_from).bgd_e1_e6_s if valid else 0.0,
         hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
         convention=convention,
     )
+    require_finite(f"assistance of E{svid:02d}", delay_m=delay_m)
+    return delay_m
 
 
 def hand_over(

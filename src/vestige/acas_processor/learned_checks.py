@@ -18,7 +18,8 @@ from vestige.acas_processor.monitors.e6_strength import E6StrengthMonitor
 from vestige.acas_processor.monitors.judgement import Monitor, not_run
 from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
-from vestige.records import Band, CheckResult, Measurement, SatelliteMeasurement, Snapshot
+from vestige.measurement import Measurement, SatelliteMeasurement
+from vestige.records import Band, CheckResult, Snapshot
 from vestige.signals.definitions import E6C
 
 WINDOW = 20

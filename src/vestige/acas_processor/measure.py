@@ -20,8 +20,9 @@ from jaxtyping import Bool, Float
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.handover import assisted_delay_m, hand_over
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
-from vestige.acas_processor.disclosure import provably_secret
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import provably_before_disclosure
 from vestige.crypto.recs import decrypt
 from vestige.records import Handover
 from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
@@ -49,6 +50,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
     handovers = _DecryptedHandovers(processor, snapshots, assistance, lookup)
     banks = _banks(processor, snapshots, asked, handovers)
     availability[asked & np.isnan(banks.noise_power)] = Availability.OUTSIDE
+    availability[handovers.too_late] = Availability.NOT_PROVEN
     availability[asked & (banks.noise_power <= 0)] = Availability.ZERO
     correlated = availability == Availability.CORRELATED
     expected_dbhz = snapshots.e1.cn0_dbhz + processor.e6_over_e1_db
@@ -94,7 +96,8 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
 
 def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
     """Return how far each satellite comes before samples are looked at; the first impossible step counts."""
-    secret = provably_secret(recs.disclosed, snapshots.received_at, snapshots.time_uncertainty_s[:, None])
+    lead_s = recs.disclosed - snapshots.received_at
+    secret = provably_before_disclosure(lead_s, snapshots.time_uncertainty_s[:, None])
     availability = np.full(snapshots.asked.shape, Availability.CORRELATED, np.int8)
     if snapshots.e6 is None:
         availability[:] = Availability.NO_SAMPLES
@@ -142,11 +145,18 @@ class _DecryptedHandovers:
     lookup: RecsLookup
     expected_s: np.ndarray = None  # type: ignore[assignment]
 
+    too_late: np.ndarray = None  # type: ignore[assignment]
+
     def __post_init__(self) -> None:
         self.expected_s = np.full(self.snapshots.asked.shape, np.nan)
+        self.too_late = np.zeros(self.snapshots.asked.shape, np.bool_)
 
-    def at(self, epoch: int, satellite: int) -> Handover:
-        """Return the hand-over of one satellite at one epoch."""
+    def at(self, epoch: int, satellite: int) -> Handover | None:
+        """Return the hand-over of one satellite at one epoch.
+
+        None if the window that it asks for does not end provably before the disclosure of the key, whatever the source
+        says of the time at which it received the samples.
+        """
         segment, key = self.lookup.segment(epoch, satellite)
         time = self.snapshots.time.at(epoch)
         processor = self.processor
@@ -155,6 +165,12 @@ class _DecryptedHandovers:
         observation = self.snapshots.e1.observation(segment.svid, epoch, satellite)
         handover = hand_over(observation, time, chips, delay_m=delay_m, e6_over_e1_db=processor.e6_over_e1_db)
         self.expected_s[epoch, satellite] = handover.start_time - time
+        duration_s = chips.chips.size / chips.chip_rate_hz
+        end = handover.start_time + (duration_s + float(processor.offsets_m[-1]) / SPEED_OF_LIGHT_MPS)
+        uncertainty_s = float(self.snapshots.time_uncertainty_s[epoch])
+        if not provably_before_disclosure(key.disclosed_at - end, uncertainty_s):
+            self.too_late[epoch, satellite] = True
+            return None
         return handover
 
 

@@ -130,6 +130,11 @@ class MeasurementBlock:
                 return "no RECS of this satellite for this time"
             case Availability.NO_KEY:
                 return f"no validated OSNMA key of {self.recs.key_time.at(*here)}"
+            case Availability.NOT_PROVEN if np.isinf(self.snapshots.time_uncertainty_s[epoch]):
+                return (
+                    "not provably received before the key's disclosure: the upper limit of the receiver clock's error "
+                    "is not known (time_uncertainty_s)"
+                )
             case Availability.NOT_PROVEN:
                 return (
                     "not provably received before the key's disclosure: samples until "

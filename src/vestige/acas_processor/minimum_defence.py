@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.records import CheckResult, Outcome, SatelliteMeasurement
+from vestige.measurement import SatelliteMeasurement
+from vestige.records import CheckResult, Outcome
 
 KAPPA = 3.0
 MIN_PD = 0.9

@@ -27,6 +27,7 @@ from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.acas_processor.fix_measurement import FixSettings
+from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.records import Assistance, Band
 from vestige.records.checks import CheckName
 
@@ -53,6 +54,8 @@ class MonitoringSettings:
         The checks with their settings; their false-alarm probability is replaced by that of the level's budget.
     second_signal_filtered
         Whether a filter of the E6 front end bends the correlation function, so that two signals cannot be told from one.
+    e1_search, exhaustive_search
+        The searches with their settings, but for what follows.
     search_p_fa
         False-alarm probability of one search.
     exhaustive_period_s
@@ -77,6 +80,8 @@ class MonitoringSettings:
     inertial: InertialMonitor = field(default_factory=InertialMonitor)
     osnma_availability: OsnmaAvailabilityMonitor = field(default_factory=OsnmaAvailabilityMonitor)
     osnma_reception: OsnmaReceptionMonitor = field(default_factory=OsnmaReceptionMonitor)
+    e1_search: E1VestigialSearch = field(default_factory=E1VestigialSearch)
+    exhaustive_search: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
     search_p_fa: float = SEARCH_P_FA
     exhaustive_period_s: float = 3600.0
     second_channel: Assistance | None = None

@@ -1,25 +1,27 @@
-"""The vestigial searches as checks: whether there is more than one signal of a satellite.
+"""The vestigial searches in samples: how many signals of a satellite there are, and where the earliest is.
 
 Step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
 
 `E1VestigialSearch` belongs to level 2: all signals on E1, and the hand-over of each to E6. `E6ExhaustiveSearch` belongs
 to level 3: every half chip and Doppler bin of E6. Both take a snapshot and its assistance and answer for each satellite
-with the peaks and a check of the number of signals against one. What an attacker can do against them: null the true
-signal, or bury it in noise; then the check of E6 power and that of received power have something to say.
+with the peaks and the number of signals. Both search the `TimeUncertainty`: what the receiver knows of its clock before
+its first authentic fix, and after it only what the oscillator may have drifted since.
 
-Both search the `TimeUncertainty`: what the receiver knows of its clock before its first authentic fix, and after it
-only what the oscillator may have drifted since.
+`SampledSearches` answers for a block of one epoch with these two.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from vestige.acas_processor.handover import assisted_delay_m
-from vestige.acas_processor.checks.check import Monitor, check_budget, judged, not_run
+from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.search_budget import search_budget
+from vestige.acas_processor.state import TimeUncertainty
 from vestige.acas_processor.vestigial import (
     E1_WINDOW_S,
     VestigialDecision,
@@ -27,10 +29,15 @@ from vestige.acas_processor.vestigial import (
     decide_vestigial,
     handover_peaks,
     line_stretches,
-    secret_until,
+    reception_proof,
 )
-from vestige.crypto.recs import decrypt
-from vestige.records import Assistance, CheckResult, ChipSequence, SampleBatch, Snapshot
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import ReceptionProof
+from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs import CipherMode, decrypt
+from vestige.records import Assistance, ChipSequence, SampleBatch, Snapshot
+from vestige.records.recs_block import segment_at, segments_between
+from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock, SearchRequest
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.e1_search import search_e1
@@ -40,39 +47,6 @@ from vestige.sample_processor.search.sample_source import BatchSource, SampleSou
 from vestige.time import GalileoTime
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
-
-FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeUncertainty:
-    """Bound on the error of the receiver's clock.
-
-    Attributes
-    ----------
-    initial_s
-        Before the first authentic fix.
-    frequency_error
-        Bound on the relative frequency error of the oscillator.
-    fixed_at, fixed_s
-        Time of the last authentic fix, and how good it was.
-    """
-
-    initial_s: float = 15.0
-    frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
-    fixed_at: GalileoTime | None = None
-    fixed_s: float = FIXED_S
-
-    def at(self, time: GalileoTime) -> float:
-        """Return the bound at a time, in s."""
-        if self.fixed_at is None:
-            return self.initial_s
-        return min(self.fixed_s + self.frequency_error * abs(time - self.fixed_at), self.initial_s)
-
-    def after_fix(self, time: GalileoTime, fixed_s: float = FIXED_S) -> TimeUncertainty:
-        """Return the uncertainty after an authentic fix at a time."""
-        return replace(self, fixed_at=time, fixed_s=fixed_s)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSearch:
@@ -84,7 +58,11 @@ class SatelliteSearch:
         On E1, the strongest first; none from the exhaustive search.
     peaks
         In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
-        of its key; then E6 says nothing of it, but `check` counts what was found all the same.
+        of its key; then E6 says nothing of it, but `count` counts what was found all the same.
+    count, carrying
+        Number of signals, NaN if the search was not run, and of those that carry the encrypted chips.
+    not_run
+        0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`.
     sent
         Time of transmission of the RECS that the peaks are of; None without peaks.
     """
@@ -92,7 +70,9 @@ class SatelliteSearch:
     svid: int
     signals: tuple[Acquisition, ...]
     peaks: tuple[Peak, ...]
-    check: CheckResult
+    count: float
+    carrying: int = 0
+    not_run: int = 0
     sent: GalileoTime | None = None
 
 
@@ -108,25 +88,19 @@ class E1VestigialSearch:
         Of `search_e1`.
     taps
         Of `search_handover`.
+    cipher_mode, group_delay_convention
+        As `AcasProcessor` has them.
     """
 
     p_fa: float = 1e-3
     doppler_span_hz: float = 5000.0
     periods: int = 24
     taps: int = 5
+    cipher_mode: CipherMode = CipherMode.CBC
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
-
-    @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "E1 vestigial search"
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "signals"
 
     def search(
         self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
@@ -143,8 +117,7 @@ class E1VestigialSearch:
         """
         svids = _satellites(assistance)
         if snapshot.e1 is None:
-            nothing = not_run(self, "no E1 samples")
-            return tuple(SatelliteSearch(svid=svid, signals=(), peaks=(), check=nothing) for svid in svids)
+            return tuple(_not_run(svid, "no E1 samples") for svid in svids)
         signals = search_e1(
             _beginning(snapshot.e1),
             svids,
@@ -158,9 +131,19 @@ class E1VestigialSearch:
             wanted = len(own) > 1 or uncertainty.fixed_at is None
             looked_for = own if wanted else ()
             decision, sent = self._handed_over(svid, looked_for, snapshot.e1, snapshot, assistance, uncertainty)
-            count = max(len(own), len(decision.peaks))
-            check = _count(self, count, decision) if own else not_run(self, "no signal of this satellite on E1")
-            results.append(SatelliteSearch(svid=svid, signals=own, peaks=_proven(decision), check=check, sent=sent))
+            if not own:
+                results.append(_not_run(svid, "no signal of this satellite on E1"))
+                continue
+            results.append(
+                SatelliteSearch(
+                    svid=svid,
+                    signals=own,
+                    peaks=_proven(decision),
+                    count=float(max(len(own), len(decision.peaks))),
+                    carrying=len(decision.peaks),
+                    sent=sent,
+                )
+            )
         return tuple(results)
 
     def _handed_over(
@@ -177,19 +160,19 @@ class E1VestigialSearch:
         e6 = _samples(snapshot)
         if e6 is None or not signals:
             return decision, sent
-        codes, _ = _codes(snapshot, assistance, uncertainty, svid)
+        codes, _ = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
         for code in codes:
             window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
             if window is None:
                 continue
-            delay_m = assisted_delay_m(assistance, svid, snapshot.time)
+            delay_m = assisted_delay_m(assistance, svid, snapshot.time, self.group_delay_convention)
             lines = [
                 line
                 for one in signals
                 for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
             ]
             found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
-            own = decide_vestigial(svid, found, _secret_until(code, snapshot, assistance, uncertainty))
+            own = decide_vestigial(svid, found, _proof(code, snapshot, assistance, uncertainty))
             if _says(own) > _says(decision):
                 decision, sent = own, code.transmit_time
         return decision, sent
@@ -207,24 +190,17 @@ class E6ExhaustiveSearch:
         Integration time, Doppler span, engine, workers.
     around_s
         How far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty.
+    cipher_mode
+        As `AcasProcessor` has it.
     """
 
     p_fa: float = 1e-3
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
     around_s: float | None = None
+    cipher_mode: CipherMode = CipherMode.CBC
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
-
-    @property
-    def name(self) -> str:
-        """Name in `CheckResult`."""
-        return "E6 exhaustive search"
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "signals"
 
     def search(
         self,
@@ -245,7 +221,9 @@ class E6ExhaustiveSearch:
             Where E1 puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
         """
         source = e6 or _samples(snapshot)
-        found = {svid: _codes(snapshot, assistance, uncertainty, svid) for svid in _satellites(assistance)}
+        found = {
+            svid: _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode) for svid in _satellites(assistance)
+        }
         codes = [code for codes, _ in found.values() for code in codes]
         decisions: dict[int, VestigialDecision] = {}
         sent: dict[int, GalileoTime] = {}
@@ -253,19 +231,13 @@ class E6ExhaustiveSearch:
             stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
             found_of = sorted(self._peaks(source, stretches), key=lambda one: _apart_s(one[0], snapshot))
             for code, peaks in found_of:
-                own = decide_vestigial(code.svid, peaks, _secret_until(code, snapshot, assistance, uncertainty))
+                own = decide_vestigial(code.svid, peaks, _proof(code, snapshot, assistance, uncertainty))
                 if code.svid not in decisions or _says(own) > _says(decisions[code.svid]):
                     decisions[code.svid] = own
                     sent[code.svid] = code.transmit_time
         return tuple(
-            SatelliteSearch(
-                svid=svid,
-                signals=(),
-                peaks=_proven(decisions[svid]) if svid in decisions else (),
-                check=self._judged(decisions.get(svid), "no E6 samples" if source is None else reason),
-                sent=sent.get(svid),
-            )
-            for svid, (_, reason) in found.items()
+            _not_run(svid, "no E6 samples") if source is None else _of_decision(svid, decisions.get(svid), codes, sent)
+            for svid, (codes, _) in found.items()
         )
 
     def _stretches(
@@ -307,31 +279,39 @@ class E6ExhaustiveSearch:
     def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
         return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
 
-    def _judged(self, decision: VestigialDecision | None, reason: str) -> CheckResult:
-        if decision is None:
-            return not_run(self, reason or "the E6 samples do not hold the RECS anywhere in the time uncertainty")
-        if not decision.peaks:
-            return not_run(self, "the RECS was not found in E6")
-        if decision.true is None and not decision.spoofed:
-            where = f"the RECS was found at {decision.peaks[0].start_time}, when its key may have been known"
-            return not_run(self, where)
-        return _count(self, len(decision.peaks), decision)
+
+def _not_run(svid: int, why: str) -> SatelliteSearch:
+    return SatelliteSearch(
+        svid=svid, signals=(), peaks=(), count=math.nan, not_run=SEARCH_NOT_RUN.index(why) + 1
+    )
 
 
-def _count(monitor: Monitor, count: int, decision: VestigialDecision) -> CheckResult:
-    """Return the check of a number of signals against one."""
-    where = "E6 does not say which is the true one"
-    if decision.spoofed:
-        where = f"{len(decision.peaks)} carry the encrypted chips; " + (
-            f"the earliest, at {decision.true.start_time}, is the true one"
-            if decision.true is not None
-            else "all of them when their key may have been known"
-        )
-    return judged(monitor, float(count), 1.0, f"{count} signals of one satellite: {where}")
+def _of_decision(
+    svid: int,
+    decision: VestigialDecision | None,
+    codes: tuple[ChipSequence, ...],
+    sent: Mapping[int, GalileoTime],
+) -> SatelliteSearch:
+    """Return what an exhaustive search says of one satellite."""
+    if decision is None:
+        why = "the E6 samples do not hold the RECS anywhere in the time uncertainty"
+        return _not_run(svid, why if codes else "no RECS of this satellite, or no key that proves anything")
+    if not decision.peaks:
+        return _not_run(svid, "the RECS was not found in E6")
+    if decision.true is None and not decision.spoofed:
+        return _not_run(svid, "the RECS was found when its key may have been known")
+    return SatelliteSearch(
+        svid=svid,
+        signals=(),
+        peaks=_proven(decision),
+        count=float(len(decision.peaks)),
+        carrying=len(decision.peaks),
+        sent=sent[svid],
+    )
 
 
 def _says(decision: VestigialDecision) -> int:
-    """Return 2 of what is spoofed, 1 of one signal, 0 of none: of equals, the RECS of the snapshot itself counts."""
+    """Rank a decision: 2 if several signals were found, 1 if one, 0 if none. Ties go to the RECS of the snapshot."""
     return min(len(decision.peaks), 2)
 
 
@@ -344,23 +324,20 @@ def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
     return () if decision.true is None else decision.peaks
 
 
-def _secret_until(
+def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
-) -> GalileoTime:
-    """Return until when, on the clock of the samples' labels, a RECS may begin and is provably from before disclosure.
+) -> ReceptionProof:
+    """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
 
-    The labels follow E1, and with it a spoofer. What the receiver knows is when it had the last sample of the snapshot.
+    The labels of the samples follow E1, and with it a spoofer; `received_at` does not.
     """
-    e6 = snapshot.e6
-    until = secret_until(assistance, code, uncertainty.at(snapshot.received_at))
-    if not isinstance(e6, CorrelatableSamples):
-        return until
-    end = e6.batch.start + e6.batch.samples.size / e6.batch.sample_rate_hz
-    return until + (end - snapshot.received_at)
+    proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
+    behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)
+    return replace(proof, labels_behind_s=behind_s)
 
 
 def _codes(
-    snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int
+    snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
 ) -> tuple[tuple[ChipSequence, ...], str]:
     """Return the RECS of a satellite that may prove something in a snapshot, its own first, and why there is none."""
     begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
@@ -373,8 +350,8 @@ def _codes(
         if key is None:
             reason = f"no validated OSNMA key of {segment.key_time}"
             continue
-        code = decrypt(segment, key)
-        if begin < _secret_until(code, snapshot, assistance, uncertainty):
+        code = decrypt(segment, key, mode=cipher_mode)
+        if _proof(code, snapshot, assistance, uncertainty).holds(begin):
             codes.append(code)
         else:
             reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
@@ -395,3 +372,85 @@ def _beginning(batch: SampleBatch) -> SampleBatch:
 
 def _satellites(assistance: Assistance) -> list[int]:
     return sorted({one.svid for one in assistance.segments})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledSearches:
+    """Both searches of a block of one epoch, in the samples of its snapshot.
+
+    Attributes
+    ----------
+    snapshot
+        With E1, and E6 as far as it goes.
+    svids
+        Satellites of the columns.
+    """
+
+    snapshot: Snapshot
+    svids: tuple[int, ...]
+
+    def e1(self, request: SearchRequest) -> SearchBlock:
+        """Return what the search of E1 with hand-over to E6 finds."""
+        processor, settings = request.processor, request.processor.monitoring.e1_search
+        search = replace(
+            settings,
+            p_fa=request.p_fa,
+            cipher_mode=processor.cipher_mode,
+            group_delay_convention=processor.group_delay_convention,
+        )
+        return self._block(search.search(self.snapshot, self._assistance(request), self._uncertainty(request)), request)
+
+    def exhaustive(self, request: SearchRequest) -> SearchBlock:
+        """Return what the exhaustive search of E6 finds."""
+        settings = request.processor.monitoring.exhaustive_search
+        search = replace(settings, p_fa=request.p_fa, cipher_mode=request.processor.cipher_mode)
+        expected = {
+            svid: self.snapshot.time + float(seconds)
+            for svid, seconds in zip(self.svids, request.expected_s[0], strict=True)
+            if math.isfinite(seconds)
+        }
+        found = search.search(
+            self.snapshot, self._assistance(request), self._uncertainty(request), expected=expected
+        )
+        return self._block(found, request)
+
+    def _assistance(self, request: SearchRequest) -> Assistance:
+        """Return the assistance with the RECS of the snapshot alone.
+
+        The RECS before and after it have snapshots of their own. So the verdicts are the same whether the RECS to come
+        are known or not.
+        """
+        times = [
+            self.snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in self.snapshot.observations.values()
+        ]
+        segments = segments_between(request.assistance, min(times), max(times)) if times else ()
+        return replace(request.assistance, segments=segments)
+
+    @staticmethod
+    def _uncertainty(request: SearchRequest) -> TimeUncertainty:
+        return request.uncertainty[0]
+
+    def _block(self, found: Iterable[SatelliteSearch], request: SearchRequest) -> SearchBlock:
+        by_svid = {one.svid: one for one in found}
+        shape = (1, len(self.svids))
+        signals, carrying, earliest_m = np.full((3, *shape), np.nan)
+        not_run = np.full(shape, SEARCH_NOT_RUN.index("no RECS of this satellite, or no key that proves anything") + 1)
+        for column, svid in enumerate(self.svids):
+            one = by_svid.get(svid)
+            if one is None:
+                continue
+            signals[0, column], carrying[0, column], not_run[0, column] = one.count, one.carrying, one.not_run
+            expected_s = request.expected_s[0, column]
+            same = one.sent is not None and self._sent_with(svid, one.sent, request)
+            if same and len(one.peaks) > 1 and math.isfinite(expected_s):
+                apart_s = (min(peak.start_time for peak in one.peaks) - self.snapshot.time) - expected_s
+                earliest_m[0, column] = apart_s * SPEED_OF_LIGHT_MPS
+        return SearchBlock(
+            signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8)
+        )
+
+    def _sent_with(self, svid: int, sent: GalileoTime, request: SearchRequest) -> bool:
+        """Return whether a RECS is that of the snapshot."""
+        travel_s = self.snapshot.observations[svid].pseudorange_m / SPEED_OF_LIGHT_MPS
+        own = segment_at(request.assistance, svid, self.snapshot.time + -travel_s)
+        return own is not None and own.transmit_time == sent

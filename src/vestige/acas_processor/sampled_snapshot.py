@@ -14,6 +14,7 @@ from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Ha
 from vestige.records.times import GalileoTimes
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,8 +31,10 @@ class SampledE6:
         noise_power, integration_s = np.full((2, *asked.shape), np.nan)
         for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(asked)), strict=True):
             handover = handovers.at(epoch, satellite)
-            bank = self.e6.correlate(handover, offsets_m)
-            if bank is not None:
+            bank = None if handover is None else self.e6.correlate(handover, offsets_m)
+            if handover is not None and bank is not None:
+                owner, largest = f"E6 of E{handover.svid:02d}", float(np.abs(bank.taps).sum())
+                require_finite(owner, taps=largest, noise_power=bank.noise_power)
                 taps[epoch, satellite], noise_power[epoch, satellite] = bank.taps, bank.noise_power
                 integration_s[epoch, satellite] = handover.chips.chips.size / E6C.chip_rate_hz
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)

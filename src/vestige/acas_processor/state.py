@@ -10,6 +10,7 @@ from vestige.acas_processor.baseline import Baseline
 from vestige.acas_processor.memory import ClockMemory, OsnmaMemory, RateMemory, Vector
 from vestige.records.checks import CheckName
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite, require_time_uncertainty
 
 FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
 
@@ -32,6 +33,10 @@ class TimeUncertainty:
     frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
     fixed_at: GalileoTime | None = None
     fixed_s: float = FIXED_S
+
+    def __post_init__(self) -> None:
+        require_time_uncertainty(self.initial_s)
+        require_finite("time uncertainty", frequency_error=self.frequency_error, fixed_s=self.fixed_s)
 
     def at(self, time: GalileoTime) -> float:
         """Return the upper limit at a time, in s."""

@@ -14,13 +14,13 @@ position the clock is known: a narrower time uncertainty makes both searches as 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 from vestige.acas_processor.search_budget import SearchBudget, search_budget
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import ReceptionProof
 from vestige.records import Assistance, ChipSequence
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
@@ -33,7 +33,6 @@ E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary c
 REMEASURE_S = 2.0  # between measurements of E1
 TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
-_NEVER = GalileoTime(1, 0)  # of 1999: no RECS was sent before
 MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not known
 
 
@@ -55,21 +54,21 @@ class VestigialDecision:
     spoofed: bool
 
 
-def decide_vestigial(svid: int, peaks: Iterable[Peak], secret_until: GalileoTime | None = None) -> VestigialDecision:
+def decide_vestigial(svid: int, peaks: Iterable[Peak], proof: ReceptionProof | None = None) -> VestigialDecision:
     """Return the decision on the peaks of a satellite: the earliest is the true signal, a second one is spoofing.
 
     Parameters
     ----------
-    secret_until
-        As the function `secret_until` has it; None if all samples are known to be from before the key's disclosure.
+    proof
+        As `reception_proof` has it; None if all samples are known to be from before the key's disclosure.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
-    secret = bool(own) and (secret_until is None or own[0].start_time < secret_until)
+    secret = bool(own) and (proof is None or proof.holds(own[0].start_time))
     return VestigialDecision(svid=svid, peaks=own, true=own[0] if secret else None, spoofed=len(own) > 1)
 
 
-def secret_until(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> GalileoTime:
-    """Return the start before which a RECS is received, its last chip included, before anybody can know its chips.
+def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
+    """Return which arrivals of a RECS are provably from before anybody could know its chips.
 
     Parameters
     ----------
@@ -80,15 +79,14 @@ def secret_until(assistance: Assistance, chips: ChipSequence, uncertainty_s: flo
     uncertainty_s
         Bound on the error of the clock that the start is measured with, infinite if there is none.
     """
-    if math.isinf(uncertainty_s):
-        return _NEVER
     times = {
         one.key_time
         for one in assistance.segments
         if one.svid == chips.svid and one.transmit_time == chips.transmit_time
     }
     disclosed_at = min(key.disclosed_at for key in assistance.keys if key.time in times)
-    return disclosed_at + -(uncertainty_s + chips.chips.size / chips.chip_rate_hz)
+    duration_s = chips.chips.size / chips.chip_rate_hz
+    return ReceptionProof(disclosed_at=disclosed_at, duration_s=duration_s, time_uncertainty_s=uncertainty_s)
 
 
 def arrival_window(

@@ -45,15 +45,8 @@ from vestige.acas_processor.monitors.vestigial_search import (
 from vestige.acas_processor.osnma_comparison import compare_osnma
 from vestige.acas_processor.search_schedule import search_due
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import (
-    Assistance,
-    CheckResult,
-    Measurement,
-    Outcome,
-    Snapshot,
-    Status,
-    Verdict,
-)
+from vestige.measurement import Measurement
+from vestige.records import Assistance, CheckResult, Outcome, Snapshot, Status, Verdict
 from vestige.time import GalileoTime
 
 FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more

@@ -12,8 +12,8 @@ from vestige.cli.options import time_option
 if TYPE_CHECKING:
     from vestige.crypto.osnma_report import OsnmaReport
     from vestige.recording.sbf import SbfCounts
-    from vestige.records import ValidatedKey
     from vestige.time import GalileoTime
+    from vestige.validated_key import ValidatedKey
 
 _PROBLEMS_SHOWN = 12
 

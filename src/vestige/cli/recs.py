@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
     from vestige.crypto.recs_file import RecsFile
     from vestige.errors import VestigeError
-    from vestige.records import EncryptedSegment, ValidatedKey
+    from vestige.records import EncryptedSegment
     from vestige.time import GalileoTime
+    from vestige.validated_key import ValidatedKey
 
 # Verbs of this group that live in files of their own: name -> module with `command`.
 ELSEWHERE = {"make": "vestige.cli.recs_make"}

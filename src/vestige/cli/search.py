@@ -129,7 +129,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         decide_vestigial,
         handover_peaks,
         line_stretches,
-        secret_until,
+        reception_proof,
     )
     from vestige.cli.search_figure import SearchFigure
     from vestige.cli.search_report import Answer, places_line, print_answers
@@ -159,9 +159,9 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         peaks, budget = handover_peaks(
             e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]), trace=figure.add
         )
-        until = secret_until(assistance, code, around_s)
-        decision = decide_vestigial(code.svid, peaks, until)
-        answers.append(Answer(decision=decision, budget=budget, secret_until=until))
+        proof = reception_proof(assistance, code, around_s)
+        decision = decide_vestigial(code.svid, peaks, proof)
+        answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if budget.hypotheses:
             click.echo(places_line(code.svid, budget), err=True)
     figure.write([(one.decision, one.budget) for one in answers])
@@ -190,7 +190,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     then is printed.
     """
     from vestige.acas_processor.search_budget import search_budget
-    from vestige.acas_processor.vestigial import decide_vestigial, secret_until
+    from vestige.acas_processor.vestigial import decide_vestigial, reception_proof
     from vestige.cli.search_figure import SearchFigure
     from vestige.cli.search_report import Answer, follow, print_answers, print_budget
     from vestige.records import Band
@@ -229,9 +229,9 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
             keep=(lambda _: None) if log is None else partial(log.keep, name),
         )
         for code in group:
-            until = secret_until(assistance, code, around_s)
-            decision = decide_vestigial(code.svid, peaks, until)
-            answers.append(Answer(decision=decision, budget=budget, secret_until=until))
+            proof = reception_proof(assistance, code, around_s)
+            decision = decide_vestigial(code.svid, peaks, proof)
+            answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if unsearched is not None:
             break
     figure.write([(one.decision, one.budget) for one in answers])

@@ -13,6 +13,7 @@ import click
 if TYPE_CHECKING:
     from vestige.acas_processor.search_budget import SearchBudget
     from vestige.acas_processor.vestigial import VestigialDecision
+    from vestige.crypto.disclosure import ReceptionProof
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
     from vestige.sample_processor.search.peak import Peak
     from vestige.time import GalileoTime
@@ -27,13 +28,13 @@ class Answer:
 
     Attributes
     ----------
-    secret_until
-        Start from which on its chips may have been known.
+    proof
+        Which of its arrivals are from before the disclosure of its key.
     """
 
     decision: VestigialDecision
     budget: SearchBudget
-    secret_until: GalileoTime
+    proof: ReceptionProof
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
@@ -124,7 +125,7 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
                 "spoofed": one.decision.spoofed,
                 "true_start_time": None if one.decision.true is None else str(one.decision.true.start_time),
                 "hypotheses": one.budget.hypotheses,
-                "peaks": [_as_dict(peak, one.secret_until) for peak in one.decision.peaks],
+                "peaks": [_as_dict(peak, one.proof) for peak in one.decision.peaks],
             }
             for one in answers
         ]
@@ -156,7 +157,7 @@ def _peak_line(peak: Peak) -> str:
     )
 
 
-def _as_dict(peak: Peak, secret_until: GalileoTime) -> dict[str, Any]:
+def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
     return {
         "start_time": str(peak.start_time),
         "start_fraction_s": peak.start_time.fraction,
@@ -164,5 +165,5 @@ def _as_dict(peak: Peak, secret_until: GalileoTime) -> dict[str, Any]:
         "magnitude_sigma": peak.magnitude,
         "threshold_sigma": peak.threshold,
         "cn0_dbhz": peak.cn0_dbhz,
-        "before_disclosure": peak.start_time < secret_until,
+        "before_disclosure": proof.holds(peak.start_time),
     }

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Measurement, Outcome, SatelliteMeasurement, Status, Verdict
+from vestige.measurement import Measurement, SatelliteMeasurement
+from vestige.records import Outcome, Status, Verdict
 
 if TYPE_CHECKING:
     from vestige.acas_processor.alarm import StateChange

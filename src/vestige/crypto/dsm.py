@@ -4,8 +4,9 @@ The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block
 satellites send different blocks at the same time, so a receiver that sees many of them has a DSM within a minute.
 
 A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 |
-TOWH 8 | alpha 48 | KROOT | signature 512 | padding` [OSNMA-ICD, DSM-KROOT]. What is signed is the NMA header and
-everything from CIDKR to KROOT. Parsing proves nothing: only `root_key.verify_root_key` makes a usable key.
+TOWH 8 | alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056
+(P-521). What is signed is the NMA header and everything from CIDKR to KROOT. Parsing proves nothing: only
+`root_key.verify_root_key` makes a usable key.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 from vestige.crypto.chain_parameters import KEY_BITS, ChainParameters
+from vestige.crypto.signature_scheme import P256, P521
 from vestige.errors import AuthenticationError, UnsupportedError
 from vestige.time import GalileoTime
 
@@ -23,7 +25,6 @@ BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
 FIRST_PKR_ID = 12  # DSM id 0…11 is a DSM-KROOT, 12…15 a DSM-PKR [OSNMA-ICD, DSM header]
 KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
 PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
-SIGNATURE_BYTES = 64  # ECDSA P-256: r and s [OSNMA-ICD, DSM-KROOT]
 
 _HEAD_BYTES = 13  # everything before KROOT, alpha included
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
@@ -167,7 +168,7 @@ def parse_kroot(message: bytes) -> DsmKroot:
     if root_hour * 3600 >= SECONDS_PER_WEEK:
         raise AuthenticationError(f"DSM-KROOT: TOWH is {root_hour}, not an hour of the week")
     key_end = _HEAD_BYTES + KEY_BITS[parameters.key_size] // 8
-    signature_end = key_end + SIGNATURE_BYTES
+    signature_end = key_end + _signature_bytes(len(message) - key_end)
     if signature_end > len(message):
         raise AuthenticationError(f"DSM-KROOT: {n_blocks} blocks are too short for key and signature")
     return DsmKroot(
@@ -182,3 +183,12 @@ def parse_kroot(message: bytes) -> DsmKroot:
         signature=message[key_end:signature_end],
         padding=message[signature_end:],
     )
+
+
+def _signature_bytes(room: int) -> int:
+    """Return the length of the signature that stands in the bytes after KROOT.
+
+    The message has no field for it: it has as many blocks as KROOT and signature need, 7 to 9 with P-256 and 13 or 14
+    with P-521, so a signature of P-521 is there if there is room for one.
+    """
+    return (P521 if room >= P521.signature_bytes else P256).signature_bytes

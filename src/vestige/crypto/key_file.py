@@ -31,8 +31,8 @@ from vestige.crypto.public_key import PublicKey
 from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.tesla import Chain, Key, validate
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 FIRST_LINE = "# vestige OSNMA keys 1"
 COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")

@@ -5,7 +5,7 @@ on the way up anybody can compute the root, and only the true key at its true pl
 6.2]. The root itself comes from the user: it is what OSNMA's trust starts from.
 
 A new public key is also broadcast, as a DSM-PKR with the four siblings that belong to it: `NB 4 | leaf 4 | siblings 4 x
-256 | type 4 | PKID 4 | point 264 | padding`.
+256 | type 4 | PKID 4 | point | padding`, the point of 264 bits (P-256) or 536 (P-521).
 """
 
 from __future__ import annotations
@@ -15,15 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from vestige.crypto.dsm import BLOCK_BYTES, PKR_BLOCKS
-from vestige.crypto.public_key import (
-    P256_TYPE,
-    POINT_BYTES,
-    ClaimedPublicKey,
-    PublicKey,
-    Trust,
-    load_point,
-    require_p256,
-)
+from vestige.crypto.public_key import ClaimedPublicKey, PublicKey, Trust, load_point
+from vestige.crypto.signature_scheme import scheme_of_point, scheme_of_type
 from vestige.errors import AuthenticationError, UnsupportedError
 
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
@@ -53,8 +46,14 @@ class MerkleTree:
 
 
 def leaf_hash(pkid: int, point: bytes) -> bytes:
-    """Return the leaf of an ECDSA P-256 public key, 32 bytes."""
-    return hashlib.sha256(bytes([P256_TYPE << 4 | pkid]) + point).digest()
+    """Return the leaf of a public key, 32 bytes.
+
+    Raises
+    ------
+    AuthenticationError
+        If `point` has the length of no compressed point.
+    """
+    return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
 
 def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
@@ -147,17 +146,18 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     AuthenticationError
         If the message is malformed or leads to another root.
     UnsupportedError
-        If it holds no ECDSA P-256 key (an alert message, another curve, a reserved value).
+        If it holds no key (an alert message, a reserved value).
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes, but NB says {blocks} blocks of {BLOCK_BYTES}")
     siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
     at = 1 + NODE_BYTES * HEIGHT
-    require_p256(message[at] >> 4)
-    if len(message) < at + 1 + POINT_BYTES:
-        raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a P-256 key")
-    return _verified(message[at] & 15, message[0] & 15, message[at + 1 : at + 1 + POINT_BYTES], siblings, tree.root)
+    scheme = scheme_of_type(message[at] >> 4)
+    end = at + 1 + scheme.point_bytes
+    if len(message) < end:
+        raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a key of {scheme.name}")
+    return _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root)
 
 
 def pkr_blocks(first_byte: int) -> int:

@@ -31,8 +31,9 @@ from vestige.crypto.tag_verifier import TagVerifier
 from vestige.crypto.tags import parse_mack
 from vestige.crypto.tesla import Chain, Key, fill_gaps, validate
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
-from vestige.records import ReceivedOsnma, ValidatedKey
+from vestige.records import ReceivedOsnma
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 
 @dataclass(frozen=True, slots=True)

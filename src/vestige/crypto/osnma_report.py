@@ -10,8 +10,8 @@ from vestige.crypto.dsm import DsmKroot, NmaHeader
 from vestige.crypto.root_key import RootKey
 from vestige.crypto.subframe import Content, PageStatus
 from vestige.errors import AuthenticationError
-from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 
 class ProblemKind(Enum):

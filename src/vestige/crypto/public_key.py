@@ -7,23 +7,15 @@ user has nothing but the key and says with `trusted_by_user` that he vouches for
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
 
-from vestige.errors import AuthenticationError, UnsupportedError
-
-P256_TYPE = 1  # NPKT of ECDSA P-256/SHA-256 [OSNMA-ICD, DSM-PKR]
-POINT_BYTES = 33  # compressed point on P-256 [OSNMA-ICD, DSM-PKR]
-LEFT_OUT: Mapping[int, str] = {  # NPKT that vestige does not verify, and why
-    3: "ECDSA P-521/SHA-512: not broadcast so far, no test vector to check it with",
-    4: "OSNMA alert message: not a key",
-}
+from vestige.crypto.signature_scheme import scheme_of_curve, scheme_of_point
+from vestige.errors import AuthenticationError
 
 
 class Trust(Enum):
@@ -44,7 +36,7 @@ class ClaimedPublicKey:
     leaf
         Its place among the 16 leaves of the Merkle tree; None if the source does not say.
     point
-        Compressed point on P-256, 33 bytes.
+        Compressed point on P-256, 33 bytes, or on P-521, 67 bytes.
     """
 
     pkid: int | None
@@ -69,17 +61,22 @@ class PublicKey:
     trust: Trust
 
     def verify(self, message: bytes, signature: bytes) -> None:
-        """Check an ECDSA P-256/SHA-256 signature given as r and s.
+        """Check a signature, given as r and s, in the scheme of this key.
 
         Raises
         ------
         AuthenticationError
             If `signature` is not that of `message` under this key.
         """
-        half = len(signature) // 2
+        scheme = scheme_of_point(self.point)
+        if len(signature) != scheme.signature_bytes:
+            raise AuthenticationError(
+                f"the signature has {len(signature)} bytes; {self} signs with {scheme.signature_bytes}, {scheme.name}"
+            )
+        half = scheme.coordinate_bytes
         r, s = int.from_bytes(signature[:half], "big"), int.from_bytes(signature[half:], "big")
         try:
-            load_point(self.point).verify(encode_dss_signature(r, s), message, ec.ECDSA(hashes.SHA256()))
+            load_point(self.point).verify(encode_dss_signature(r, s), message, ec.ECDSA(scheme.hash))
         except InvalidSignature:
             raise AuthenticationError(f"the signature does not verify with {self}") from None
 
@@ -89,23 +86,27 @@ class PublicKey:
 
 
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
-    """Return the key of a compressed point.
+    """Return the key of a compressed point; its length says on which curve it is.
 
     Raises
     ------
     AuthenticationError
-        If the bytes are no point on P-256.
+        If the bytes are no point on P-256 or P-521.
     """
+    scheme = scheme_of_point(point)
     try:
-        return ec.EllipticCurvePublicKey.from_encoded_point(ec.SECP256R1(), point)
+        return ec.EllipticCurvePublicKey.from_encoded_point(scheme.curve, point)
     except ValueError:
-        raise AuthenticationError(f"{point.hex()} is not a point on the curve P-256") from None
+        raise AuthenticationError(f"{point.hex()} is not a point on the curve {scheme.curve_name}") from None
 
 
 def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
-    """Return the point of a P-256 key, 33 bytes."""
+    """Return the point of a P-256 or P-521 key, 33 or 67 bytes."""
+    scheme = scheme_of_curve(key.curve)
+    if scheme is None:
+        raise ValueError(f"{key.curve.name} is no curve of OSNMA")
     x, y = key.public_numbers().x, key.public_numbers().y
-    return bytes([2 + (y & 1)]) + x.to_bytes(POINT_BYTES - 1, "big")
+    return bytes([2 + (y & 1)]) + x.to_bytes(scheme.coordinate_bytes, "big")
 
 
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
@@ -118,16 +119,3 @@ def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
     """
     load_point(claim.point)
     return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)
-
-
-def require_p256(key_type: int) -> None:
-    """Check the type of a public key.
-
-    Raises
-    ------
-    UnsupportedError
-        If it is another than ECDSA P-256/SHA-256.
-    """
-    if key_type != P256_TYPE:
-        reason = LEFT_OUT.get(key_type, "reserved")
-        raise UnsupportedError(f"public key type {key_type} ({reason}); supported is 1, ECDSA P-256/SHA-256")

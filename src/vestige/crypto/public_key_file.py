@@ -19,7 +19,8 @@ from defusedxml.common import DefusedXmlException
 
 from vestige.crypto.file_bytes import read_bytes
 from vestige.crypto.merkle_tree import HEIGHT, LEAVES, NODE_BYTES, MerkleTree, verify_public_key, verify_tree
-from vestige.crypto.public_key import POINT_BYTES, ClaimedPublicKey, PublicKey, compressed_point, trusted_by_user
+from vestige.crypto.public_key import ClaimedPublicKey, PublicKey, compressed_point, trusted_by_user
+from vestige.crypto.signature_scheme import NAMES, P256, SCHEMES, scheme_of_curve
 from vestige.errors import InputFileError, UnsupportedError
 
 MAX_FILE_BYTES = 1_000_000  # the published files have 2 kB; nothing larger is one of them
@@ -34,7 +35,7 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
     InputFileError
         If the file is neither.
     UnsupportedError
-        If it is a key of another kind than ECDSA P-256.
+        If it is a key of another kind than ECDSA P-256 and P-521.
     """
     text = _read_text(path)
     if "-----BEGIN" in text:
@@ -125,9 +126,9 @@ def _pem_point(path: Path, text: str) -> bytes:
     try:
         key = load_pem_public_key(text.encode())
     except (ValueError, TypeError, UnsupportedAlgorithm):
-        raise InputFileError(path, "PEM block", "no public key in it", "a PEM public key on P-256") from None
-    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
-        raise UnsupportedError(f"{path}: the key is not an elliptic-curve key on P-256")
+        raise InputFileError(path, "PEM block", "no public key in it", "a PEM public key on P-256 or P-521") from None
+    if not isinstance(key, ec.EllipticCurvePublicKey) or scheme_of_curve(key.curve) is None:
+        raise UnsupportedError(f"{path}: the key is not an elliptic-curve key on P-256 or P-521")
     return compressed_point(key)
 
 
@@ -163,13 +164,15 @@ def _node(path: Path, element: Element) -> tuple[tuple[int, int], bytes]:
 
 
 def _claim(path: Path, fields: dict[str, str]) -> ClaimedPublicKey:
-    kind = fields.get("PKType", "P-256")
-    if "P-256" not in kind:
-        raise UnsupportedError(f"{path}: public key of type {kind!r}; supported is ECDSA P-256/SHA-256")
+    kind = fields.get("PKType", P256.name)
+    # Files say "ECDSA P-256/SHA-256" or "P-256/SHA-256".
+    scheme = next((one for one in SCHEMES if one.curve_name in kind), None)
+    if scheme is None:
+        raise UnsupportedError(f"{path}: public key of type {kind!r}; supported are {NAMES}")
     if "lengthInBits" in fields:
-        _check_length(path, fields["lengthInBits"], POINT_BYTES)
+        _check_length(path, fields["lengthInBits"], scheme.point_bytes)
     return ClaimedPublicKey(
         pkid=_number(path, "PKID", fields["PKID"], 16),
         leaf=_number(path, "i", fields["i"], LEAVES) if "i" in fields else None,
-        point=_hex(path, "point", fields["point"], POINT_BYTES),
+        point=_hex(path, "point", fields["point"], scheme.point_bytes),
     )

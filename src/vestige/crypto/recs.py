@@ -28,9 +28,10 @@ from cryptography.hazmat.primitives.ciphers.modes import CBC, CTR
 from jaxtyping import Int8
 
 from vestige.constants import SUBFRAME_S
-from vestige.records import ChipSequence, EncryptedSegment, ValidatedKey
+from vestige.records import ChipSequence, EncryptedSegment
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey, is_validated
 
 WEEK_MODULUS = 4096  # 12-bit week of GST_SF and of the unitary header [SASLIB]
 BLOCK_BYTES = 16  # AES
@@ -227,9 +228,13 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
 
     Raises
     ------
+    TypeError
+        If the key is not a validated one.
     ValueError
         If the key is of another subframe, or the segment contradicts itself.
     """
+    if not is_validated(key):
+        raise TypeError(f"a RECS is decrypted with a ValidatedKey, not with a {type(key).__name__}")
     if key.time != segment.key_time:
         raise ValueError(f"the RECS needs the key of {segment.key_time}, not that of {key.time}")
     if segment.key_time != key_time(segment.transmit_time, segment.key_delay):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from vestige.crypto.chain_parameters import ChainParameters
@@ -14,7 +14,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootKey:
-    """A root key whose signature verifies; only `verify_root_key` makes one.
+    """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
 
     Attributes
     ----------
@@ -32,6 +32,18 @@ class RootKey:
     header: NmaHeader
     time: GalileoTime
     public_key: PublicKey
+
+    def __post_init__(self) -> None:
+        self.public_key.verify(self.kroot.signed_message(self.header), self.kroot.signature)
+        found, expected = self.kroot.padding, self.kroot.expected_padding(self.header)
+        if found != expected:
+            raise AuthenticationError(f"the padding is {found.hex()}, not {expected.hex()}")
+        if self.time != self.kroot.root_time(self.time):
+            raise AuthenticationError(f"the root key is of {self.kroot.root_time(self.time)}, not of {self.time}")
+
+    def __reduce__(self) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey]]:
+        """Return what makes, and so checks, it again."""
+        return _root_key, (self.kroot, self.header, self.time, self.public_key)
 
     @property
     def chain_id(self) -> int:
@@ -73,15 +85,13 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:
         raise VestigeError(f"the root key is signed with PKID {kroot.public_key_id}, which was not given")
-    message = kroot.signed_message(header)
-    for number, public_key in enumerate(candidates, start=1):
+    for public_key in candidates:
         try:
-            public_key.verify(message, kroot.signature)
-        except AuthenticationError:
-            if number == len(candidates):
-                raise
-        else:
-            break
-    if kroot.padding != kroot.expected_padding(header):
-        raise AuthenticationError(f"the padding is {kroot.padding.hex()}, not {kroot.expected_padding(header).hex()}")
-    return RootKey(kroot=kroot, header=header, time=kroot.root_time(near), public_key=public_key)
+            return _root_key(kroot, header, kroot.root_time(near), public_key)
+        except AuthenticationError as error:
+            refused = error
+    raise refused
+
+
+def _root_key(kroot: DsmKroot, header: NmaHeader, time: GalileoTime, public_key: PublicKey) -> RootKey:
+    return RootKey(kroot=kroot, header=header, time=time, public_key=public_key)

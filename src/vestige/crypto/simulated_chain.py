@@ -9,19 +9,19 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 
-from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.chain_parameters import ALPHA_BYTES, ChainParameters
-from vestige.crypto.dsm import BLOCK_BYTES, KROOT_BLOCKS, SIGNATURE_BYTES, DsmKroot, NmaHeader
+from vestige.crypto.dsm import BLOCK_BYTES, KROOT_BLOCKS, DsmKroot, NmaHeader
 from vestige.crypto.merkle_tree import HEIGHT, LEAVES, MerkleTree, leaf_hash, verify_public_key
 from vestige.crypto.public_key import ClaimedPublicKey, PublicKey, compressed_point
 from vestige.crypto.root_key import RootKey, verify_root_key
+from vestige.crypto.signature_scheme import P256, SignatureScheme, scheme_of_curve
 from vestige.crypto.tesla import Chain, Key, one_way, validate
-from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 _P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551  # [FIPS 186-4, D.1.2.3]
 _HOUR_S = 3600
@@ -73,6 +73,8 @@ def make_chain(
     chain_id: int = 0,
     pkid: int = 1,
     parameters: ChainParameters | None = None,
+    scheme: SignatureScheme = P256,
+    last_key: bytes | None = None,
 ) -> SimulatedChain:
     """Return a chain whose keys cover `n_keys` subframes from the one of `start` on; the same seed, the same chain.
 
@@ -88,6 +90,10 @@ def make_chain(
         CID 0 … 3 and PKID 0 … 15.
     parameters
         Parameters of the chain; without them the operational ones, with an alpha from the seed.
+    scheme
+        What the root key is signed with.
+    last_key
+        The key of the last subframe, which all others follow from; drawn from the seed if it is not given.
     """
     if n_keys < 1:
         raise ValueError(f"a chain needs at least one key, not {n_keys}")
@@ -96,15 +102,16 @@ def make_chain(
     first = start.subframe
     hour = first + -(first.second % _HOUR_S)
     root_time = hour + -SUBFRAME_S
-    key = Key(time=first + SUBFRAME_S * (n_keys - 1), data=_expand(seed, "last key", parameters.key_bytes))
+    data = _expand(seed, "last key", parameters.key_bytes) if last_key is None else last_key
+    key = Key(time=first + SUBFRAME_S * (n_keys - 1), data=data)
     keys = [key]
     while key.time > root_time:
         time = key.time + -SUBFRAME_S
         key = Key(time=time, data=one_way(key.data, time, parameters))
         keys.append(key)
-    private_key = ec.derive_private_key(
-        1 + int.from_bytes(_expand(seed, "private key", 32), "big") % (_P256_ORDER - 1), ec.SECP256R1()
-    )
+    # The order of P-256 is the smaller one, so its numbers are private keys on P-521 too.
+    secret = 1 + int.from_bytes(_expand(seed, "private key", 32), "big") % (_P256_ORDER - 1)
+    private_key = ec.derive_private_key(secret, scheme.curve)
     header = NmaHeader(2 << 6 | chain_id << 4 | 1 << 1)  # operational, keys nominal
     unsigned = DsmKroot(
         n_blocks=min(KROOT_BLOCKS.values()),
@@ -114,7 +121,7 @@ def make_chain(
         root_week=hour.week % 4096,
         root_hour=hour.second // _HOUR_S,
         root_key=key.data,
-        signature=bytes(SIGNATURE_BYTES),
+        signature=bytes(scheme.signature_bytes),
         padding=b"",
     )
     return SimulatedChain(
@@ -128,9 +135,12 @@ def make_chain(
 
 def sign_kroot(kroot: DsmKroot, header: NmaHeader, private_key: ec.EllipticCurvePrivateKey) -> DsmKroot:
     """Return the DSM-KROOT with signature and padding for its header, in as many blocks as it needs."""
-    algorithm = ec.ECDSA(hashes.SHA256(), deterministic_signing=True)
-    r, s = decode_dss_signature(private_key.sign(kroot.signed_message(header), algorithm))
-    signed = replace(kroot, signature=r.to_bytes(32, "big") + s.to_bytes(32, "big"), padding=b"")
+    scheme = scheme_of_curve(private_key.curve)
+    assert scheme is not None  # noqa: S101  (ours)
+    algorithm = ec.ECDSA(scheme.hash, deterministic_signing=True)
+    numbers = decode_dss_signature(private_key.sign(kroot.signed_message(header), algorithm))
+    signature = b"".join(number.to_bytes(scheme.coordinate_bytes, "big") for number in numbers)
+    signed = replace(kroot, signature=signature, padding=b"")
     length = len(signed.serialise())
     n_blocks = max(min(KROOT_BLOCKS.values()), -(-length // BLOCK_BYTES))
     signed = replace(signed, n_blocks=n_blocks, padding=bytes(n_blocks * BLOCK_BYTES - length))

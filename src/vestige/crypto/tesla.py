@@ -10,20 +10,22 @@ true key can check every later one by hashing it down, and compute every earlier
 disclosed cannot be guessed.
 
 Trust is a type here: a `Key` is bytes that somebody sent, a `ValidatedKey` one that leads to a signed root key. Only
-`validate` makes a `ValidatedKey`. A chain remembers what it has validated, so a run of N keys costs about N hashes.
+`validate` makes a `ValidatedKey`; a pickled one holds its chain's root key, and reading it validates it again. A chain
+remembers what it has validated, so a run of N keys costs about N hashes.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 from vestige.crypto.chain_parameters import ChainParameters
 from vestige.crypto.root_key import RootKey
 from vestige.errors import AuthenticationError
-from vestige.records import ValidatedKey
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 MAX_STEPS = (
     8 * SECONDS_PER_WEEK // SUBFRAME_S
@@ -85,9 +87,18 @@ class Chain:
     """
 
     def __init__(self, root: RootKey) -> None:
-        self.root = root
+        self._root = root
         self._known = {root.time.gst_seconds: root.data}
         self._times = [root.time.gst_seconds]
+
+    def __reduce__(self) -> tuple[type[Chain], tuple[RootKey]]:
+        """Return what makes it again: a chain that is pickled forgets its keys, they have to be validated again."""
+        return Chain, (self._root,)
+
+    @property
+    def root(self) -> RootKey:
+        """The root key."""
+        return self._root
 
     @property
     def chain_id(self) -> int:
@@ -172,6 +183,63 @@ class Chain:
             raise AuthenticationError(f"key of {time}: more than {MAX_STEPS} steps from the nearest validated key")
 
 
+class _KeyOfChain(ValidatedKey):
+    """The one kind of validated key: making it checks it."""
+
+    __slots__ = ("_chain", "_data", "_time")
+    _chain: Chain
+    _data: bytes
+    _time: GalileoTime
+
+    def __new__(cls, key: Key, chain: Chain) -> _KeyOfChain:
+        if (type(key), type(chain)) != (Key, Chain):
+            raise TypeError(
+                f"a Key is validated along a Chain, not a {type(key).__name__} along {type(chain).__name__}"
+            )
+        chain.check(key)
+        self = object.__new__(cls)
+        for name, value in (("_chain", chain), ("_data", key.data), ("_time", key.time)):
+            object.__setattr__(self, name, value)
+        return self
+
+    def __reduce__(self) -> tuple[Callable[[Key, Chain], ValidatedKey], tuple[Key, Chain]]:
+        """Return what makes it again: the key and its chain, to be validated."""
+        return validate, (Key(time=self._time, data=self._data), self._chain)
+
+    @property
+    def chain_id(self) -> int:
+        return self._chain.chain_id
+
+    @property
+    def time(self) -> GalileoTime:
+        return self._time
+
+    @property
+    def disclosed_at(self) -> GalileoTime:
+        return self._time + self._chain.parameters.disclosure_start_s
+
+    @property
+    def complete_at(self) -> GalileoTime:
+        return self._time + self._chain.parameters.disclosure_end_s
+
+    @property
+    def data(self) -> bytes:
+        return self._data
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _KeyOfChain) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    def __repr__(self) -> str:
+        return f"ValidatedKey({self.data.hex()} of chain {self.chain_id}, {self.time})"
+
+    @property
+    def _identity(self) -> tuple[bytes, GalileoTime, int, ChainParameters]:
+        return self._data, self._time, self._chain.chain_id, self._chain.parameters
+
+
 def validate(key: Key, chain: Chain) -> ValidatedKey:
     """Return a key for use, because it leads to the chain's signed root key.
 
@@ -187,14 +255,7 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
     AuthenticationError
         If it does not chain.
     """
-    chain.check(key)
-    return ValidatedKey(
-        chain_id=chain.chain_id,
-        time=key.time,
-        disclosed_at=key.time + chain.parameters.disclosure_start_s,
-        complete_at=key.time + chain.parameters.disclosure_end_s,
-        data=key.data,
-    )
+    return _KeyOfChain(key, chain)
 
 
 def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKey, ...]:

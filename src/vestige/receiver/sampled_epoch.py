@@ -19,13 +19,14 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
-from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch, ValidatedKey
+from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
 from vestige.spoofer.jammers import AnyJammer
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 _MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays and errors
 

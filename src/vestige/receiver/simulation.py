@@ -29,6 +29,7 @@ from jaxtyping import Bool, Complex128, Float
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.chain_parameters import ALPHA_BYTES, ChainParameters
+from vestige.crypto.disclosure import provably_before_disclosure
 from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.errors import VestigeError
@@ -49,7 +50,7 @@ from vestige.receiver.sampled_epoch import (
     window,
 )
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
-from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot, ValidatedKey
+from vestige.records import Assistance, Band, CorrelatorBank, FrontEndStatus, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -58,6 +59,7 @@ from vestige.signal_generator.synthesis import amplitude
 from vestige.spoofer.spoofer import NOBODY, Spoofer
 from vestige.streams import stream, stream_key
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 Fidelity = Literal["samples", "correlators"]
 
@@ -305,7 +307,7 @@ class Simulation:
                 first_stream=self._first_stream,
             ),
         )
-        received_at = batch.start + batch.samples.size / batch.sample_rate_hz
+        received_at = batch.end
         error_m = float(truth.e1_noise_m[row]) + e1_multipath_m + float(truth.e1.error_m[row])
         if abs(late_s) > CLOCK_FOLLOWS_S:
             batch = replace(batch, start=batch.start + -late_s)
@@ -313,7 +315,7 @@ class Simulation:
         snapshot = Snapshot(
             index=epoch,
             time=sent,
-            received_at=received_at,
+            received_at=max(received_at, batch.end),  # labels that are ahead of the clock count too
             time_uncertainty_s=self.time_uncertainty_s,
             observations={self.svid: observation(self.svid, truth, row, error_m=error_m, cn0_dbhz=self.cn0_e1_dbhz)},
             e6=CorrelatableSamples(batch),
@@ -331,9 +333,12 @@ class Simulation:
         deciseconds = np.round(10 * (self.start.second + truth.time_s))
         key_s = SUBFRAME_S * (deciseconds // (10 * SUBFRAME_S) + self.key_delay) - self.start.second
         disclosed_s, complete_s = key_s + _ON_AIR.disclosure_start_s, key_s + _ON_AIR.disclosure_end_s
-        expected_s = arrival(self.line_of_sight, truth).dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
+        late_s = truth.e1.error_m / SPEED_OF_LIGHT_MPS
+        expected_s = arrival(self.line_of_sight, truth).dt_s + late_s
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
-        lost = ~(disclosed_s - received_s > self.time_uncertainty_s)
+        labelled_s = received_s - np.where(np.abs(late_s) > CLOCK_FOLLOWS_S, late_s, 0.0)
+        lead_s = disclosed_s - np.maximum(received_s, labelled_s)
+        lost = ~provably_before_disclosure(lead_s, self.time_uncertainty_s)
         if self.spoofer.attacks:
             for low_s, high_s in set(zip(disclosed_s.tolist(), complete_s.tolist(), strict=True)):
                 lost[disclosed_s == low_s] |= self.spoofer.withholds_osnma(low_s, high_s)

@@ -37,8 +37,9 @@ from vestige.recording.receiver_corrections import (
     read_hardware_bias,
     read_ionosphere,
 )
-from vestige.records import EncryptedSegment, GroupDelay, ReceivedOsnma, ValidatedKey
+from vestige.records import EncryptedSegment, GroupDelay, ReceivedOsnma
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 KEYS_NAME = "keys.csv"
 _HEAD_BYTES = 1 << 16

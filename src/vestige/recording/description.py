@@ -24,6 +24,7 @@ from vestige.recording.exact_time import later
 from vestige.recording.sample_format import SampleFormat
 from vestige.records import Band
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_time_uncertainty
 
 CARRIER_HZ = {Band.E1: E1_CARRIER_HZ, Band.E6: E6_CARRIER_HZ}
 
@@ -100,6 +101,9 @@ class RecordingDescription:
     time_uncertainty_s: float = math.inf
     observations: Path | None = None
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_time_uncertainty(self.time_uncertainty_s)
 
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
+from vestige.crypto.disclosure import provably_before_disclosure
 from vestige.recording.assistance import AssistanceFolder, read_assistance
 from vestige.recording.assistance_files import Kind
 from vestige.recording.description import CARRIER_HZ, RecordingDescription, redated
@@ -242,7 +243,7 @@ def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[st
         for segment in assistance.segments
         if segment.key_time in disclosed
     ]
-    late = [margin for margin in margins_s if margin <= uncertainty_s]
+    late = [margin_s for margin_s in margins_s if not provably_before_disclosure(margin_s, uncertainty_s)]
     if late:
         yield (
             f"no sure time for {len(late)} of {len(margins_s)} RECS: the key is on air {min(late):.1f} s after it or "

@@ -22,10 +22,11 @@ from vestige.recording.assistance_writer import write_assistance
 from vestige.recording.new_folder import new_folder
 from vestige.recording.recording import Recording
 from vestige.recording.snapshots import ALL_SVIDS, satellites_in_view
-from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
+from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 
 def transmit_times(

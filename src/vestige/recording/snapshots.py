@@ -24,6 +24,7 @@ from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_time_uncertainty
 
 E1_WINDOW_S = 0.1  # one period of the secondary code
 MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
@@ -65,6 +66,10 @@ class RecordingSource:
     searchable: bool = False
     cn0_estimator: str = NOISE_FLOOR
     progress: Callable[[str, int, int], None] | None = None
+
+    def __post_init__(self) -> None:
+        if self.time_uncertainty_s is not None:
+            require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[Snapshot]:
         """Yield one snapshot for each epoch of `epochs`."""
@@ -110,7 +115,7 @@ class RecordingSource:
         return Snapshot(
             index=index,
             time=time,
-            received_at=time if batch is None else batch.start + batch.samples.size / batch.sample_rate_hz,
+            received_at=time if batch is None else batch.end,
             time_uncertainty_s=uncertainty if self.time_uncertainty_s is None else self.time_uncertainty_s,
             observations=observations,
             recs=svids,

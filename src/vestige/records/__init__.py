@@ -15,7 +15,12 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float, Int8
 
+from vestige.errors import VestigeError
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
+from vestige.validated_key import ValidatedKey
+
+_ROUNDING_S = 1e-6  # between two ways to compute the end of samples
 
 if TYPE_CHECKING:
     from vestige.records.recs_block import RecsLookup
@@ -54,6 +59,13 @@ class E1Observation:
     doppler_rate_hz_per_s: float
     cn0_dbhz: float
 
+    def __post_init__(self) -> None:
+        require_finite(f"E1 of E{self.svid:02d}", pseudorange_m=self.pseudorange_m)
+        require_finite_if_known(
+            f"E1 of E{self.svid:02d}", carrier_phase_cycles=self.carrier_phase_cycles, doppler_hz=self.doppler_hz,
+            doppler_rate_hz_per_s=self.doppler_rate_hz_per_s, cn0_dbhz=self.cn0_dbhz,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleBatch:
@@ -77,6 +89,11 @@ class SampleBatch:
     center_frequency_hz: float
     first_sample: int
     start: GalileoTime
+
+    @property
+    def end(self) -> GalileoTime:
+        """Time at which the last sample ends, on the receiver's clock."""
+        return self.start + self.samples.size / self.sample_rate_hz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +173,11 @@ class CorrelatorBank:
 class Correlatable(Protocol):
     """E6 as the processor knows it: something that can be correlated, be it samples or a model of them."""
 
+    @property
+    def received_until(self) -> GalileoTime:
+        """Time label of the end of what can be correlated."""
+        ...
+
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
         """Return the bank of correlators at `offsets_m` around the hand-over, or None if it lies outside."""
         ...
@@ -172,11 +194,12 @@ class Snapshot:
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time of the last E6 sample of the snapshot; the delayed-disclosure rule looks at this.
+        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time label; the
+        delayed-disclosure rule looks at this and at the window that is correlated.
     time_uncertainty_s
-        Bound on the error of the receiver's clock against Galileo System Time, in s.
+        Bound on the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
     observations
-        E1 observations by SVID.
+        E1 observations by SVID, with Doppler and its rate.
     recs
         Satellites whose RECS it was cut for, whether E1 shows them or not; empty if the source does not say.
     """
@@ -190,6 +213,18 @@ class Snapshot:
     e1: SampleBatch | None = None
     front_end: Mapping[Band, FrontEndStatus] = field(default_factory=dict)
     recs: frozenset[int] = frozenset()
+
+    def __post_init__(self) -> None:
+        require_time_uncertainty(self.time_uncertainty_s)
+        for svid, one in self.observations.items():
+            require_finite(
+                f"E1 of E{svid:02d}", doppler_hz=one.doppler_hz, doppler_rate_hz_per_s=one.doppler_rate_hz_per_s
+            )
+        if self.e6 is not None and self.e6.received_until - self.received_at > _ROUNDING_S:
+            raise VestigeError(
+                f"snapshot {self.index}: received_at: found {self.received_at}, expected the end of the E6 samples or "
+                f"later, {self.e6.received_until}"
+            )
 
     @property
     def unseen(self) -> frozenset[int]:
@@ -224,29 +259,6 @@ class EncryptedSegment:
     key_time: GalileoTime
     key_delay: int
     random_offset: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValidatedKey:
-    """A TESLA key that leads to a signed root key; only `vestige.crypto.tesla.validate` makes one.
-
-    Attributes
-    ----------
-    chain_id
-        OSNMA chain (CID) that it belongs to.
-    time
-        GST_SF of the key: start of the subframe in which it is transmitted.
-    disclosed_at
-        Earliest time at which a bit of the key is on air. Samples must be taken before.
-    complete_at
-        Time at which its last bit has been sent: nobody can have a verdict earlier.
-    """
-
-    chain_id: int
-    time: GalileoTime
-    disclosed_at: GalileoTime
-    complete_at: GalileoTime
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,63 +304,6 @@ class Assistance:
         from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
 
         return find_recs(snapshots, self)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Detection:
-    """A detected signal: which tap, how strong, where.
-
-    Attributes
-    ----------
-    tap
-        Index of the punctual correlator.
-    magnitude
-        Its magnitude in standard deviations of the noise per dimension.
-    phase_rad
-        Its phase in rad.
-    threshold
-        Detection threshold in the same unit as `magnitude`.
-    range_offset_m
-        Measured minus predicted E6 range in m.
-    """
-
-    tap: int
-    magnitude: float
-    phase_rad: float
-    threshold: float
-    range_offset_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SatelliteMeasurement:
-    """What was measured of one satellite in one snapshot; a None says that the step was not reached.
-
-    Attributes
-    ----------
-    unavailable
-        Why no correlation was possible ("" if it was).
-    available_at
-        When the key was complete, so that this could be known.
-    """
-
-    svid: int
-    handover: Handover | None = None
-    bank: CorrelatorBank | None = None
-    detection: Detection | None = None
-    predicted_pd: float = float("nan")
-    available_at: GalileoTime | None = None
-    unavailable: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measurement:
-    """All measurements of one snapshot, made without memory; `decide` folds over them."""
-
-    index: int
-    time: GalileoTime
-    satellites: tuple[SatelliteMeasurement, ...]
-    observations: Mapping[int, E1Observation]
-    front_end: Mapping[Band, FrontEndStatus]
 
 
 class Outcome(Enum):

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from vestige.records.snapshot_block import VelocityIncrements
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
 
 LONGEST_STEP_S = 1.5  # between two samples; what a receiver does in a longer one, a straight line does not tell
 
@@ -29,6 +30,10 @@ class Accelerations:
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, "n 3"]
+
+    def __post_init__(self) -> None:
+        for name, values in (("elapsed_s", self.elapsed_s), ("acceleration_mps2", self.acceleration_mps2)):
+            require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
         """Return ∫ a dt from one epoch to the next, sample by sample, a linear between samples.

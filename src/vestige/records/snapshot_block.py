@@ -145,8 +145,8 @@ class BankBlock:
 class Handovers(Protocol):
     """The hand-overs of a block, made one by one because each decrypts its chips when it is asked for."""
 
-    def at(self, epoch: int, satellite: int) -> Handover:
-        """Return the hand-over of one satellite at one epoch."""
+    def at(self, epoch: int, satellite: int) -> Handover | None:
+        """Return the hand-over of one satellite at one epoch; None if its window is too late to prove anything."""
         ...
 
 
@@ -192,10 +192,8 @@ class SearchRequest:
     ----------
     epoch
         Rows of the block.
-    uncertainty_s, uncertainty_at_reception_s
-        Upper limit of the clock's error at the time of the snapshot, and when its last sample was received.
-    fixed
-        Whether there was an authentic position before.
+    uncertainty
+        What is known of the clock before each epoch: a `TimeUncertainty`.
     p_fa
         False-alarm probability of one search.
     expected_s
@@ -205,9 +203,7 @@ class SearchRequest:
     """
 
     epoch: Int64[np.ndarray, " k"]
-    uncertainty_s: Float[np.ndarray, " k"]
-    uncertainty_at_reception_s: Float[np.ndarray, " k"]
-    fixed: Bool[np.ndarray, " k"]
+    uncertainty: tuple[Any, ...]
     p_fa: float
     expected_s: Float[np.ndarray, "k m"]
     assistance: Any = None

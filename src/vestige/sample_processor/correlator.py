@@ -31,6 +31,7 @@ from vestige.records import CorrelatorBank, Handover, SampleBatch
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block
 from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
+from vestige.time import GalileoTime
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,11 @@ class CorrelatableSamples:
 
     batch: SampleBatch
     surroundings: SampleSource | None = None
+
+    @property
+    def received_until(self) -> GalileoTime:
+        """Time label of the end of the last sample of `batch`."""
+        return self.batch.end
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
         """Return the bank of correlators at `offsets_m`, or None if a tap's segment does not lie in the samples."""

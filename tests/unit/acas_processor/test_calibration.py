@@ -5,7 +5,7 @@ import pytest
 from builders import START
 from vestige.acas_processor.calibration import hardware_bias_correction_s
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Detection, Measurement, SatelliteMeasurement
+from vestige.measurement import Detection, Measurement, SatelliteMeasurement
 
 
 def _measurement(offsets_m: dict[int, float | None]) -> Measurement:

@@ -13,18 +13,11 @@ from vestige.acas_processor.inertial_bridging import LONGEST_STEP_S, Acceleratio
 from vestige.acas_processor.monitors.judgement import two_sided_factor
 from vestige.acas_processor.watch import Watch, WatchState
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.measurement import Measurement, SatelliteMeasurement
 from vestige.navigation.earth import local_axes_at
 from vestige.receiver.constellation import sky, walker_ephemerides
 from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory
-from vestige.records import (
-    Assistance,
-    CheckResult,
-    E1Observation,
-    Measurement,
-    Outcome,
-    SatelliteMeasurement,
-    Snapshot,
-)
+from vestige.records import Assistance, CheckResult, E1Observation, Outcome, Snapshot
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 604_790)  # the week ends within the first interval

@@ -7,17 +7,8 @@ import pytest
 
 from builders import START
 from vestige.acas_processor.learned_checks import LEARNED, WINDOW, LearnedReferences, Usual
-from vestige.records import (
-    Band,
-    CheckResult,
-    CorrelatorBank,
-    E1Observation,
-    FrontEndStatus,
-    Measurement,
-    Outcome,
-    SatelliteMeasurement,
-    Snapshot,
-)
+from vestige.measurement import Measurement, SatelliteMeasurement
+from vestige.records import Band, CheckResult, CorrelatorBank, E1Observation, FrontEndStatus, Outcome, Snapshot
 
 P_FA = dict.fromkeys(("E1 received power", "E6 received power", "C/N0", "E6 C/N0", "wrong-code floor"), 1e-6)
 

@@ -9,7 +9,8 @@ import pytest
 
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.minimum_defence import Limits, check_e6_power, check_range, minimum_block
-from vestige.records import CorrelatorBank, Detection, Outcome, SatelliteMeasurement
+from vestige.measurement import Detection, SatelliteMeasurement
+from vestige.records import CorrelatorBank, Outcome
 
 LIMITS = Limits(budget=ErrorBudget.uncorrected(), kappa=3.0, min_pd=0.9)
 LIMIT_M = 3.0 * LIMITS.budget.sigma_m

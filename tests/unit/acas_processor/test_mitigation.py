@@ -11,16 +11,8 @@ from builders import START
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.minimum_defence import Limits, minimum_block
 from vestige.acas_processor.mitigation import LEVELS, Scope, combine, combine_block, confirmed_block, decide
-from vestige.records import (
-    CheckResult,
-    CorrelatorBank,
-    Detection,
-    Measurement,
-    Outcome,
-    SatelliteMeasurement,
-    Status,
-    Verdict,
-)
+from vestige.measurement import Detection, Measurement, SatelliteMeasurement
+from vestige.records import CheckResult, CorrelatorBank, Outcome, Status, Verdict
 
 LIMITS = Limits(budget=ErrorBudget.uncorrected())
 BANK = CorrelatorBank(offsets_m=np.zeros(1), taps=np.zeros(1, np.complex128), noise_power=1.0, integration_s=0.016)

@@ -1,28 +1,35 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from builders import START, batch_of
+from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
+from vestige.acas_processor.inertial_bridging import Accelerations
+from vestige.acas_processor.monitors.vestigial_search import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.watch import Watch
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import CipherMode, encrypt
+from vestige.errors import VestigeError
 from vestige.records import (
     Assistance,
     ChipSequence,
+    CorrelatorBank,
     E1Observation,
     GroupDelay,
+    Handover,
     Snapshot,
     Status,
-    ValidatedKey,
     Verdict,
 )
 from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 FS = 10.3e6
 RANGE_M = 24_123_456.0
@@ -30,10 +37,7 @@ DOPPLER_HZ = 300.0  # on E1
 
 
 def _key(number: int = 0) -> ValidatedKey:
-    time = START.subframe + 30 * number
-    return ValidatedKey(
-        chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=bytes([number + 1]) * 16
-    )
+    return validated_key(START.subframe + 30 * number, bytes([number + 1]) * 16)
 
 
 def _world(
@@ -130,6 +134,73 @@ def test_samples_must_be_older_than_the_disclosure(uncertainty_s: float, allowed
     if not allowed:
         assert verdict.status is Status.NOT_AVAILABLE
         assert "disclosure" in verdict.reason
+
+
+def test_an_unknown_bound_on_the_clock_is_a_reason_of_its_own() -> None:
+    snapshot, assistance = _world()
+    verdict = _verdict(replace(snapshot, time_uncertainty_s=math.inf), assistance)
+    assert verdict.status is Status.NOT_AVAILABLE
+    assert "the bound on the receiver clock's error is not known" in verdict.reason
+
+
+class _Model:
+    """E6 that says of itself what it likes."""
+
+    def __init__(self, samples: Any, received_until: GalileoTime, **changes: Any) -> None:
+        self.samples, self.received_until, self.changes = samples, received_until, changes
+
+    def correlate(self, handover: Handover, offsets_m: np.ndarray) -> CorrelatorBank:
+        return replace(self.samples.correlate(handover, offsets_m), **self.changes)
+
+
+def test_the_window_that_is_correlated_decides_whatever_the_source_says() -> None:
+    """Samples end 5.901 s before the disclosure and the clock is good to 6 s, so an hour earlier must not help."""
+    snapshot, assistance = _world()
+    earlier = snapshot.received_at + -3600.0
+    lying = replace(snapshot, received_at=earlier, e6=_Model(snapshot.e6, earlier), time_uncertainty_s=6.0)
+    verdict = _verdict(lying, assistance)
+    assert verdict.status is Status.NOT_AVAILABLE
+    assert "not provably received" in verdict.reason
+    assert _verdict(replace(lying, time_uncertainty_s=5.8), assistance).status is Status.AUTHENTIC
+    with pytest.raises(VestigeError, match=r"snapshot 0: received_at: found .*, expected the end of the E6 samples"):
+        replace(snapshot, received_at=earlier)
+
+
+@pytest.mark.parametrize("uncertainty_s", [-1e9, -1e-9, math.nan])
+def test_a_snapshot_with_a_negative_time_uncertainty_is_refused(uncertainty_s: float) -> None:
+    with pytest.raises(VestigeError, match="time uncertainty"):
+        replace(_world()[0], time_uncertainty_s=uncertainty_s)
+    with pytest.raises(VestigeError, match="time uncertainty"):
+        TimeUncertainty(initial_s=uncertainty_s)
+
+
+def _unlike(value: float) -> dict[str, Any]:
+    """Return what makes a bank whose first tap is a value."""
+    taps = np.ones(11, np.complex128)
+    taps[0] = value
+    return {"taps": taps}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_not_finite_are_one_line(value: float) -> None:
+    snapshot, assistance = _world()
+    seen = snapshot.observations[11]
+    for name in ("pseudorange_m", "carrier_phase_cycles", "doppler_hz", "doppler_rate_hz_per_s", "cn0_dbhz"):
+        if math.isnan(value) and name in ("carrier_phase_cycles", "cn0_dbhz"):
+            assert math.isnan(getattr(replace(seen, **{name: value}), name))  # was not measured
+            continue
+        with pytest.raises(VestigeError, match=f"E1 of E11: {name}: found .* expected a finite number"):
+            replace(snapshot, observations={11: replace(seen, **{name: value})})
+    for changes in (_unlike(value), {"noise_power": value}):
+        with pytest.raises(VestigeError, match=r"E6 of E11: (taps|noise_power)"):
+            _verdict(replace(snapshot, e6=_Model(snapshot.e6, snapshot.received_at, **changes)), assistance)
+    for off in ({"hardware_bias_e1_e6_s": value}, {"ionosphere_e1_m": {11: value}}):
+        with pytest.raises(VestigeError, match="assistance of E11"):
+            _verdict(snapshot, replace(assistance, **off))
+    sensed = np.zeros((3, 3))
+    sensed[1, 2] = value
+    with pytest.raises(VestigeError, match="accelerations: acceleration_mps2"):
+        Accelerations(start=START, elapsed_s=np.arange(3.0), acceleration_mps2=sensed)
 
 
 def test_a_dead_front_end_is_no_alarm() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from builders import START, random_chips, received_batch, satellite
+from builders import START, random_chips, received_batch, satellite, validated_key
 from search_builder import arrival, e6_source
 from vestige.acas_processor import vestigial
 from vestige.acas_processor.vestigial import (
@@ -16,10 +17,10 @@ from vestige.acas_processor.vestigial import (
     handover_line,
     handover_peaks,
     line_stretches,
-    secret_until,
+    reception_proof,
 )
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.records import Assistance, Band, EncryptedSegment, SampleBatch, ValidatedKey
+from vestige.records import Assistance, Band, EncryptedSegment, SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot
 from vestige.sample_processor.search.e1_search import search_e1
@@ -91,22 +92,24 @@ def test_one_signal_is_no_spoofing_and_none_is_nothing(e1: SampleBatch) -> None:
 
 def test_the_true_signal_is_from_before_the_disclosure() -> None:
     """A RECS of 16 ms, a clock good to 2 s: it must have begun 2.016 s before the key is on air."""
-    key = ValidatedKey(chain_id=0, time=START + 30, disclosed_at=START + 31, complete_at=START + 32, data=bytes(16))
+    key = validated_key(START.subframe + 30)
     segment = EncryptedSegment(
-        svid=SVID, transmit_time=START, n_chips=81_840, cipher=b"", key_time=START + 30, key_delay=1
+        svid=SVID, transmit_time=START, n_chips=81_840, cipher=b"", key_time=key.time, key_delay=1
     )
     assistance = Assistance(segments=(segment,), keys=(key,))
-    until = secret_until(assistance, CHIPS, 2.0)
-    assert until - START == pytest.approx(31 - 2.016)
+    proof = reception_proof(assistance, CHIPS, 2.0)
+    until = key.time + (22 - 2.016)
     early, late = (
         Peak(svid=SVID, start_time=until + at_s, doppler_hz=0.0, magnitude=9.0, threshold=6.0, cn0_dbhz=40.0)
-        for at_s in (-1e-6, 0.0)
+        for at_s in (-1e-6, 1e-6)
     )
-    both = decide_vestigial(SVID, (late, early), until)
+    both = decide_vestigial(SVID, (late, early), proof)
     assert (both.true, both.spoofed) == (early, True)
-    forged = decide_vestigial(SVID, (late,), until)
+    forged = decide_vestigial(SVID, (late,), proof)
     assert (forged.true, forged.spoofed, forged.peaks) == (None, False, (late,))
     assert decide_vestigial(SVID, (late,)).true is late
+    unknown = reception_proof(assistance, CHIPS, math.inf)
+    assert decide_vestigial(SVID, (early,), unknown).true is None
 
 
 def test_a_smaller_uncertainty_is_a_shorter_search(e1: SampleBatch) -> None:

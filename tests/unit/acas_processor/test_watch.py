@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builders import START
+from builders import START, validated_key
 from vestige.acas_processor.mitigation import LEVELS
 from vestige.acas_processor.monitors.judgement import judged
 from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch, SatelliteSearch, TimeUncertainty
@@ -21,22 +21,21 @@ from vestige.acas_processor.watch import (
     _true_offsets,
 )
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.measurement import Measurement, SatelliteMeasurement
 from vestige.records import (
     Assistance,
     ChipSequence,
     E1Observation,
     Handover,
-    Measurement,
     Outcome,
     ReceivedOsnma,
-    SatelliteMeasurement,
     Snapshot,
     Status,
-    ValidatedKey,
     Verdict,
 )
 from vestige.sample_processor.search.peak import Peak
 from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
 
 SVIDS = (3, 5, 8, 13)
 NOTHING = Assistance(segments=())
@@ -168,8 +167,7 @@ def test_a_satellite_that_e1_lost_is_due_for_an_hour_and_one_never_seen_is_not()
 
 
 def _key(number: int, data: int) -> ValidatedKey:
-    time = START.subframe + 30 * number
-    return ValidatedKey(chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=bytes([data]) * 16)
+    return validated_key(START.subframe + 30 * number, bytes([data]) * 16)
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,9 @@ def kroots(draw: st.DrawFn) -> DsmKroot:
         mac_lookup=draw(st.integers(0, 255)),
         alpha=draw(st.binary(min_size=6, max_size=6)),
     )
-    used = 13 + parameters.key_bytes + 64
-    n_blocks = draw(st.integers(max(7, -(-used // 13)), 14))
+    signature_bytes = draw(st.sampled_from([64, 132]))
+    used = 13 + parameters.key_bytes + signature_bytes
+    n_blocks = max(7, -(-used // 13))
     return DsmKroot(
         n_blocks=n_blocks,
         public_key_id=draw(st.integers(0, 15)),
@@ -34,7 +35,7 @@ def kroots(draw: st.DrawFn) -> DsmKroot:
         root_week=draw(st.integers(0, 4095)),
         root_hour=draw(st.integers(0, 167)),
         root_key=draw(st.binary(min_size=parameters.key_bytes, max_size=parameters.key_bytes)),
-        signature=draw(st.binary(min_size=64, max_size=64)),
+        signature=draw(st.binary(min_size=signature_bytes, max_size=signature_bytes)),
         padding=bytes(13 * n_blocks - used),
         reserved=(draw(st.integers(0, 3)), draw(st.integers(0, 15))),
     )
@@ -46,6 +47,20 @@ def test_serialise_and_parse_are_inverse(kroot: DsmKroot) -> None:
     assert len(data) == 13 * kroot.n_blocks
     assert parse_kroot(data) == kroot
     assert kroot.signed_message(NmaHeader(0x82)) == b"\x82" + data[1 : 13 + kroot.parameters.key_bytes]
+
+
+@pytest.mark.parametrize(
+    ("key_size", "n_blocks", "signature_bytes"),  # l_DK = 104 ⌈1 + (l_K + l_DS)/104⌉ [OSNMA-ICD, DSM-KROOT]
+    [(0, 7, 64), (4, 8, 64), (8, 9, 64), (0, 13, 132), (4, 13, 132), (8, 14, 132)],
+)
+def test_the_number_of_blocks_says_how_long_the_signature_is(
+    key_size: int, n_blocks: int, signature_bytes: int
+) -> None:
+    message = bytearray(13 * n_blocks)
+    message[0], message[2] = (n_blocks - 6) << 4, key_size << 4 | 5
+    kroot = parse_kroot(bytes(message))
+    assert len(kroot.signature) == signature_bytes
+    assert len(kroot.padding) < 13
 
 
 def test_fields_of_a_broadcast_message() -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from vestige.crypto.merkle_tree import MerkleTree
 from vestige.crypto.public_key import Trust
 from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree, read_public_key
+from vestige.crypto.signature_scheme import P521
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, InputFileError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
@@ -22,14 +23,14 @@ POINT = CHAIN.tree.public_keys[0].point
 SECOND_ROOT = f"<TreeNode><j>4</j><i>0</i><lengthInBits>256</lengthInBits><x_ji>{'0' * 64}</x_ji></TreeNode>"
 
 
-def key_elements(point: bytes = POINT, pkid: int = 5, kind: str = "ECDSA P-256/SHA-256") -> str:
+def key_elements(point: bytes = POINT, pkid: int = 5, kind: str = "ECDSA P-256/SHA-256", length: int = 33) -> str:
     return (
-        f"<i>5</i><PKID>{pkid}</PKID><lengthInBits>264</lengthInBits><point>{point.hex().upper()}</point>"
+        f"<i>5</i><PKID>{pkid}</PKID><lengthInBits>{8 * length}</lengthInBits><point>{point.hex().upper()}</point>"
         f"<PKType>{kind}</PKType>"
     )
 
 
-def tree_xml(tree: MerkleTree = CHAIN.tree, function: str = "SHA-256") -> str:
+def tree_xml(tree: MerkleTree = CHAIN.tree, function: str = "SHA-256", keys: str = "") -> str:
     nodes = "".join(
         f"<TreeNode><j>{j}</j><i>{i}</i><lengthInBits>256</lengthInBits><x_ji>{value.hex().upper()}</x_ji></TreeNode>"
         for (j, i), value in tree.nodes.items()
@@ -37,7 +38,7 @@ def tree_xml(tree: MerkleTree = CHAIN.tree, function: str = "SHA-256") -> str:
     )
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no" ?><signalData><body><MerkleTree><N>16</N>'
-        f"<HashFunction>{function}</HashFunction><PublicKey>{key_elements()}</PublicKey>{nodes}"
+        f"<HashFunction>{function}</HashFunction><PublicKey>{keys or key_elements()}</PublicKey>{nodes}"
         "</MerkleTree></body></signalData>"
     )
 
@@ -121,10 +122,27 @@ def test_key_files_that_are_none(tmp_path: Path, text: str, words: str) -> None:
         read_public_key(path)
 
 
+def test_a_tree_and_keys_of_p521(tmp_path: Path) -> None:
+    chain = make_chain(b"long", GalileoTime(1300, 0), 1, pkid=5, scheme=P521)
+    (claim,) = chain.tree.public_keys
+    elements = key_elements(claim.point, kind="ECDSA P-521/SHA-512", length=67)
+    key, tree, pem = (tmp_path / name for name in ("key.xml", "tree.xml", "key.pem"))
+    key.write_text(elements)
+    tree.write_text(tree_xml(chain.tree, keys=elements))
+    encoded = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    pem.write_bytes(encoded)
+    assert read_public_key(key) == claim
+    assert read_public_key(pem).point == claim.point
+    assert load_public_keys(None, tree) == load_public_keys(pem, tree) == (chain.public_key,)
+    key.write_text(key_elements(claim.point, kind="ECDSA P-256/SHA-256"))
+    with pytest.raises(InputFileError, match="66 hexadecimal digits"):
+        read_public_key(key)
+
+
 def test_other_kinds_of_keys(tmp_path: Path) -> None:
     path = tmp_path / "key"
-    path.write_text(key_elements(kind="ECDSA P-521/SHA-512"))
-    with pytest.raises(UnsupportedError, match="P-521"):
+    path.write_text(key_elements(kind="ECDSA P-384/SHA-384"))
+    with pytest.raises(UnsupportedError, match="P-384"):
         read_public_key(path)
     for key in (rsa.generate_private_key(65537, 2048), ec.generate_private_key(ec.SECP384R1())):
         path.write_bytes(key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))

@@ -7,25 +7,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from builders import validated_key
 from vestige.crypto import recs
+from vestige.crypto.chain_parameters import KEY_BITS
 from vestige.crypto.recs import LENGTHS, CipherMode, SegmentLength
-from vestige.records import ChipSequence, ValidatedKey
+from vestige.records import ChipSequence
 from vestige.time import GalileoTime
 
 EPOCH = GalileoTime(1251, 277216)
 KEY = bytes(range(16))
 
-times = st.builds(GalileoTime, st.integers(0, 8000), st.integers(0, 604_799), st.integers(0, 9).map(lambda ds: ds / 10))
-keys = st.binary(min_size=12, max_size=32)  # OSNMA key lengths, 96 to 256 bits
+times = st.builds(GalileoTime, st.integers(1, 8000), st.integers(0, 604_799), st.integers(0, 9).map(lambda ds: ds / 10))
+keys = st.sampled_from(sorted(KEY_BITS.values())).flatmap(
+    lambda bits: st.binary(min_size=bits // 8, max_size=bits // 8)
+)
 
 
 def random_chips(n_chips: int, *, time: GalileoTime = EPOCH, seed: int = 1) -> ChipSequence:
     chips = np.random.default_rng(seed).choice(np.array([-1, 1], np.int8), n_chips)
     return ChipSequence(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
-
-
-def validated(time: GalileoTime, data: bytes = KEY) -> ValidatedKey:
-    return ValidatedKey(chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=data)
 
 
 @pytest.mark.parametrize("length", LENGTHS, ids=lambda length: f"{length.duration_ms}ms")
@@ -98,7 +98,7 @@ def test_decrypt_inverts_encrypt(
     segment = recs.encrypt(chips, key, key_delay=key_delay, random_offset=random_offset, mode=mode)
     assert len(segment.cipher) == length.n_bytes
     assert segment.n_chips == length.n_chips
-    decrypted = recs.decrypt(segment, validated(segment.key_time, key), mode=mode)
+    decrypted = recs.decrypt(segment, validated_key(segment.key_time, key), mode=mode)
     assert decrypted.transmit_time == time
     np.testing.assert_array_equal(decrypted.chips, chips.chips)
 
@@ -107,7 +107,7 @@ def test_decrypt_inverts_encrypt(
 def test_wrong_key_or_mode_gives_noise(wrong: str) -> None:
     chips = random_chips(81_840)
     segment = recs.encrypt(chips, KEY)
-    key = validated(segment.key_time, KEY[::-1] if wrong == "key" else KEY)
+    key = validated_key(segment.key_time, KEY[::-1] if wrong == "key" else KEY)
     decrypted = recs.decrypt(segment, key, mode=CipherMode.CTR if wrong == "mode" else CipherMode.CBC)
     correlation = np.dot(decrypted.chips.astype(int), chips.chips.astype(int)) / np.sqrt(81_840)
     assert abs(correlation) < 5  # standard normal: 6e-7 both sides
@@ -117,7 +117,7 @@ def test_wrong_initialization_vector_damages_the_first_block_only() -> None:
     chips = random_chips(81_840)
     segment = recs.encrypt(chips, KEY, random_offset=0)
     wrong = dataclasses.replace(segment, random_offset=1)
-    decrypted = recs.decrypt(wrong, validated(segment.key_time))
+    decrypted = recs.decrypt(wrong, validated_key(segment.key_time))
     np.testing.assert_array_equal(decrypted.chips[128:], chips.chips[128:])
     assert np.any(decrypted.chips[:128] != chips.chips[:128])
 
@@ -126,7 +126,7 @@ def test_wrong_initialization_vector_damages_the_first_block_only() -> None:
 def test_key_of_another_subframe_is_refused(step: int) -> None:
     segment = recs.encrypt(random_chips(5115), KEY)
     with pytest.raises(ValueError, match="needs the key of"):
-        recs.decrypt(segment, validated(segment.key_time + step))
+        recs.decrypt(segment, validated_key(segment.key_time + step))
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_key_of_another_subframe_is_refused(step: int) -> None:
 def test_contradicting_segment_is_refused(change: dict[str, int], message: str) -> None:
     segment = recs.encrypt(random_chips(5115), KEY)
     with pytest.raises(ValueError, match=message):
-        recs.decrypt(dataclasses.replace(segment, **change), validated(segment.key_time))
+        recs.decrypt(dataclasses.replace(segment, **change), validated_key(segment.key_time))
 
 
 def test_only_recs_lengths_and_whole_blocks_are_encrypted() -> None:

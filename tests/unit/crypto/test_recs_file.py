@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from builders import validated_key
 from vestige.crypto import recs, recs_file
 from vestige.crypto.recs import LENGTHS, SegmentLength
 from vestige.crypto.recs_file import FileKind, RecsFile
 from vestige.crypto.recs_name import time_of_deciseconds
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
-from vestige.records import ChipSequence, ValidatedKey
+from vestige.records import ChipSequence
 from vestige.time import GalileoTime
 
 KEY = bytes(range(16))
@@ -97,7 +98,7 @@ def test_write_read_decrypt(tmp_path: Path, length: SegmentLength, kind: FileKin
     assert file.segments == tuple(segments)
     for segment, sequence in zip(file.segments, chips, strict=True):
         time = segment.key_time
-        key = ValidatedKey(chain_id=1, time=time, disclosed_at=time + 22, complete_at=time + 31, data=KEY)
+        key = validated_key(time, KEY)
         decrypted = recs.decrypt(segment, key)
         assert (decrypted.svid, decrypted.transmit_time) == (11, sequence.transmit_time)
         np.testing.assert_array_equal(decrypted.chips, sequence.chips)

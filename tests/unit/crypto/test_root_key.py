@@ -5,6 +5,7 @@ import pytest
 from vestige.crypto.dsm import NmaHeader, parse_kroot
 from vestige.crypto.public_key import PublicKey, Trust
 from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.signature_scheme import P521
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.time import GalileoTime
@@ -52,3 +53,16 @@ def test_a_key_that_was_not_given_is_named() -> None:
     numbered = PublicKey(pkid=3, point=KEY.point, trust=Trust.USER)
     with pytest.raises(VestigeError, match="PKID 2, which was not given"):
         verify_root_key(CHAIN.kroot, CHAIN.header, (numbered,), near=START)
+
+
+def test_a_root_key_that_is_signed_with_p521() -> None:
+    chain = make_chain(b"long", START, 1, pkid=4, scheme=P521)
+    kroot = parse_kroot(chain.kroot.serialise())
+    assert (kroot.n_blocks, len(kroot.signature)) == (13, 132)  # 104 ⌈1 + (128 + 1056)/104⌉ bits
+    root = verify_root_key(kroot, chain.header, (chain.public_key,), near=START)
+    assert (root.time, root.data) == (GalileoTime(1400, 7170), chain.kroot.root_key)
+    with pytest.raises(AuthenticationError, match="does not verify"):
+        verify_root_key(kroot, NmaHeader(chain.header.value ^ 1), (chain.public_key,), near=START)
+    short = PublicKey(pkid=4, point=KEY.point, trust=Trust.USER)
+    with pytest.raises(AuthenticationError, match="132 bytes"):
+        verify_root_key(kroot, chain.header, (short,), near=START)

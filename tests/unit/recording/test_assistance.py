@@ -12,6 +12,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from builders import validated_key
 from osnma_builder import Broadcast
 from vestige.crypto import recs, recs_file
 from vestige.crypto.file_signature import SignatureStatus
@@ -22,7 +23,7 @@ from vestige.recording.assistance import AssistanceFolder, read_assistance
 from vestige.recording.assistance_files import Kind
 from vestige.recording.assistance_writer import write_assistance
 from vestige.recording.test_vector_csv import HEADER
-from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ReceivedOsnma, ValidatedKey
+from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ReceivedOsnma
 from vestige.time import GalileoTime
 
 START = GalileoTime(1251, 604_700)  # the week ends within the segments
@@ -348,7 +349,7 @@ def test_only_what_is_there_is_written(tmp_path: Path, assistance: Assistance) -
 
 
 def test_keys_need_their_root(tmp_path: Path) -> None:
-    key = ValidatedKey(chain_id=0, time=START, disclosed_at=START, complete_at=START, data=bytes(16))
+    key = validated_key(START.subframe)
     with pytest.raises(ValueError, match="root keys"):
         write_assistance(tmp_path, Assistance(keys=(key,)))
 

@@ -7,17 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from builders import START
+from builders import START, validated_key
 from vestige.crypto.recs import LENGTHS, decrypt
 from vestige.recording.made_recs import make_segments, transmit_times
-from vestige.records import ValidatedKey
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
-from vestige.time import GalileoTime
-
-
-def _key(time: GalileoTime) -> ValidatedKey:
-    return ValidatedKey(chain_id=0, time=time, disclosed_at=time + 22, complete_at=time + 31, data=bytes(range(16)))
 
 
 @given(
@@ -50,7 +44,7 @@ def test_the_interval_is_in_deciseconds(interval_s: float) -> None:
 @pytest.mark.parametrize("length", LENGTHS, ids=lambda length: f"{length.duration_ms} ms")
 @pytest.mark.parametrize("key_delay", [0, 1])
 def test_segments_decrypt_to_what_was_transmitted(length, key_delay: int) -> None:  # type: ignore[no-untyped-def]
-    keys = [_key(START.subframe), _key(START.subframe + 30)]
+    keys = [validated_key(START.subframe), validated_key(START.subframe + 30)]
     segments = make_segments([4, 9], [START], keys, length=length, key_delay=key_delay)
     assert [segment.svid for segment in segments] == [4, 9]
     for segment in segments:
@@ -59,4 +53,4 @@ def test_segments_decrypt_to_what_was_transmitted(length, key_delay: int) -> Non
 
 
 def test_no_key_no_segment() -> None:
-    assert make_segments([4], [START], [_key(START.subframe + 60)], length=LENGTHS[0]) == ()
+    assert make_segments([4], [START], [validated_key(START.subframe + 60)], length=LENGTHS[0]) == ()

@@ -1,0 +1,72 @@
+"""Whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
+
+From the first bit of a key on, anybody can make the chips that its RECS decrypt to. So a correlation proves something
+only if the end of the window of samples that is correlated lies before the disclosure by more than the receiver's clock
+may be wrong. `provably_before_disclosure` is the one place that decides it, for one snapshot and for arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.time import GalileoTime
+from vestige.valid_numbers import require_time_uncertainty
+
+
+@overload
+def provably_before_disclosure(lead_s: float, time_uncertainty_s: float) -> bool: ...
+@overload
+def provably_before_disclosure(
+    lead_s: Float[np.ndarray, "*n"], time_uncertainty_s: float | Float[np.ndarray, "*#n"]
+) -> Bool[np.ndarray, "*n"]: ...
+def provably_before_disclosure(
+    lead_s: float | Float[np.ndarray, "*n"], time_uncertainty_s: float | Float[np.ndarray, "*#n"]
+) -> bool | Bool[np.ndarray, "*n"]:
+    """Return whether samples were provably received before their key was on air.
+
+    Parameters
+    ----------
+    lead_s
+        Time from the end of the window of samples that is correlated to the disclosure of the key, on the receiver's
+        clock, in s.
+    time_uncertainty_s
+        Bound on the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
+
+    Raises
+    ------
+    VestigeError
+        If the bound is negative or NaN.
+    """
+    require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
+    return lead_s > time_uncertainty_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceptionProof:
+    """Which arrivals of one RECS are provably from before the disclosure of its key.
+
+    Attributes
+    ----------
+    disclosed_at
+        When the first bit of the key was on air.
+    duration_s
+        Length of the RECS in s.
+    time_uncertainty_s
+        Bound on the error of the receiver's clock in s; infinite if it is not known.
+    labels_behind_s
+        By how much the time labels of the samples are behind the clock of that bound, 0 or more.
+    """
+
+    disclosed_at: GalileoTime
+    duration_s: float
+    time_uncertainty_s: float
+    labels_behind_s: float = 0.0
+
+    def holds(self, start: GalileoTime) -> bool:
+        """Return whether a RECS whose first chip arrives at a time label was received, to its last chip, in time."""
+        end = start + (self.duration_s + self.labels_behind_s)
+        return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

@@ -1,0 +1,97 @@
+"""The two signature schemes of OSNMA: ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512 [OSNMA-ICD, DSM-KROOT, DSM-PKR].
+
+A public key is broadcast and published as a compressed point, a signature as r and s, each as long as a coordinate of
+the curve. So the length of either says which scheme it belongs to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from vestige.errors import AuthenticationError, UnsupportedError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignatureScheme:
+    """One scheme.
+
+    Attributes
+    ----------
+    key_type
+        NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree.
+    name, curve_name
+        As the European GNSS Service Centre writes them.
+    curve, hash
+        Of ECDSA.
+    coordinate_bytes
+        Length of a coordinate of the curve in bytes.
+    """
+
+    key_type: int
+    name: str
+    curve_name: str
+    curve: ec.EllipticCurve
+    hash: hashes.HashAlgorithm
+    coordinate_bytes: int
+
+    @property
+    def point_bytes(self) -> int:
+        """Length of a compressed point: the sign of y and x."""
+        return 1 + self.coordinate_bytes
+
+    @property
+    def signature_bytes(self) -> int:
+        """Length of a signature: r and s."""
+        return 2 * self.coordinate_bytes
+
+
+P256 = SignatureScheme(
+    key_type=1, name="ECDSA P-256/SHA-256", curve_name="P-256",
+    curve=ec.SECP256R1(), hash=hashes.SHA256(), coordinate_bytes=32,
+)  # fmt: skip
+P521 = SignatureScheme(
+    key_type=3, name="ECDSA P-521/SHA-512", curve_name="P-521",
+    curve=ec.SECP521R1(), hash=hashes.SHA512(), coordinate_bytes=66,
+)  # fmt: skip
+SCHEMES = (P256, P521)
+NAMES = " and ".join(scheme.name for scheme in SCHEMES)
+_ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
+
+
+def scheme_of_type(key_type: int) -> SignatureScheme:
+    """Return the scheme of a public key's type (NPKT).
+
+    Raises
+    ------
+    UnsupportedError
+        If the type is reserved, or that of an alert message, which is no key.
+    """
+    for scheme in SCHEMES:
+        if scheme.key_type == key_type:
+            return scheme
+    reason = "OSNMA alert message: not a key" if key_type == _ALERT_TYPE else "reserved"
+    known = ", ".join(f"{scheme.key_type} ({scheme.name})" for scheme in SCHEMES)
+    raise UnsupportedError(f"public key type {key_type} ({reason}); supported are {known}")
+
+
+def scheme_of_point(point: bytes) -> SignatureScheme:
+    """Return the scheme of a compressed point.
+
+    Raises
+    ------
+    AuthenticationError
+        If no curve has compressed points of this length.
+    """
+    for scheme in SCHEMES:
+        if len(point) == scheme.point_bytes:
+            return scheme
+    lengths = " or ".join(f"{scheme.point_bytes} ({scheme.name})" for scheme in SCHEMES)
+    raise AuthenticationError(f"{point.hex()[:16]}… is not a point: {len(point)} bytes, expected {lengths}")
+
+
+def scheme_of_curve(curve: ec.EllipticCurve) -> SignatureScheme | None:
+    """Return the scheme of a curve; None if OSNMA does not use it."""
+    return next((scheme for scheme in SCHEMES if scheme.curve.name == curve.name), None)

@@ -1,0 +1,39 @@
+"""What numbers a record may hold: a source that hands over others is told so in one line."""
+
+from __future__ import annotations
+
+import math
+
+from vestige.errors import VestigeError
+
+
+def require_finite(owner: str, **values: float) -> None:
+    """Check that all values are finite; the names are those of the fields.
+
+    Raises
+    ------
+    VestigeError
+        If one is NaN or infinite.
+    """
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise VestigeError(f"{owner}: {name}: found {value}, expected a finite number")
+
+
+def require_finite_if_known(owner: str, **values: float) -> None:
+    """Check that no value is infinite; NaN stands for one that was not measured. Raises as `require_finite`."""
+    require_finite(owner, **{name: value for name, value in values.items() if not math.isnan(value)})
+
+
+def require_time_uncertainty(seconds: float) -> None:
+    """Check a bound on a clock's error: 0 s or more, infinite if it is not known.
+
+    Raises
+    ------
+    VestigeError
+        If it is negative or NaN.
+    """
+    if not seconds >= 0:
+        raise VestigeError(
+            f"time uncertainty: found {seconds} s, expected 0 s or more, or infinity if the bound is not known"
+        )
