@@ -62,6 +62,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
         detected=detect(processor, banks, correlated),
         predicted_pd=_predicted_pd(expected_dbhz, correlated, banks.integration_s, processor.p_fa),
         expected_s=handovers.expected_s,
+        doppler_e6_hz=handovers.doppler_e6_hz,
         fix=processor.monitoring.fix.measure(snapshots.time, snapshots.svids, snapshots.e1),
     )
 
@@ -78,12 +79,13 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
     correlated
         Which of them are there.
     """
+    limit = float(threshold(processor.p_fa))
     found = detect_block(
         banks.taps[correlated],
         banks.noise_power[correlated],
         banks.offsets_m,
         detector=processor.detector,
-        threshold_sigma=float(threshold(processor.p_fa)),
+        threshold_sigma=limit,
     )
     tap = np.full(correlated.shape, -1, np.int64)
     tap[correlated] = found.tap
@@ -91,7 +93,13 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
     for one in (found.magnitude_sigma, found.phase_rad, found.range_offset_m):
         values.append(np.full(correlated.shape, np.nan))
         values[-1][correlated] = one
-    return DetectedBlock(tap=tap, magnitude_sigma=values[0], phase_rad=values[1], range_offset_m=values[2])
+    return DetectedBlock(
+        tap=tap,
+        magnitude_sigma=values[0],
+        phase_rad=values[1],
+        range_offset_m=values[2],
+        threshold_sigma=limit,
+    )
 
 
 def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
@@ -145,10 +153,11 @@ class _DecryptedHandovers:
     lookup: RecsLookup
     expected_s: np.ndarray = None  # type: ignore[assignment]
 
+    doppler_e6_hz: np.ndarray = None  # type: ignore[assignment]
     too_late: np.ndarray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        self.expected_s = np.full(self.snapshots.asked.shape, np.nan)
+        self.expected_s, self.doppler_e6_hz = np.full((2, *self.snapshots.asked.shape), np.nan)
         self.too_late = np.zeros(self.snapshots.asked.shape, np.bool_)
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
@@ -165,6 +174,7 @@ class _DecryptedHandovers:
         observation = self.snapshots.e1.observation(segment.svid, epoch, satellite)
         handover = hand_over(observation, time, chips, delay_m=delay_m, e6_over_e1_db=processor.e6_over_e1_db)
         self.expected_s[epoch, satellite] = handover.start_time - time
+        self.doppler_e6_hz[epoch, satellite] = handover.doppler_hz
         duration_s = chips.chips.size / chips.chip_rate_hz
         end = handover.start_time + (duration_s + float(processor.offsets_m[-1]) / SPEED_OF_LIGHT_MPS)
         uncertainty_s = float(self.snapshots.time_uncertainty_s[epoch])

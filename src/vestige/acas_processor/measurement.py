@@ -28,12 +28,25 @@ class Availability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectedBlock:
-    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected."""
+    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected.
+
+    Attributes
+    ----------
+    tap
+        Index of the punctual correlator.
+    magnitude_sigma, phase_rad
+        Its magnitude in standard deviations of the noise per dimension, and its phase.
+    range_offset_m
+        Measured minus predicted E6 range.
+    threshold_sigma
+        What the magnitude had to exceed.
+    """
 
     tap: Int[np.ndarray, "n m"]
     magnitude_sigma: Float[np.ndarray, "n m"]
     phase_rad: Float[np.ndarray, "n m"]
     range_offset_m: Float[np.ndarray, "n m"]
+    threshold_sigma: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,8 +111,9 @@ class MeasurementBlock:
         Correlators of E6, and what the detector says of them.
     predicted_pd
         Probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated.
-    expected_s
-        When E1 expects the RECS, in s after the time of the snapshot; NaN where nothing was handed over.
+    expected_s, doppler_e6_hz
+        When E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing was
+        handed over one by one.
     fix
         Position fix; None without orbits.
     """
@@ -111,6 +125,7 @@ class MeasurementBlock:
     detected: DetectedBlock
     predicted_pd: Float[np.ndarray, "n m"]
     expected_s: Float[np.ndarray, "n m"]
+    doppler_e6_hz: Float[np.ndarray, "n m"]
     fix: FixBlock | None = None
 
     @property

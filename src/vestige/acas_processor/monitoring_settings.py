@@ -28,7 +28,7 @@ from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.acas_processor.fix_measurement import FixSettings
 from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
-from vestige.records import Assistance, Band
+from vestige.records import Band
 from vestige.records.checks import CheckName
 
 if TYPE_CHECKING:
@@ -60,8 +60,6 @@ class MonitoringSettings:
         False-alarm probability of one search.
     exhaustive_period_s
         Time between two exhaustive searches when nothing is wrong.
-    second_channel
-        OSNMA that came over another channel [WFO, Sec. IV-C]; None without one, or where snapshots bring it.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
@@ -84,7 +82,6 @@ class MonitoringSettings:
     exhaustive_search: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
     search_p_fa: float = SEARCH_P_FA
     exhaustive_period_s: float = 3600.0
-    second_channel: Assistance | None = None
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName, float]) -> dict[CheckName, Check]:

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
+from vestige.acas_processor.alarm import StateChange
 from vestige.acas_processor.assess import assess
+from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_positions
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
@@ -33,12 +36,42 @@ from vestige.records.snapshot_block import SnapshotBlock
 from vestige.source import Source
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
-    """The processor's answer to one block of snapshots: verdicts, and the state for the next block."""
+    """The processor's answer to one block of snapshots: verdicts, positions, and the state for the next block.
 
-    verdicts: VerdictBlock
+    Attributes
+    ----------
+    block
+        What the processor says of every epoch and satellite, as arrays.
+    state
+        What the next block needs.
+    """
+
+    block: VerdictBlock
     state: ReceiverState
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """One for each satellite that E1 shows, and for each that it showed in the last hour and does not now."""
+        return tuple(self.block.verdicts())
+
+    @cached_property
+    def changes(self) -> tuple[StateChange, ...]:
+        """Satellites of which something else is shown than before."""
+        return tuple(self.block.changes())
+
+    @cached_property
+    def positions(self) -> tuple[AuthenticPosition, ...]:
+        """The positions that the snapshots authenticate."""
+        return tuple(authentic_positions(self.block))
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """Satellites whose verdict is due that E1 does not show in some epoch, ever seen or not."""
+        snapshots = self.block.measured.snapshots
+        missing = np.any(snapshots.asked & ~snapshots.e1.seen, axis=0)
+        return frozenset(svid for svid, one in zip(snapshots.svids, missing.tolist(), strict=True) if one)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +127,7 @@ class AcasProcessor:
     def run(self, source: Source) -> Iterator[Verdict]:
         """Yield the verdicts of every snapshot of a source."""
         for step in self.steps(source, assistance=source.assistance):
-            yield from step.verdicts.verdicts()
+            yield from step.verdicts
 
     def steps(
         self, blocks: Iterable[SnapshotBlock], *, assistance: AssistanceData, state: ReceiverState | None = None
@@ -108,7 +141,7 @@ class AcasProcessor:
     def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: AssistanceData) -> Step:
         """Return the answer to one block; `state` is that after the block before, None at first."""
         verdicts, after = self.assess(state, self.measure(block, assistance), assistance)
-        return Step(verdicts=verdicts, state=after)
+        return Step(block=verdicts, state=after)
 
     def measure(self, block: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
         """Return what can be measured of a block: pure, and independent of the cut."""
