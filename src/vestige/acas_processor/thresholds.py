@@ -96,7 +96,7 @@ def cfar_threshold(pfa: Reals, cells: int) -> Reals:
     return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
 
 
-def amplitude(cn0_dbhz: Reals, integration_s: float, n_noncoherent: int = 1) -> Reals:
+def amplitude(cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1) -> Reals:
     """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension.
 
     Parameters
