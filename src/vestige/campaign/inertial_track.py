@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.inertial import InertialMonitor, gained_towards_mps
-from vestige.acas_processor.monitors.judgement import two_sided_factor
+from vestige.acas_processor.checks.inertial import InertialMonitor
+from vestige.acas_processor.checks.check import two_sided_factor
+from vestige.acas_processor.inertial_bridging import gained_towards_mps
 from vestige.campaign.track import Track, oscillator, values
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import geometry_of_sky
@@ -30,7 +31,7 @@ def inertial_track(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: f
     """
     sensor = scenario["receiver"]["accelerometers"]
     walk_hz = oscillator(scenario).walk_hz
-    monitor = InertialMonitor(sigma_rate_mps=0.0, clock_walk_hz=walk_hz, p_fa=p_fa, **_errors(sensor))
+    monitor = InertialMonitor(clock_walk_hz=walk_hz, p_fa=p_fa, **_errors(sensor))
     rate = values(results, "e1_range_rate_mps", "epoch", "satellite")
     statistic, threshold = np.full(rate.shape, np.nan), np.full(rate.shape, np.nan)
     recs = np.flatnonzero(values(results, "recs"))

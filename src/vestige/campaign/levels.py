@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.alarm import state_block
+from vestige.acas_processor.alarm import AlarmState
 from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.mitigation import ALARMS, GRAVITY, LEVELS, combine_block, confirmed_block
+from vestige.acas_processor.levels import ALARMS, GRAVITY, LEVELS, combine, confirmed
 from vestige.acas_processor.search_schedule import search_due
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.monitoring import tracks
@@ -186,7 +186,9 @@ def _verdicts(
     for row in LEVELS[level]:
         if row.name in found and row.name not in _MINIMUM:
             tests[row.name] = found[row.name].run
-            failed[row.name] = confirmed_block(found[row.name].failed, found[row.name].run, row.confirm)
+            one = found[row.name]
+            nothing = np.zeros(one.failed.shape[1:], np.int64)
+            failed[row.name] = confirmed(one.failed, one.run, row.confirm, nothing)
     recs = _recs(scenario, status.shape[0])
     searched = np.zeros(status.shape[0], np.bool_)
     if _EXHAUSTIVE in failed:
@@ -194,8 +196,10 @@ def _verdicts(
         searched = search_schedule(recs, results["time_s"].values, _suspicion(failed), twice, cadence.search_s)
         tests[_EXHAUSTIVE] = tests[_EXHAUSTIVE] & searched[:, None]
         failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
-    combined = combine_block(level, failed, available)
-    state = state_block(combined, results["time_s"].values)
+    combined, _ = combine(level, failed, available)
+    always = np.ones(combined.shape, np.bool_)
+    svids = tuple(results["svid"].values.tolist())
+    state, _ = AlarmState().over(svids, results["time_s"].values, combined, always, ~always)
     error_m, earlier = _ranges(
         results, failed, state, recs, searched, processor["kappa"] * ErrorBudget(**processor["budget"]).sigma_m
     )

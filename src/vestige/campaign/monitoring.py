@@ -28,13 +28,14 @@ from jaxtyping import Float
 from scipy.special import chndtrix, erfc
 
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.learned_checks import LEARNED
-from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
-from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
-from vestige.acas_processor.monitors.judgement import two_sided_factor
-from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
-from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
-from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.baseline import LEARNED
+from vestige.acas_processor.checks.clock import ClockDriftMonitor, ClockHistory
+from vestige.acas_processor.checks.cn0 import Cn0Monitor
+from vestige.acas_processor.checks.check import two_sided_factor
+from vestige.acas_processor.checks.raim import RaimMonitor
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
+from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.power_distortion_track import power_distortion_track
@@ -117,7 +118,7 @@ def tracks(
 
 def _received_power(results: xarray.Dataset, p_fa: float, sigma_system_db: float) -> Track:
     monitor = ReceivedPowerMonitor(band=Band.E1, sigma_system_db=sigma_system_db, p_fa=p_fa)
-    statistic = monitor.statistic(values(results, "e1_power_db"))
+    statistic = values(results, "e1_power_db")
     return Track(
         name=monitor.name,
         unit=monitor.unit,
@@ -169,8 +170,8 @@ def _floor(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float, si
     power = values(results, "noise_power", "epoch", "satellite")
     gain_db = np.nan_to_num(values(results, "e6_agc_gain_db"))[:, None]
     n_chips = round(results.attrs["integration_s"] * E6C.chip_rate_hz)
-    monitor = WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=n_chips, sigma_system_db=sigma_system_db, p_fa=p_fa)
-    floor_db = monitor.statistic(power, np.broadcast_to(gain_db, power.shape))
+    monitor = WrongCodeFloorMonitor(n_chips=n_chips, sigma_system_db=sigma_system_db, p_fa=p_fa)
+    floor_db = np.where(power > 0, 10 * np.log10(np.where(power > 0, power, 1.0)) - gain_db, np.nan)
     floor_db = floor_db - 10 * np.log10(1 + _own_share(results, scenario))
     change_db, learned = (np.stack(parts, axis=1) for parts in zip(*map(_against_first, floor_db.T), strict=True))
     growth = np.sqrt(1 + np.pi / 2 / learned)  # a median of n has π/2n of the variance of one
@@ -220,26 +221,21 @@ def _range(results: xarray.Dataset, scenario: Mapping[str, Any]) -> Track:
 def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) -> tuple[Track, ...]:
     """Return the three clock checks, each of this p_fa, with the errors of the fix as they are in each epoch."""
     fix = results.sel(fix="all")
-    # what satellites have in common lasts for hours and is in two successive clocks alike
-    bias, drift = values(fix, "fix_own_sigma_clock_m") ** 2, values(fix, "fix_sigma_drift_mps") ** 2
     clock = oscillator(scenario)
-    monitor = ClockDriftMonitor(
-        white_s=clock.white_s, walk_hz=clock.walk_hz, sigma_bias_m=0.0, sigma_drift_mps=0.0, p_fa=3 * p_fa
+    monitor = ClockDriftMonitor(white_s=clock.white_s, walk_hz=clock.walk_hz, max_gap_s=np.inf, p_fa=3 * p_fa)
+    found = monitor.statistics(
+        ClockHistory(  # what satellites have in common lasts for hours and is in two successive clocks alike
+            time_s=values(results, "time_s"),
+            bias_m=values(fix, "fix_clock_m"),
+            drift_mps=values(fix, "fix_drift_mps"),
+            bias_variance=values(fix, "fix_own_sigma_clock_m") ** 2,
+            drift_variance=values(fix, "fix_sigma_drift_mps") ** 2,
+        )
     )
-    time_s = values(results, "time_s")
-    found = monitor.statistics(time_s, values(fix, "fix_clock_m"), values(fix, "fix_drift_mps"))
-    step_s = np.diff(time_s, prepend=np.nan)
-    of_two = drift + np.roll(drift, 1)
     parts = (
-        ("innovation", "m/s", found.innovation_mps, found.innovation_threshold_mps, of_two),
-        (
-            "consistency",
-            "m",
-            found.consistency_m,
-            found.consistency_threshold_m,
-            bias + np.roll(bias, 1) + of_two * step_s**2 / 4,
-        ),
-        ("slope", "m/s²", found.slope_mps2, found.slope_threshold_mps2, _slope_variance(drift, step_s, monitor.window)),
+        ("innovation", "m/s", found.innovation, found.innovation_threshold),
+        ("consistency", "m", found.consistency, found.consistency_threshold),
+        ("slope", "m/s²", found.slope, found.slope_threshold),
     )
     return tuple(
         Track(
@@ -247,23 +243,11 @@ def _clock(results: xarray.Dataset, scenario: Mapping[str, Any], p_fa: float) ->
             unit=unit,
             p_fa=p_fa,
             statistic=statistic,
-            threshold=np.hypot(of_oscillator, monitor.factor * np.sqrt(of_fix)),
+            threshold=threshold,
             exact=_normal_errors(scenario),
         )
-        for name, unit, statistic, of_oscillator, of_fix in parts
+        for name, unit, statistic, threshold in parts
     )
-
-
-def _slope_variance(
-    variance: Float[np.ndarray, " n"], step_s: Float[np.ndarray, " n"], window: int
-) -> Float[np.ndarray, " n"]:
-    """Return the variance of the slope of the last `window` values at equal steps, NaN before there are as many."""
-    found = np.full(variance.size, np.nan)
-    if variance.size >= window:
-        centred = (np.arange(window) - (window - 1) / 2) * float(step_s[-1])
-        weight = centred / np.sum(centred**2)
-        found[window - 1 :] = np.lib.stride_tricks.sliding_window_view(variance, window) @ weight**2
-    return found
 
 
 def _normal_errors(scenario: Mapping[str, Any]) -> bool:

@@ -15,8 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.monitors.judgement import Monitor
-from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAgreement, OsnmaAvailabilityMonitor
+from vestige.acas_processor.checks.check import Check
+from vestige.acas_processor.checks.osnma import (
+    OsnmaAgreementMonitor,
+    OsnmaAvailabilityMonitor,
+    OsnmaReceptionMonitor,
+)
 from vestige.campaign.track import Track, values
 from vestige.receiver.osnma_reception import KEY_PAGES, PAGES, of_mask, pages_due
 
@@ -47,14 +51,14 @@ def osnma_tracks(
     came = np.count_nonzero(received & seen[:, None], axis=(1, 2))
     wrong = np.count_nonzero(received & differs & seen[:, None], axis=(1, 2))
     availability = OsnmaAvailabilityMonitor(p_fa=p_fa("OSNMA availability"))
-    assisted = AssistedOsnmaMonitor(p_fa=p_fa("OSNMA reception"))
+    assisted = OsnmaReceptionMonitor(p_fa=p_fa("OSNMA reception"))
     window = np.minimum(np.arange(epoch.size) + 1, WINDOW)
     missing = np.cumsum(~keys)
     missing[WINDOW:] -= np.cumsum(~keys)[:-WINDOW]
-    parts: tuple[tuple[Monitor, Int64[np.ndarray, " k"], Int64[np.ndarray, " k"], list[int]], ...] = (
+    parts: tuple[tuple[Check, Int64[np.ndarray, " k"], Int64[np.ndarray, " k"], list[int]], ...] = (
         (availability, missing, window, [availability.threshold(size) for size in window.tolist()]),
         (assisted, due - came, due, [assisted.threshold(size) for size in due.tolist()]),
-        (OsnmaAgreement(), wrong, came, [0] * came.size),
+        (OsnmaAgreementMonitor(), wrong, came, [0] * came.size),
     )
     made = []
     for monitor, count, of, limits in parts:

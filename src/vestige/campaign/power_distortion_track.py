@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
+from vestige.acas_processor.checks.decision_map import Hypotheses, PowerDistortionMonitor, SignalClass
 from vestige.campaign.snapshot_tracks import expected_cn0_dbhz
 from vestige.campaign.track import Track, observed_scenario, values
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS

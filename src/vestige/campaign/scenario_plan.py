@@ -12,7 +12,7 @@ import numpy as np
 from vestige.acas_processor.detection_block import DetectionBlock, detect_block
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.minimum_defence import Limits, minimum_block
-from vestige.acas_processor.mitigation import combine_block
+from vestige.acas_processor.levels import combine
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.level_columns import LEVEL_COLUMNS, level_columns
@@ -240,7 +240,7 @@ class ScenarioPlan:
         predicted_pd = probability_of_detection(expected_dbhz, integration_s, processor.p_fa)[place]
         limits = Limits(budget=processor.budget, kappa=processor.kappa, min_pd=processor.min_pd)
         failed, available = minimum_block(found.tap >= 0, found.range_offset_m, predicted_pd, limits)
-        status = combine_block(1, failed, available[:, None])[:, 0]
+        status = combine(1, failed, available[:, None])[0][:, 0]
         return np.where(correlated, status, list(Status).index(Status.NOT_AVAILABLE))
 
 

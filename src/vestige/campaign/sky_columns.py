@@ -20,7 +20,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.monitors.raim_check import RaimMonitor, largest_separations
+from vestige.acas_processor.checks.raim import raim_statistic
+from vestige.acas_processor.checks.solution_separation import largest_separations
 from vestige.campaign.osnma_columns import osnma_columns
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
@@ -34,7 +35,7 @@ from vestige.navigation.position_fix import (
     inverse_normal,
     local_geometry,
     position_fix,
-    standing_range_rate,
+    static_range_rate,
     transmission,
     velocity_fix,
 )
@@ -280,7 +281,7 @@ def _fix_columns(
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     return {
-        "e1_standing_rate_mps": standing_range_rate(sent, fix),
+        "e1_standing_rate_mps": static_range_rate(sent, fix),
         "fix_satellites": np.where(fix.valid, fix.n_used, 0),
         "fix_position_m": np.where(fix.valid[:, None], fix.position_m, np.nan),
         "fix_error_m": np.einsum("nij,nj->ni", axes, error[:, :3]),
@@ -294,7 +295,7 @@ def _fix_columns(
         "fix_sigma_drift_mps": np.sqrt(_drift_variance(fix, seen["e1_rate_sigma_mps"])),
         "fix_nees": _nees(fix, error),
         "fix_dilution": np.stack([getattr(local, name) for name in _DILUTIONS], axis=-1),
-        "raim_statistic": RaimMonitor(p_fa=scenario.position.p_fa).statistic(fix),
+        "raim_statistic": raim_statistic(fix),
         "separation_sigmas": sigmas,
         "separation_modes": modes,
     }

@@ -19,23 +19,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.monitors.e6_strength import E6StrengthMonitor
-from vestige.acas_processor.monitors.judgement import Monitor
-from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
-from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
-from vestige.acas_processor.monitors.vestigial_search import E1VestigialSearch, E6ExhaustiveSearch
+from vestige.acas_processor.checks.e6_cn0 import E6StrengthMonitor
+from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.campaign.outcomes import position
 from vestige.campaign.track import Track
 from vestige.receiver.elevation import ray_amplitude
 from vestige.receiver.search_outcome import P_FA
 from vestige.records import Band, Status
+from vestige.records.checks import CheckName
 
 if TYPE_CHECKING:
     import xarray
 
-_SEARCHES: tuple[tuple[str, Monitor, float], ...] = (
-    ("handover_signals", E1VestigialSearch(), 2 * P_FA),
-    ("exhaustive_signals", E6ExhaustiveSearch(), P_FA),
+_SEARCHES: tuple[tuple[str, CheckName, float], ...] = (
+    ("handover_signals", CheckName.E1_VESTIGIAL_SEARCH, 2 * P_FA),
+    ("exhaustive_signals", CheckName.E6_EXHAUSTIVE_SEARCH, P_FA),
 )
 
 
@@ -152,7 +151,7 @@ def _power(
         averaging_s=float(results.attrs["integration_s"]),
         p_fa=p_fa("E6 received power"),
     )
-    statistic = monitor.statistic(results["e6_power_db"].values.astype(np.float64))
+    statistic = results["e6_power_db"].values.astype(np.float64)
     threshold = np.full(statistic.shape, monitor.threshold_db)
     # on samples it is a mean over satellites, each with noise of its own
     exact = bool(np.all(np.isnan(results["e6_total_power_db"].values))) and not sigma_system_db
@@ -161,11 +160,11 @@ def _power(
     )
 
 
-def _search(results: xarray.Dataset, name: str, monitor: Monitor, p_fa: float) -> Track:
-    signals = results[name].transpose("epoch", "satellite").values.astype(np.float64)
+def _search(results: xarray.Dataset, column: str, name: CheckName, p_fa: float) -> Track:
+    signals = results[column].transpose("epoch", "satellite").values.astype(np.float64)
     return Track(
-        name=monitor.name,
-        unit=monitor.unit,
+        name=name,
+        unit="signals",
         p_fa=p_fa,
         statistic=np.where(signals > 0, signals, np.nan),
         threshold=np.ones(signals.shape),

@@ -135,7 +135,7 @@ def outcomes_of(
     results
         Of that scenario.
     levels
-        Keys of `mitigation.LEVELS`.
+        Keys of `levels.LEVELS`.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])

@@ -47,7 +47,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.alarm_budget import EXACT, RANGE
-from vestige.acas_processor.mitigation import ALARMS
+from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.outcomes import position
 from vestige.campaign.statistics import Proportion, count_interval, proportion

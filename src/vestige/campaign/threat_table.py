@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from vestige.acas_processor.mitigation import LEVELS as ROWS
+from vestige.acas_processor.levels import LEVELS as ROWS
 from vestige.campaign.origin import vestige_version
 from vestige.campaign.threat_matrix import Cell
 from vestige.errors import InputFileError

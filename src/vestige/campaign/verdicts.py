@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.mitigation import ALARMS
+from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.threat_outcome import DAY_S

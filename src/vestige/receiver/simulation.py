@@ -26,7 +26,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
 
+from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.sampled_snapshot import block_of
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.chain_parameters import ALPHA_BYTES, ChainParameters
 from vestige.crypto.disclosure import provably_before_disclosure
@@ -259,13 +261,21 @@ class Simulation:
         The bank is None where the receiver must not or cannot decrypt: see `_undecryptable`.
         """
         snapshot, assistance = self.snapshot(epoch, row, truth, e1_multipath_m)
-        (satellite,) = self.processor.measure(snapshot, assistance).satellites
-        if satellite.bank is None and satellite.handover is not None:
+        measured = self.processor.measure(block_of(snapshot), assistance)
+        if measured.availability[0, 0] == Availability.OUTSIDE:
             raise VestigeError(
                 f"epoch {epoch}: the errors that the scenario asks for put the hand-over beyond the recorded samples "
-                f"({satellite.unavailable})"
+                f"({measured.why_unavailable(0, 0)})"
             )
-        return satellite.bank, snapshot.front_end[Band.E6]
+        bank = None
+        if measured.availability[0, 0] == Availability.CORRELATED:
+            bank = CorrelatorBank(
+                offsets_m=measured.banks.offsets_m,
+                taps=measured.banks.taps[0, 0],
+                noise_power=float(measured.banks.noise_power[0, 0]),
+                integration_s=float(measured.banks.integration_s[0, 0]),
+            )
+        return bank, snapshot.front_end[Band.E6]
 
     def snapshot(self, epoch: int, row: int, truth: TruthBlock, e1_multipath_m: float) -> tuple[Snapshot, Assistance]:
         """Return what the receiver hands to the processor for one epoch, and the assistance for it.
