@@ -66,7 +66,7 @@ _NEED_REFERENCES = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Guess:
-    """What is taken for granted of each epoch: whether nothing raised an alarm, and how many satellites are authentic."""
+    """What is assumed of each epoch: whether nothing raised an alarm, and how many satellites are authentic."""
 
     quiet: Bool[np.ndarray, " n"]
     authentic: Int64[np.ndarray, " n"]

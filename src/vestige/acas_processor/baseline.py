@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
+from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.signals.definitions import E6C
 
 WINDOW = 20
@@ -85,9 +85,7 @@ class ReferenceLevels:
     e6_power_db: float | None = None
     antenna: Antenna | None = None
 
-    def configured(
-        self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]
-    ) -> Float[np.ndarray, "*n"] | None:
+    def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
         """Return a stated level for every epoch, and satellite if it is of satellites; None if it is to be learned."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:

@@ -153,5 +153,3 @@ def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.n
     """Return the variance of the clock's drift from that of the range rates; NaN without a fix."""
     share = redundancy(fix.geometry, fix.weight).gain[:, 3]
     return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m
-
-

@@ -131,9 +131,7 @@ def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
         if np.isfinite(rate) and np.isfinite(static):
             e_x, e_y, e_z = (-found.fix.geometry[epoch, column, :3]).tolist()
             sigma = float(found.sigma_rate_mps[here])
-            satellites[svid] = SatelliteRate(
-                rate_mps=rate, static_mps=static, sigma_mps=sigma, towards=(e_x, e_y, e_z)
-            )
+            satellites[svid] = SatelliteRate(rate_mps=rate, static_mps=static, sigma_mps=sigma, towards=(e_x, e_y, e_z))
     return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
 
 

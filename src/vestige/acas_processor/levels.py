@@ -120,9 +120,7 @@ _FIX = tuple(
     )
 )
 _SECOND_CHANNEL = (
-    CheckSpec(
-        step=4, name=CheckName.OSNMA_AVAILABILITY, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_SUBFRAME
-    ),
+    CheckSpec(step=4, name=CheckName.OSNMA_AVAILABILITY, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_SUBFRAME),
     CheckSpec(step=4, name=CheckName.OSNMA_RECEPTION, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_SUBFRAME),
     CheckSpec(
         step=4,
@@ -225,7 +223,9 @@ def confirmed(
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))
     for column, streak in enumerate(np.ravel(before).tolist()):
         rows = np.flatnonzero(flat_run[:, column])
-        padded = np.concatenate([np.zeros(confirm, np.bool_), np.ones(int(streak), np.bool_), flat_failed[rows, column]])
+        padded = np.concatenate(
+            [np.zeros(confirm, np.bool_), np.ones(int(streak), np.bool_), flat_failed[rows, column]]
+        )
         in_a_row = np.logical_and.reduce(np.lib.stride_tricks.sliding_window_view(padded, confirm), axis=1)
         flat_out[rows, column] = in_a_row[in_a_row.size - rows.size :]
     return out

@@ -123,7 +123,10 @@ def _banks(
         return snapshots.e6.correlate(asked, handovers, processor.offsets_m)
     taps = np.full((*asked.shape, processor.n_taps), np.nan + 0j)
     return BankBlock(
-        offsets_m=processor.offsets_m, taps=taps, noise_power=np.full(asked.shape, np.nan), integration_s=np.full(asked.shape, np.nan)
+        offsets_m=processor.offsets_m,
+        taps=taps,
+        noise_power=np.full(asked.shape, np.nan),
+        integration_s=np.full(asked.shape, np.nan),
     )
 
 
@@ -182,5 +185,3 @@ class _DecryptedHandovers:
             self.too_late[epoch, satellite] = True
             return None
         return handover
-
-

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int8, Int64
+from jaxtyping import Float, Int, Int8, Int64
 
 from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records.recs_block import RecsBlock

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vestige.acas_processor.handover import assisted_delay_m
 from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.handover import assisted_delay_m
 from vestige.acas_processor.search_budget import search_budget
 from vestige.acas_processor.state import TimeUncertainty
 from vestige.acas_processor.vestigial import (
@@ -47,6 +47,7 @@ from vestige.sample_processor.search.sample_source import BatchSource, SampleSou
 from vestige.time import GalileoTime
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSearch:
@@ -281,9 +282,7 @@ class E6ExhaustiveSearch:
 
 
 def _not_run(svid: int, why: str) -> SatelliteSearch:
-    return SatelliteSearch(
-        svid=svid, signals=(), peaks=(), count=math.nan, not_run=SEARCH_NOT_RUN.index(why) + 1
-    )
+    return SatelliteSearch(svid=svid, signals=(), peaks=(), count=math.nan, not_run=SEARCH_NOT_RUN.index(why) + 1)
 
 
 def _of_decision(
@@ -409,9 +408,7 @@ class SampledSearches:
             for svid, seconds in zip(self.svids, request.expected_s[0], strict=True)
             if math.isfinite(seconds)
         }
-        found = search.search(
-            self.snapshot, self._assistance(request), self._uncertainty(request), expected=expected
-        )
+        found = search.search(self.snapshot, self._assistance(request), self._uncertainty(request), expected=expected)
         return self._block(found, request)
 
     def _assistance(self, request: SearchRequest) -> Assistance:
@@ -445,9 +442,7 @@ class SampledSearches:
             if same and len(one.peaks) > 1 and math.isfinite(expected_s):
                 apart_s = (min(peak.start_time for peak in one.peaks) - self.snapshot.time) - expected_s
                 earliest_m[0, column] = apart_s * SPEED_OF_LIGHT_MPS
-        return SearchBlock(
-            signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8)
-        )
+        return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))
 
     def _sent_with(self, svid: int, sent: GalileoTime, request: SearchRequest) -> bool:
         """Return whether a RECS is that of the snapshot."""

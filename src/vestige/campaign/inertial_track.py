@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.inertial import InertialMonitor
 from vestige.acas_processor.checks.check import two_sided_factor
+from vestige.acas_processor.checks.inertial import InertialMonitor
 from vestige.acas_processor.inertial_bridging import gained_towards_mps
 from vestige.campaign.track import Track, oscillator, values
 from vestige.navigation.earth import local_axes_at

@@ -27,15 +27,15 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chndtrix, erfc
 
-from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.baseline import LEARNED
+from vestige.acas_processor.checks.check import two_sided_factor
 from vestige.acas_processor.checks.clock import ClockDriftMonitor, ClockHistory
 from vestige.acas_processor.checks.cn0 import Cn0Monitor
-from vestige.acas_processor.checks.check import two_sided_factor
-from vestige.acas_processor.checks.raim import RaimMonitor
-from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
-from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.raim import RaimMonitor
+from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
+from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.campaign.inertial_track import inertial_track
 from vestige.campaign.osnma_tracks import osnma_tracks
 from vestige.campaign.power_distortion_track import power_distortion_track

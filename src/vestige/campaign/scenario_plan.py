@@ -11,8 +11,8 @@ import numpy as np
 
 from vestige.acas_processor.detection_block import DetectionBlock, detect_block
 from vestige.acas_processor.detectors import DETECTORS
-from vestige.acas_processor.minimum_defence import Limits, minimum_block
 from vestige.acas_processor.levels import combine
+from vestige.acas_processor.minimum_defence import Limits, minimum_block
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, e1_cn0_dbhz
 from vestige.campaign.level_columns import LEVEL_COLUMNS, level_columns

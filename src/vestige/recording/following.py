@@ -32,8 +32,8 @@ from vestige.recording.live_recording import LiveRecording
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot
-from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.records.recs_block import segments_between
+from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.time import GalileoTime
 
 

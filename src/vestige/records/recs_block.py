@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Assistance, EncryptedSegment, GroupDelay, ValidatedKey

@@ -16,13 +16,13 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.evidence import Evidence
-from vestige.records.checks import CheckName, CheckSeries
 from vestige.acas_processor.checks.check import (
     check_budget,
     two_sided_detection,
     two_sided_factor,
 )
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +89,7 @@ class Cn0Monitor:
                 return "C/N0 on E1 is not known"
             if np.isnan(statistic[here]):
                 return reference.why_unknown(here)
-            return (
-                f"C/N0 is {statistic[here]:+.1f} dB from what is expected, more than {threshold[here]:.1f} dB"
-            )
+            return f"C/N0 is {statistic[here]:+.1f} dB from what is expected, more than {threshold[here]:.1f} dB"
 
         return CheckSeries(
             name=self.name,

@@ -12,18 +12,17 @@ the larger part, so the budget is a bound.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.evidence import Evidence
-from vestige.records.checks import CheckName, CheckSeries
-from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.checks.check import check_budget, two_sided_factor
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.thresholds import amplitude
+from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +70,9 @@ class E6StrengthMonitor:
         """
         return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
 
-    def threshold(self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    def threshold(
+        self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]
+    ) -> Float[np.ndarray, "*n"]:
         """Return the largest |statistic| that passes."""
         spread = amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vestige.acas_processor.evidence import Evidence
-from vestige.records.checks import CheckName, CheckSeries
 from vestige.acas_processor.measurement import Availability
+from vestige.records.checks import CheckName, CheckSeries
 
 MIN_PD = 0.9
 

@@ -18,16 +18,16 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.evidence import Evidence
-from vestige.records.checks import CheckName, CheckSeries
-from vestige.acas_processor.measurement import Availability
-from vestige.signals.definitions import E6C
 from vestige.acas_processor.checks.check import (
     check_budget,
     two_sided_detection,
     two_sided_factor,
 )
 from vestige.acas_processor.checks.received_power import DB_PER_NEPER
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.signals.definitions import E6C
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,9 +43,7 @@ class Subframes:
     differs: Int64[np.ndarray, " k"]
 
 
-def subframes(
-    block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory
-) -> tuple[Subframes, OsnmaMemory]:
+def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
     """Return the subframes that ended in a block, and the memory after it.
 
     Parameters
@@ -102,4 +100,3 @@ def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:
         received += came.bit_count()
         differs += (came & wrong).bit_count()
     return keyed, due, lost, received, differs
-

@@ -19,14 +19,14 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.evidence import Evidence
-from vestige.records import Band
-from vestige.records.checks import CheckName, CheckSeries
 from vestige.acas_processor.checks.check import (
     check_budget,
     two_sided_detection,
     two_sided_factor,
 )
+from vestige.acas_processor.evidence import Evidence
+from vestige.records import Band
+from vestige.records.checks import CheckName, CheckSeries
 
 DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a power
 

@@ -26,12 +26,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.elevation_model import relative_ray_amplitude
-from vestige.records.checks import CheckName, CheckSeries
-from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.elevation_model import relative_ray_amplitude
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records.checks import CheckName, CheckSeries
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
@@ -105,7 +105,9 @@ class SecondSignalMonitor:
         found = np.empty((3, noise_power.size))
         for low in range(0, noise_power.size, _BLOCK):
             part = slice(low, low + _BLOCK)
-            alone = np.abs(np.einsum("nt,pt->np", scaled[part], places.whitened))  # no BLAS: same bits for any number of rows
+            alone = np.abs(
+                np.einsum("nt,pt->np", scaled[part], places.whitened)
+            )  # no BLAS: same bits for any number of rows
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)

@@ -43,7 +43,6 @@ def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
     return np.where(known.any(axis=-1), found, np.nan)
 
 
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolutionSeparationMonitor:
     """Whether the position without each satellite is where the position with all is.
