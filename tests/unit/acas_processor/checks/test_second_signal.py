@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from evidence_builder import evidence, outcome
 from scipy.special import bdtrc
 
-from vestige.acas_processor.monitors.second_signal import SecondSignalMonitor
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlator_model import CorrelatorModel
-from vestige.records import CorrelatorBank, Outcome
+from vestige.records import Outcome
 
 OFFSETS_M = (np.arange(11) - 5) * 15.0
 CHIP_M = SPEED_OF_LIGHT_MPS / 5.115e6
@@ -64,10 +65,13 @@ def test_one_of_minus_10_db_looks_like_a_ray_of_the_harsh_conditions() -> None:
 
 def test_the_check_of_one_bank() -> None:
     taps, noise = banks(1, (1.2j, 70.0))
-    bank = CorrelatorBank(offsets_m=OFFSETS_M, taps=taps[0], noise_power=float(noise[0]), integration_s=0.016)
+    given = evidence(taps=taps[None], noise_power=float(noise[0]), offsets_m=OFFSETS_M)
     monitor = SecondSignalMonitor(ray_power_db=-25.0)
-    assert monitor.check(bank).outcome is Outcome.FAIL
-    assert "second signal" in monitor.check(bank).reason
-    assert monitor.check(None).outcome is Outcome.NOT_RUN
+    failed = outcome(monitor, given)
+    assert failed.outcome is Outcome.FAIL
+    assert "second signal" in failed.reason
+    low = evidence(taps=taps[None], noise_power=float(noise[0]), offsets_m=OFFSETS_M, elevation_rad=np.radians(5.0))
+    assert outcome(monitor, low).threshold > failed.threshold, "low satellites have stronger multipath"
+    assert outcome(monitor, evidence(offsets_m=OFFSETS_M, taps=np.full((1, 1, 11), np.nan))).outcome is Outcome.NOT_RUN
     with pytest.raises(ValueError, match="between 0 and 1"):
         SecondSignalMonitor(p_fa=0.0)

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from evidence_builder import evidence, outcome
 from scipy.special import bdtr, bdtrc
 
-from vestige.acas_processor.monitors.e6_strength import E6StrengthMonitor
-from vestige.records import CorrelatorBank, Outcome
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.checks.e6_cn0 import E6StrengthMonitor
+from vestige.records import CheckResult, Outcome
 
 N = 200_000
 T_S = 0.016
@@ -41,14 +43,19 @@ def test_what_changes_it_and_what_does_not() -> None:
 
 
 def test_the_check_of_one_bank() -> None:
-    def bank(tap: float) -> CorrelatorBank:
-        return CorrelatorBank(offsets_m=np.zeros(1), taps=np.array([tap + 0j]), noise_power=2.0, integration_s=T_S)
+    def of(tap: float | None, expected: float | None) -> CheckResult:
+        given = evidence(
+            usual={Quantity.E6_CN0_DBHZ: expected},
+            taps=None if tap is None else [[[tap]]],
+            noise_power=None if tap is None else 2.0,
+            integration_s=T_S,
+        )
+        return outcome(E6StrengthMonitor(), given)
 
-    monitor = E6StrengthMonitor()
-    assert monitor.check(bank(10.0), 35.0).outcome is Outcome.PASS
-    failed = monitor.check(bank(30.0), 35.0)
+    assert of(10.0, 35.0).outcome is Outcome.PASS
+    failed = of(30.0, 35.0)
     assert failed.outcome is Outcome.FAIL
     assert failed.statistic == pytest.approx(30.0 - math.sqrt(2 * 10**3.5 * T_S + 1))
     assert "strength that is expected" in failed.reason
-    assert monitor.check(None, 35.0).outcome is Outcome.NOT_RUN
-    assert monitor.check(bank(10.0), math.nan).outcome is Outcome.NOT_RUN
+    assert of(None, 35.0).reason == "nothing was correlated on E6"
+    assert of(10.0, None).outcome is Outcome.NOT_RUN

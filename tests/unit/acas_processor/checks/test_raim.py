@@ -4,15 +4,18 @@ import math
 
 import numpy as np
 import pytest
+from evidence_builder import evidence, fix_block, outcome
 from scipy.special import erfcinv
 
-from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
+from vestige.acas_processor.checks.check import Check
+from vestige.acas_processor.checks.raim import RaimMonitor, raim_statistic
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor, largest_separations
 from vestige.campaign.statistics import binomial_test
 from vestige.navigation.position_fix import Fix, local_geometry, position_fix, transmission
 from vestige.navigation.raim import redundancy, solution_separation
 from vestige.receiver.constellation import sky, walker_ephemerides
 from vestige.receiver.trajectory import StaticTrajectory
-from vestige.records import Outcome
+from vestige.records import CheckResult, Outcome
 from vestige.streams import stream
 from vestige.time import GalileoTime
 
@@ -44,7 +47,7 @@ def test_rate_of_alarms(bias_m: float) -> None:
     n, column = 20_000, 2
     monitor = RaimMonitor(p_fa=0.01)
     fix, _ = _fixes(n, bias_m=bias_m, column=column)
-    alarms = int(np.count_nonzero(monitor.statistic(fix) > monitor.threshold(fix)))
+    alarms = int(np.count_nonzero(raim_statistic(fix) > monitor.threshold(fix)))
     expected = float(monitor.probability_of_detection(fix, column, np.array([bias_m]))[0])
     assert binomial_test(alarms, n, expected) > LEVEL
     assert (expected == pytest.approx(0.01)) is (bias_m == 0.0)
@@ -81,32 +84,42 @@ def test_detection_by_the_separation() -> None:
     assert bound - 0.015 < seen < bound + 0.05
 
 
+def _of(monitor: Check, fix: Fix | None, svids: tuple[int, ...], epoch: int = 0) -> CheckResult:
+    if fix is None:
+        return outcome(monitor, evidence((1, len(svids)), svids=svids))
+    sigmas, modes = largest_separations(fix)
+    found = fix_block(
+        fix, raim_statistic=raim_statistic(fix), separation_sigmas=sigmas, separation_modes=modes.astype(np.int64)
+    )
+    return outcome(monitor, evidence(fix.residual_m.shape, fix=found, svids=svids), epoch)
+
+
 def test_a_common_push_is_not_seen() -> None:
     quiet, svids = _fixes(3)
     pushed, _ = _fixes(3, common_m=600.0)
-    np.testing.assert_allclose(RaimMonitor().statistic(pushed), RaimMonitor().statistic(quiet), rtol=1e-4)
-    assert RaimMonitor().check(pushed, svids).outcome is Outcome.PASS
+    np.testing.assert_allclose(raim_statistic(pushed), raim_statistic(quiet), rtol=1e-4)
+    assert _of(RaimMonitor(), pushed, svids).outcome is Outcome.PASS
     np.testing.assert_allclose(pushed.clock_m - quiet.clock_m, 600.0, atol=1e-2)
 
 
 def test_the_reason_names_the_satellite() -> None:
     fix, svids = _fixes(2, bias_m=400.0, column=3)
-    failed = RaimMonitor().check(fix, svids, epoch=1)
+    failed = _of(RaimMonitor(), fix, svids, epoch=1)
     assert failed.outcome is Outcome.FAIL
     assert failed.reason == f"the pseudoranges do not agree; without E{svids[3]:02d} they do"
-    separated = SolutionSeparationMonitor().check(fix, svids, epoch=1)
+    separated = _of(SolutionSeparationMonitor(), fix, svids, epoch=1)
     assert (separated.outcome, separated.threshold) == (Outcome.FAIL, 1.0)
     assert f"without E{svids[3]:02d} the position moves too far" in separated.reason
 
 
 def test_checks_that_cannot_run() -> None:
     four, svids = _fixes(1, keep=4)
-    assert RaimMonitor().check(four, svids).reason == "4 satellites leave nothing to compare"
-    assert SolutionSeparationMonitor().check(four, svids).outcome is Outcome.NOT_RUN
+    assert _of(RaimMonitor(), four, svids).reason == "4 satellites leave nothing to compare"
+    assert _of(SolutionSeparationMonitor(), four, svids).outcome is Outcome.NOT_RUN
     three, svids = _fixes(1, keep=3)
-    assert RaimMonitor().check(three, svids).reason == "no position fix"
-    assert SolutionSeparationMonitor().check(None, svids).reason == "no position fix"
-    assert RaimMonitor().check(None, svids).outcome is Outcome.NOT_RUN
-    assert math.isnan(RaimMonitor().statistic(four)[0])
-    assert math.isnan(RaimMonitor().statistic(three)[0])
+    assert _of(RaimMonitor(), three, svids).reason == "no position fix"
+    assert _of(SolutionSeparationMonitor(), None, svids).reason == "no position fix"
+    assert _of(RaimMonitor(), None, svids).outcome is Outcome.NOT_RUN
+    assert math.isnan(raim_statistic(four)[0])
+    assert math.isnan(raim_statistic(three)[0])
     assert math.isnan(SolutionSeparationMonitor().statistic(three)[0])

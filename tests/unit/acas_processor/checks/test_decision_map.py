@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from evidence_builder import evidence, outcome
 
-from vestige.acas_processor.monitors.decision_map import (
+from vestige.acas_processor.baseline import Quantity
+from vestige.acas_processor.checks.decision_map import (
     DecisionMap,
     Hypotheses,
     PowerDistortionMonitor,
@@ -12,7 +14,7 @@ from vestige.acas_processor.monitors.decision_map import (
     decision_map,
 )
 from vestige.campaign.statistics import binomial_interval
-from vestige.records import Outcome
+from vestige.records import CheckResult, Outcome
 from vestige.streams import stream
 
 CLEAN, MULTIPATH, SPOOFED, JAMMED = SignalClass
@@ -101,12 +103,21 @@ def test_beyond_the_hypotheses_the_end_of_the_map_holds(plain: DecisionMap) -> N
 
 
 def test_check() -> None:
-    monitor = PowerDistortionMonitor()
-    quiet = monitor.check(0.1, 1.0, 45.0)
+    def of(power_db: float | None, distortion: float, expected: float | None) -> CheckResult:
+        given = evidence(
+            observed={Quantity.E1_POWER_DB: power_db},
+            usual={Quantity.E1_POWER_DB: 0.0, Quantity.E1_CN0_DBHZ: expected},
+            e1_taps=np.array([[[50.0 + distortion, 50.0 + 0j]]]),
+            tap_chips=(-0.15, 0.15),
+        )
+        return outcome(PowerDistortionMonitor(), given)
+
+    quiet = of(0.1, 1.0, 45.0)
     assert (quiet.outcome, quiet.statistic, quiet.threshold, quiet.unit) == (Outcome.PASS, CLEAN, MULTIPATH, "class")
-    assert monitor.check(0.1, 8.0, 45.0).statistic == MULTIPATH
-    spoofed = monitor.check(2.0, 30.0, 44.6)
+    assert of(0.1, 8.0, 45.0).statistic == MULTIPATH
+    spoofed = of(2.0, 30.0, 44.6)
     assert (spoofed.outcome, spoofed.reason) == (Outcome.FAIL, "power +2.0 dB, distortion 30.0 sigma: spoofed")
-    assert monitor.check(15.0, 1.5, 45.0).reason.endswith("jammed")
-    assert monitor.check(None, float("nan"), 45.0).reason == "not known: received power, E1 taps"
-    assert monitor.check(0.1, 1.0, None).outcome is Outcome.NOT_RUN
+    assert of(15.0, 1.5, 45.0).reason.endswith("jammed")
+    assert of(None, 1.0, 45.0).reason == "received power, E1 correlators or expected C/N0 are not known"
+    assert of(0.1, 1.0, None).outcome is Outcome.NOT_RUN
+    assert outcome(PowerDistortionMonitor(), evidence()).reason == "E1 was not tracked between the last two RECS"

@@ -8,40 +8,39 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import bdtrc
 
-from vestige.acas_processor.monitors.clock_drift import ClockDriftMonitor
-from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
-from vestige.acas_processor.monitors.decision_map import PowerDistortionMonitor
-from vestige.acas_processor.monitors.inertial import InertialMonitor
-from vestige.acas_processor.monitors.judgement import (
-    Monitor,
+from vestige.acas_processor.checks.clock import ClockDriftMonitor
+from vestige.acas_processor.checks.cn0 import Cn0Monitor
+from vestige.acas_processor.checks.decision_map import PowerDistortionMonitor
+from vestige.acas_processor.checks.inertial import InertialMonitor
+from vestige.acas_processor.checks.check import (
+    Check,
     count_threshold,
-    judged,
-    not_run,
     two_sided_detection,
     two_sided_factor,
 )
-from vestige.acas_processor.monitors.osnma_check import AssistedOsnmaMonitor, OsnmaAvailabilityMonitor
-from vestige.acas_processor.monitors.raim_check import RaimMonitor, SolutionSeparationMonitor
-from vestige.acas_processor.monitors.received_power import ReceivedPowerMonitor
-from vestige.acas_processor.monitors.wrong_code_floor import WrongCodeFloorMonitor
-from vestige.records import Band, Outcome
+from vestige.acas_processor.checks.osnma import OsnmaReceptionMonitor, OsnmaAvailabilityMonitor
+from vestige.acas_processor.checks.raim import RaimMonitor
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
+from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
+from vestige.records import Band
 
-MONITORS: list[Monitor] = [
+MONITORS: list[Check] = [
     ReceivedPowerMonitor(band=Band.E1),
     ReceivedPowerMonitor(band=Band.E6),
     Cn0Monitor(),
-    WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=81_840),
+    WrongCodeFloorMonitor(),
     RaimMonitor(),
     SolutionSeparationMonitor(),
     OsnmaAvailabilityMonitor(),
-    AssistedOsnmaMonitor(),
+    OsnmaReceptionMonitor(),
     InertialMonitor(),
     PowerDistortionMonitor(),
 ]
 
 
-def test_every_monitor_says_what_it_is() -> None:
-    assert all(isinstance(monitor, Monitor) for monitor in MONITORS)
+def test_every_check_says_what_it_is() -> None:
+    assert all(isinstance(monitor, Check) for monitor in MONITORS)
     assert len({monitor.name for monitor in MONITORS}) == len(MONITORS)
     assert all(0 < monitor.p_fa < 0.01 and monitor.unit for monitor in MONITORS)
 
@@ -51,10 +50,10 @@ def test_every_monitor_says_what_it_is() -> None:
     [
         lambda p: ReceivedPowerMonitor(band=Band.E1, p_fa=p),
         lambda p: Cn0Monitor(p_fa=p),
-        lambda p: WrongCodeFloorMonitor(nominal_floor_db=0.0, n_chips=1, p_fa=p),
+        lambda p: WrongCodeFloorMonitor(p_fa=p),
         lambda p: RaimMonitor(p_fa=p),
         lambda p: OsnmaAvailabilityMonitor(p_fa=p),
-        lambda p: AssistedOsnmaMonitor(p_fa=p),
+        lambda p: OsnmaReceptionMonitor(p_fa=p),
         lambda p: InertialMonitor(p_fa=p),
         lambda p: ClockDriftMonitor(p_fa=p),
     ],
@@ -77,13 +76,3 @@ def test_count_threshold_is_the_smallest_that_keeps_the_budget(trials: int, prob
     assert bdtrc(float(limit), trials, probability) <= p_fa
     if limit:
         assert bdtrc(limit - 1.0, trials, probability) > p_fa
-
-
-def test_results() -> None:
-    monitor = Cn0Monitor()
-    passed, failed = judged(monitor, -2.0, 2.0, "too much"), judged(monitor, -2.1, 2.0, "too much")
-    assert (passed.outcome, passed.reason) == (Outcome.PASS, "")
-    assert (failed.outcome, failed.reason, failed.statistic, failed.unit) == (Outcome.FAIL, "too much", -2.1, "dB")
-    nothing = judged(monitor, math.nan, 2.0, "too much")
-    assert (nothing.outcome, nothing.threshold) == (Outcome.NOT_RUN, 2.0)
-    assert not_run(monitor, "why").reason == "why"
