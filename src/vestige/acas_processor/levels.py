@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Bool, Int8
+from jaxtyping import Bool, Int8, Int64
 
 from vestige.records import Status
 from vestige.records.checks import CheckName
@@ -206,7 +206,7 @@ def combine(
 
 
 def confirmed(
-    failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Bool[np.ndarray, "*k"]
+    failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
 

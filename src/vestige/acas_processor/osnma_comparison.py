@@ -26,8 +26,8 @@ def compare_osnma(
 ) -> OsnmaBlock:
     """Return what was received of the subframes that begin in a window, beside what the second channel has.
 
-    The key of a subframe is the same from every satellite: it counts once, in the first column. It differs if any
-    satellite sent one that differs; a key that is right but was not validated counts as lost.
+    The key of a subframe is the same from every satellite: it counts once, in the first column. If a satellite sent
+    another one, that stands in the last column. A key that is right but was not validated counts as lost.
 
     Parameters
     ----------
@@ -53,10 +53,13 @@ def compare_osnma(
     due, received, differs = np.zeros((3, len(due_keys), len(svids)), np.int64)
     for row, key in enumerate(due_keys):
         sent = keys[key.time]
-        wrong = bool(sent - {key.data})
-        came = wrong or (bool(sent) and valid.get(key.time) in sent)
+        wrong, right = bool(sent - {key.data}), valid.get(key.time) in sent
         due[row, 0] = KEY_BIT
-        received[row, 0], differs[row, 0] = KEY_BIT * came, KEY_BIT * wrong
+        received[row, 0] = KEY_BIT * (right or wrong)
+        # another satellite sent the forged one, if the right one came too
+        forged = len(svids) - 1 if right else 0
+        received[row, forged] |= KEY_BIT * wrong
+        differs[row, forged] |= KEY_BIT * wrong
         for column, svid in enumerate(svids):
             both = zip(mine.get((svid, key.time), ()), pages.get((svid, key.time), ()), strict=False)
             for page, (field, assisted) in enumerate(both):

@@ -1,4 +1,4 @@
-"""The vestigial searches as checks, on simulated recordings with and without a meaconer."""
+"""The vestigial searches in samples: simulated recordings with and without a meaconer."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from vestige.acas_processor.monitors.vestigial_search import E1VestigialSearch, E6ExhaustiveSearch, TimeUncertainty
-from vestige.records import Assistance, Band, Outcome, Snapshot
+from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
+from vestige.acas_processor.state import TimeUncertainty
+from vestige.records import Assistance, Band, Snapshot
+from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource
@@ -19,7 +21,7 @@ from vestige.scenario.test_case import AcasTestCase
 from vestige.scenario.test_case_folder import simulated
 from vestige.time import GalileoTime
 
-SCENARIO = Path(__file__).resolve().parents[4] / "scenarios" / "vestigial.toml"
+SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 DELAY_S = 0.0237
 FROM_S, TO_S = 0.07, 0.13
 EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0))
@@ -53,20 +55,17 @@ def test_a_second_signal_fails_the_check_and_the_earlier_is_the_true_one(
     snapshot, assistance, true_s = _received(True)
     (found,) = search.search(snapshot, assistance, TimeUncertainty())
     assert found.svid == 11
-    assert found.check.outcome is Outcome.FAIL
-    assert (found.check.statistic, found.check.threshold, found.check.unit) == (2.0, 1.0, "signals")
-    assert found.check.name == search.name
+    assert (found.count, found.carrying, found.not_run) == (2.0, 2, 0)
     assert [peak.start_time - (snapshot.time + -0.1) for peak in found.peaks] == pytest.approx(
         [true_s, true_s + DELAY_S], abs=0.1e-6
     )
-    assert "is the true one" in found.check.reason
 
 
 @pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])
 def test_one_signal_passes(search: E1VestigialSearch | E6ExhaustiveSearch) -> None:
     snapshot, assistance, _ = _received(False)
     (found,) = search.search(snapshot, assistance, TimeUncertainty())
-    assert (found.check.outcome, len(found.peaks)) == (Outcome.PASS, 1)
+    assert (found.count, len(found.peaks)) == (1.0, 1)
     (elsewhere,) = EXHAUSTIVE.search(
         replace(snapshot, e6=None),
         assistance,
@@ -74,6 +73,10 @@ def test_one_signal_passes(search: E1VestigialSearch | E6ExhaustiveSearch) -> No
         BatchSource(snapshot.e6.batch),  # type: ignore[union-attr]
     )
     assert len(elsewhere.peaks) == 1
+
+
+def _why(found: SatelliteSearch) -> str:
+    return SEARCH_NOT_RUN[found.not_run - 1] if found.not_run else ""
 
 
 def _disclosed_at(assistance: Assistance) -> GalileoTime:
@@ -100,19 +103,16 @@ def test_what_comes_when_the_key_may_be_known_counts_and_is_never_the_true_one(
         return TimeUncertainty(initial_s=disclosed_at - reference - start_s - clock_late_s - 16e-3)
 
     (between,) = search.search(received, assistance, bound(true_s + 1e-3))
-    assert between.check.outcome is Outcome.FAIL
-    assert len(between.peaks) == 2
+    assert (between.count, len(between.peaks)) == (2.0, 2)
     (before,) = search.search(received, assistance, bound(true_s - 1e-3))
-    assert (before.check.outcome, before.check.statistic, before.peaks) == (Outcome.FAIL, 2.0, ())
-    assert "when their key may have been known" in before.check.reason
+    assert (before.count, before.carrying, before.peaks) == (2.0, 2, ())
 
 
 def test_a_single_signal_from_after_the_disclosure_proves_nothing() -> None:
     snapshot, assistance, true_s = _received(False)
     late_s = _disclosed_at(assistance) - (snapshot.time + -0.1) - true_s - 15e-3
     (found,) = EXHAUSTIVE.search(snapshot, assistance, TimeUncertainty(initial_s=late_s))
-    assert (found.check.outcome, found.peaks) == (Outcome.NOT_RUN, ())
-    assert "when its key may have been known" in found.check.reason
+    assert (found.peaks, _why(found)) == ((), "the RECS was found when its key may have been known")
 
 
 def test_what_is_missing_is_said() -> None:
@@ -122,17 +122,17 @@ def test_what_is_missing_is_said() -> None:
     def reasons(snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty = now) -> tuple[str, str]:
         (one,) = E1VestigialSearch().search(snapshot, assistance, uncertainty)
         (other,) = EXHAUSTIVE.search(snapshot, assistance, uncertainty)
-        assert other.check.outcome is Outcome.NOT_RUN
-        return one.check.reason, other.check.reason
+        assert other.not_run
+        return _why(one), _why(other)
 
     nothing = replace(snapshot, e1=None, e6=None)
     assert reasons(nothing, assistance) == ("no E1 samples", "no E6 samples")
     assert reasons(snapshot, replace(assistance, keys=())) == (
         "",
-        "no validated OSNMA key of 2026-11-21T12:00:30.000 GST",
+        "no RECS of this satellite, or no key that proves anything",
     )
     late = reasons(snapshot, assistance, replace(now, initial_s=100.0))
-    assert late[1].startswith("not provably received before the key's disclosure")
+    assert late[1] == "no RECS of this satellite, or no key that proves anything"
     elsewhere = CorrelatableSamples(replace(snapshot.e6.batch, start=snapshot.time + -20.0))  # type: ignore[union-attr]
     assert "anywhere in the time uncertainty" in reasons(replace(snapshot, e6=elsewhere), assistance)[1]
 
