@@ -6,14 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from block_builder import Keys, MadeUpSky, cut, settings
+from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings
 from hypothesis import given, strategies
 from hypothesis import settings as hypothesis_settings
 
+from vestige.acas_processor.assess import TRAVEL_TIME_SPREAD_S
+from vestige.acas_processor.baseline import ReferenceLevels
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.state import ReceiverState
+from vestige.acas_processor.state import FIXED_S, ReceiverState
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records import Status
+from vestige.records.checks import CheckName
+from vestige.records.snapshot_block import SearchBlock, SearchRequest, SnapshotBlock
+from vestige.records.times import GalileoTimes
 
 N = 40
 
@@ -25,7 +30,7 @@ def answers(
     edges = [0, *sorted(set(cuts) - {0, len(block.time)}), len(block.time)]
     blocks = [cut(block, first, last) for first, last in zip(edges[:-1], edges[1:], strict=True)]
     steps = list(processor.steps(blocks, assistance=Keys(without=(9,))))  # type: ignore[arg-type]
-    return [step.verdicts for step in steps], steps[-1].state
+    return [step.block for step in steps], steps[-1].state
 
 
 def joined(blocks: list[VerdictBlock]) -> dict[str, np.ndarray]:
@@ -111,3 +116,72 @@ def _joined_blocks(before: SnapshotBlock, after: SnapshotBlock, epoch: int) -> S
         searches=rows(before.searches, after.searches),
         osnma=rows(before.osnma, after.osnma),
     )
+
+
+def _of_statuses(rows: list[tuple[bool, int]]) -> tuple[AcasProcessor, SnapshotBlock]:
+    """Epochs 30 s apart with a RECS each: whether E6 of the first satellite is in the wrong place, and who is tracked."""
+    processor = AcasProcessor(level=2, monitoring=replace(settings(), levels=ReferenceLevels(e1_power_db=0.0)))
+    whole = MadeUpSky(seed=8, n=len(rows), every=1, trouble=0.0).whole
+    hidden = np.array([[column >= tracked for column in range(len(whole.svids))] for _, tracked in rows])
+    e1 = replace(whole.e1, pseudorange_m=np.where(hidden, np.nan, whole.e1.pseudorange_m))
+    assert isinstance(whole.e6, DrawnE6)
+    taps = whole.e6.taps.copy()
+    wrong = [row for row, (spoofed, _) in enumerate(rows) if spoofed]
+    taps[wrong, 0] = np.roll(taps[wrong, 0], 4, axis=-1)
+    return processor, replace(whole, e1=e1, e6=DrawnE6(taps, whole.e6.noise_power))
+
+
+@pytest.mark.parametrize(
+    ("rows", "fixed_s"),
+    [
+        ([(False, 8)], FIXED_S),
+        ([(False, 3)], TRAVEL_TIME_SPREAD_S),
+        ([(False, 0)], None),
+        ([(True, 8)], None),
+    ],
+)
+def test_the_time_uncertainty_shrinks_when_all_is_quiet(rows: list[tuple[bool, int]], fixed_s: float | None) -> None:
+    processor, block = _of_statuses(rows)
+    block = replace(block, time_uncertainty_s=np.full(len(rows), 15.0))
+    state = processor.step(None, block, Keys()).state  # type: ignore[arg-type]
+    assert state.uncertainty.at(state.last) == pytest.approx(fixed_s or 15.0)
+    later_s = state.uncertainty.at(state.last + 1000.0)
+    assert later_s == pytest.approx(15.0 if fixed_s is None else fixed_s + 1000.0 * 2e-6)
+
+
+def test_alarms_come_once_and_a_lost_satellite_is_due_for_an_hour() -> None:
+    processor, block = _of_statuses([(n in (3, 4, 5), 8 if n < 8 else 5) for n in range(10)])
+    step = processor.step(None, block, Keys())  # type: ignore[arg-type]
+    assert [(one.svid, one.after) for one in step.changes if one.alarm] == [(block.svids[0], Status.SPOOFED)]
+    assert step.block.due[9].all()
+    gone = {one.svid: one.reason for one in step.verdicts if one.index == 9 and one.status is Status.NOT_AVAILABLE}
+    assert gone == dict.fromkeys(block.svids[5:], "not seen on E1")
+    late = replace(cut(block, 9, 10), time=GalileoTimes.of([step.state.last + 3600.0]))
+    after = processor.step(step.state, late, Keys()).block  # type: ignore[arg-type]
+    assert after.due[0].tolist() == [True] * 5 + [False] * 3
+
+
+def test_the_exhaustive_search_is_made_at_the_start_on_suspicion_now_and_then_and_until_one_finds_a_signal_alone() -> None:
+    n = 24
+    processor, block = _of_statuses([(row in (4, 5, 9), 8) for row in range(n)])
+    processor = replace(processor, level=3, monitoring=replace(processor.monitoring, exhaustive_period_s=8.0))
+    assert isinstance(block.searches, DrawnSearches)
+    signals = np.ones(block.searches.signals.shape)
+    signals[18:20] = 2.0  # found with the search of epoch 18, which is due, and of 19
+    quiet_e1 = _ExhaustiveOnly(signals, block.searches.earliest_m)
+    found = processor.step(None, replace(block, searches=quiet_e1), Keys()).block  # type: ignore[arg-type]
+    # 17 is 8 s after 9; the signal of 18 is met at the next search, with the RECS that is due, 25, or on suspicion
+    assert np.flatnonzero(found.searched).tolist() == [0, 4, 5, 9, 17]
+    signals[17] = 2.0
+    found = processor.step(None, replace(block, searches=quiet_e1), Keys()).block  # type: ignore[arg-type]
+    assert np.flatnonzero(found.searched).tolist() == [0, 4, 5, 9, 17, 18, 19, 20]
+    twice = found.failed[CheckName.E6_EXHAUSTIVE_SEARCH].any(axis=1)
+    assert np.flatnonzero(twice).tolist() == [17, 18, 19]
+
+
+class _ExhaustiveOnly(DrawnSearches):
+    """E1 has one signal of each satellite, whatever the exhaustive search finds."""
+
+    def e1(self, request: SearchRequest) -> SearchBlock:
+        found = self.exhaustive(request)
+        return replace(found, signals=np.ones_like(found.signals), earliest_m=np.full_like(found.signals, np.nan))

@@ -1,129 +1,98 @@
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from evidence_builder import evidence
+from hypothesis import given
+from hypothesis import strategies as st
 
-from builders import START
-from vestige.acas_processor.learned_checks import LEARNED, WINDOW, LearnedReferences, Usual
-from vestige.measurement import Measurement, SatelliteMeasurement
-from vestige.records import Band, CheckResult, CorrelatorBank, E1Observation, FrontEndStatus, Outcome, Snapshot
+from vestige.acas_processor.baseline import LEARNED, WINDOW, Antenna, Baseline, Observed, Quantity, ReferenceLevels
+from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.records import Band
+from vestige.records.snapshot_block import FrontEndBlock
 
-P_FA = dict.fromkeys(("E1 received power", "E6 received power", "C/N0", "E6 C/N0", "wrong-code floor"), 1e-6)
+NOBODY = np.full((1, 1), np.nan)
 
 
-def _observed(
-    *,
-    power_db: float = 3.0,
-    cn0_dbhz: float = 40.0,
-    tap: float = 25.0,
-    floor: float = 2.0,
-    saturated: bool = False,
-    gain_db: float = -1.0,
-) -> tuple[Snapshot, Measurement]:
-    status = FrontEndStatus(agc_gain_db=gain_db, total_power_db=power_db, saturated=saturated)
-    seen = E1Observation(
-        svid=7,
-        pseudorange_m=2.4e7,
-        carrier_phase_cycles=math.nan,
-        doppler_hz=0.0,
-        doppler_rate_hz_per_s=0.0,
-        cn0_dbhz=cn0_dbhz,
+def _measured(values: list[float], *, gain_db: float = 0.0, saturated: bool = False) -> MeasurementBlock:
+    """E1 of a power that changes from epoch to epoch, one satellite with correlators of E6."""
+    n = len(values)
+    status = FrontEndBlock(
+        agc_gain_db=np.full(n, gain_db), total_power_db=np.array(values), saturated=np.full(n, saturated)
     )
-    snapshot = Snapshot(
-        index=0,
-        time=START,
-        received_at=START,
-        time_uncertainty_s=1.0,
-        observations={7: seen},
-        e6=None,
-        front_end=dict.fromkeys(Band, status),
-    )
-    bank = CorrelatorBank(offsets_m=np.zeros(1), taps=np.full(1, tap + 0j), noise_power=floor, integration_s=0.016)
-    satellite = SatelliteMeasurement(svid=7, bank=bank)
-    return snapshot, Measurement(
-        index=0, time=START, satellites=(satellite,), observations={7: seen}, front_end=snapshot.front_end
-    )
+    taps = np.full((n, 1, 1), 20.0 + 0j)
+    given_ = evidence((n, 1), front_end=dict.fromkeys(Band, status), taps=taps, noise_power=2.0, svids=(7,))
+    e1 = replace(given_.measured.snapshots.e1, cn0_dbhz=np.array(values)[:, None] + 40.0)
+    return replace(given_.measured, snapshots=replace(given_.measured.snapshots, e1=e1))
 
 
-def _checks(usual: LearnedReferences, snapshot: Snapshot, measurement: Measurement) -> dict[str, CheckResult]:
-    found = (*usual.of_receiver(snapshot, P_FA), *usual.of_satellite(snapshot, measurement.satellites[0], P_FA))
-    return {check.name: check for check in found}
+def _plain_medians(values: list[float], teaches: list[bool], before: list[float]) -> list[float]:
+    """The rule written out: the median of the last quiet values before each epoch."""
+    known, found = list(before), []
+    for value, teach in zip(values, teaches, strict=True):
+        found.append(float(np.median(known[-WINDOW:])) if len(known) >= LEARNED else np.nan)
+        if teach and np.isfinite(value):
+            known.append(value)
+    return found
 
 
-@pytest.fixture(scope="module")
-def learned() -> LearnedReferences:
-    usual = LearnedReferences()
-    for _ in range(LEARNED):
-        usual = usual.learn(*_observed())
-    return usual
-
-
-def test_nothing_is_said_while_it_learns() -> None:
-    usual = LearnedReferences()
-    for n in range(LEARNED):
-        checks = _checks(usual, *_observed())
-        assert {check.outcome for check in checks.values()} == {Outcome.NOT_RUN}
-        assert all(f"{n} of {LEARNED} quiet" in check.reason for check in checks.values())
-        usual = usual.learn(*_observed())
-    assert {check.outcome for check in _checks(usual, *_observed()).values()} == {Outcome.PASS}
-
-
-@pytest.mark.parametrize(
-    ("change", "failing", "by"),
-    [
-        ({"power_db": 6.0}, {"E1 received power", "E6 received power"}, 3.0),
-        ({"power_db": 0.0}, {"E1 received power", "E6 received power"}, -3.0),
-        ({"cn0_dbhz": 30.0}, {"C/N0"}, -10.0),
-        ({"tap": 60.0}, {"E6 C/N0"}, 60.0 - math.sqrt(25.0**2 - 1)),  # (60² − …)/(2/2) σ², s² = 25² − 2
-        ({"floor": 4.0, "tap": 35.0}, {"wrong-code floor"}, 10 * math.log10(2)),
-        ({"gain_db": -4.0}, {"wrong-code floor"}, 3.0),  # the same floor behind less gain
-        ({"power_db": 3.2, "cn0_dbhz": 41.0, "floor": 2.05}, set(), 0.0),
-    ],
+@given(
+    st.lists(st.tuples(st.one_of(st.floats(-50, 50), st.just(float("nan"))), st.booleans()), min_size=1, max_size=60),
+    st.integers(0, WINDOW),
 )
-def test_a_change_fails(learned: LearnedReferences, change: dict[str, float], failing: set[str], by: float) -> None:
-    checks = _checks(learned, *_observed(**change))  # type: ignore[arg-type]
-    assert {name for name, check in checks.items() if check.outcome is Outcome.FAIL} == failing
-    for name in failing:
-        assert checks[name].statistic == pytest.approx(by)
+def test_a_reference_is_the_median_of_the_last_quiet_values(steps: list[tuple[float, bool]], known: int) -> None:
+    values, teaches = [value for value, _ in steps], [teach for _, teach in steps]
+    before = list(np.linspace(-3, 3, known))
+    baseline = Baseline(values={Quantity.E1_POWER_DB: {0: tuple(before)}})
+    observed = Observed(measured=_measured(values))
+    shape = (len(values), 1)
+    found = observed.references(ReferenceLevels(), baseline, np.array(teaches), np.full(shape, np.nan))
+    power = found[Quantity.E1_POWER_DB]
+    np.testing.assert_array_equal(power.value, _plain_medians(values, teaches, before))
+    after = observed.after(baseline, np.array(teaches)).of(Quantity.E1_POWER_DB, 0)
+    taught = [value for value, teach in steps if teach and np.isfinite(value)]
+    assert list(after) == (before + taught)[-WINDOW:]
 
 
-def test_saturation_fails_before_anything_is_learned() -> None:
-    checks = _checks(LearnedReferences(), *_observed(saturated=True))
-    assert checks["E1 received power"].outcome is Outcome.FAIL
-    assert "saturated" in checks["E1 received power"].reason
+def test_every_quantity_is_learned_for_each_satellite() -> None:
+    observed = Observed(measured=_measured([1.0] * (LEARNED + 1)))
+    n = LEARNED + 1
+    found = observed.references(ReferenceLevels(), Baseline(), np.ones(n, bool), np.full((n, 1), np.nan))
+    for quantity, reference in found.items():
+        assert np.isnan(reference.value[:LEARNED]).all(), quantity
+        assert reference.learned.ravel().tolist() == list(range(n))
+        last = reference.value.ravel()[LEARNED]
+        assert last == pytest.approx(observed.values[quantity].ravel()[0]), quantity
+    after = observed.after(Baseline(), np.ones(n, bool))
+    assert sorted(after.values[Quantity.FLOOR_DB]) == [7]
+    assert sorted(after.values[Quantity.E6_POWER_DB]) == [0]
 
 
-def test_a_gain_stands_for_an_unknown_power(learned: LearnedReferences) -> None:
-    usual = LearnedReferences()
-    for _ in range(LEARNED):
-        usual = usual.learn(*_observed(power_db=math.nan, gain_db=-20.0))
-    louder = _checks(usual, *_observed(power_db=math.nan, gain_db=-23.0))["E1 received power"]
-    assert (louder.outcome, louder.statistic) == (Outcome.FAIL, pytest.approx(3.0))
+def test_what_the_settings_state_is_not_learned() -> None:
+    elevation_rad = np.radians([[90.0], [30.0], [np.nan]])
+    levels = ReferenceLevels(e1_power_db=2.0, antenna=Antenna(e1_dbhz=45.0, e6_dbhz=47.0, fall_db=10.0))
+    found = Observed(measured=_measured([0.0] * 3)).references(levels, Baseline(), np.ones(3, bool), elevation_rad)
+    assert found[Quantity.E1_POWER_DB].value.tolist() == [2.0] * 3
+    np.testing.assert_allclose(found[Quantity.E1_CN0_DBHZ].value[:, 0], [45.0, 40.0, np.nan])
+    np.testing.assert_allclose(found[Quantity.E6_CN0_DBHZ].value[:, 0], [47.0, 42.0, np.nan])
+    assert np.isinf(found[Quantity.E1_CN0_DBHZ].learned).all()
+    assert found[Quantity.E1_CN0_DBHZ].growth.tolist() == [[1.0]] * 3
+    assert "elevation" in found[Quantity.E1_CN0_DBHZ].why_unknown((2, 0))
+    flat = Antenna(e1_dbhz=40.0, e6_dbhz=42.0).expected_dbhz(40.0, NOBODY)
+    assert flat.tolist() == [[40.0]], "without a fall no elevation is needed"
 
 
-def test_what_is_not_known_is_said(learned: LearnedReferences) -> None:
-    snapshot, _ = _observed(gain_db=math.nan)
-    unknown = SatelliteMeasurement(svid=7)
-    bare = Snapshot(
-        index=0, time=START, received_at=START, time_uncertainty_s=1.0, observations={}, e6=None, front_end={}
-    )
-    found = (*learned.of_receiver(bare, P_FA), *learned.of_satellite(bare, unknown, P_FA))
-    assert [check.reason for check in found] == [
-        "no status of the E1 front end",
-        "no status of the E6 front end",
-        "C/N0 on E1 is not known",
-        "nothing was correlated on E6",
-        "nothing was correlated on E6",
-    ]
-    floor = _checks(learned, snapshot, _observed()[1])["wrong-code floor"]
-    assert floor.reason == "the gain of the E6 front end is not known"
+def test_saturation_teaches_nothing_and_a_gain_stands_for_an_unknown_power() -> None:
+    assert np.isnan(Observed(measured=_measured([1.0], saturated=True)).values[Quantity.E1_POWER_DB]).all()
+    assert Observed(measured=_measured([np.nan], gain_db=-20.0)).values[Quantity.E6_POWER_DB].tolist() == [20.0]
 
 
-def test_a_reference_is_the_median_of_the_last() -> None:
-    usual = Usual()
-    for value in (*range(100), math.nan):
-        usual = usual.learn(float(value))
-    assert usual.values == tuple(float(value) for value in range(100 - WINDOW, 100))
-    assert usual.value == pytest.approx(89.5)
+def test_the_floor_is_before_the_gain_and_without_the_signal() -> None:
+    """|c|² = 400 over noise of 2: SNR 199, Ec/N0 199/81,840 chips."""
+    floor = Observed(measured=_measured([0.0], gain_db=-3.0)).values[Quantity.FLOOR_DB]
+    assert floor[0, 0] == pytest.approx(10 * np.log10(2.0 / (1 + 199 / 81_840)) + 3.0, abs=1e-9)
+    nothing = evidence((1, 1)).measured
+    assert np.isnan(Observed(measured=nothing).values[Quantity.FLOOR_DB]).all()
+    assert np.isnan(Observed(measured=nothing).values[Quantity.E6_CN0_DBHZ]).all()
