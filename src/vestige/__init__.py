@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from vestige.recording.snapshots import RecordingSource
     from vestige.records import Outcome, Status, Verdict
     from vestige.scenario.load import load_scenario
+    from vestige.scenario.scenario_processor import processor_of
+    from vestige.scenario.simulated_source import simulate
     from vestige.time import GalileoTime
 
 _HOME = {
@@ -36,10 +38,12 @@ _HOME = {
     "VestigeError": "errors",
     "hardware_bias_correction_s": "acas_processor.calibration",
     "load_scenario": "scenario.load",
+    "processor_of": "scenario.scenario_processor",
     "open_recording": "recording.recording",
     "probability_of_detection": "acas_processor.thresholds",
     "read_assistance": "recording.assistance",
     "required_cn0_dbhz": "acas_processor.thresholds",
+    "simulate": "scenario.simulated_source",
     "threshold": "acas_processor.thresholds",
 }
 
@@ -61,6 +65,8 @@ __all__ = [  # noqa: RUF022  (the order of use)
     "required_cn0_dbhz",
     "threshold",
     "load_scenario",
+    "simulate",
+    "processor_of",
 ]
 
 

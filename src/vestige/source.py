@@ -11,7 +11,7 @@ from vestige.records.snapshot_block import SnapshotBlock
 
 @runtime_checkable
 class Source(Protocol):
-    """Anything that yields snapshots in time order, with the assistance that goes with them."""
+    """Anything that yields blocks of snapshots in order of time, with the assistance that goes with them."""
 
     @property
     def assistance(self) -> AssistanceData:
@@ -19,5 +19,9 @@ class Source(Protocol):
         ...
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
+<<<<<<< HEAD
         """Yield the snapshots."""
+=======
+        """Yield the blocks."""
+>>>>>>> 5b43239 (receiver, scenario: a simulated campaign is a Source of blocks (first form))
         ...

@@ -243,7 +243,7 @@ class AcasTestCase:
             Assistance(
                 segments=tuple(segments),
                 group_delays=(GroupDelay(svid=SVID, bgd_e1_e6_s=self.bgd_s, valid_from=begin),),
-                keys=tuple(key for time, key in keys.items() if begin <= time <= end and not simulation.withheld(key)),
+                keys=tuple(key for time, key in keys.items() if begin <= time <= end and not simulation.withheld(time - simulation.start)),
             ),
             chain.root,
         )

@@ -1,0 +1,184 @@
+"""E6 of a block at both fidelities: banks that are drawn, or samples that are made when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
+from vestige.receiver.snapshots.e1 import clock_follows_m, ionosphere_e1_m, pseudorange_m, range_rate_mps
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band, FrontEndStatus, SampleBatch
+from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
+from vestige.sample_processor.correlator import correlate
+
+_LIGHT_TIME_STEPS = 4  # as the hand-over's: each gains five decimals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnE6:
+    """E6 of the fidelity `correlators`: it draws what samples would give and never asks for chips."""
+
+    of: ReceiverTruth
+
+    def correlate(
+        self,
+        asked: Bool[np.ndarray, "n m"],
+        handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
+        offsets_m: Float[np.ndarray, " n_taps"],
+    ) -> BankBlock:
+        """Return the banks that are asked for; NaN elsewhere."""
+        of = self.of
+        taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
+        if of.recs_rows.size:
+            for column, (simulation, truth, arrived) in enumerate(
+                zip(of.simulations, of.of_recs, of.arrived, strict=True)
+            ):
+                if asked[of.rows, column].any():
+                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, offsets_m)
+                    taps[of.rows, column], noise_power[of.rows, column] = drawn
+                    integration_s[of.rows, column] = simulation.integration_s
+        asked = asked & of.in_view
+        return BankBlock(
+            offsets_m=offsets_m,
+            taps=np.where(asked[..., None], taps, np.nan),
+            noise_power=np.where(asked, noise_power, np.nan),
+            integration_s=np.where(asked, integration_s, np.nan),
+        )
+
+    def front_end(self) -> FrontEndBlock:
+        """Return what the front end says: the power of the band; the banks are those before its gain."""
+        of, simulation = self.of, self.of.simulations[0]
+        power_db, gain_db = np.full((2, of.n), np.nan)
+        if of.recs_rows.size:
+            heard_dbhz = np.stack(
+                [
+                    np.where(truth.view.in_view, one.cn0_dbhz + 20 * np.log10(truth.view.amplitude), np.nan)
+                    for one, truth in zip(of.simulations, of.of_recs, strict=True)
+                ],
+                axis=1,
+            )
+            bandwidth_hz = simulation.front_end.power_bandwidth_hz
+            power_db[of.rows] = e6_power_rise_db(of.of_recs, heard_dbhz, bandwidth_hz=bandwidth_hz) + power_noise_db(
+                of.seed,
+                of.first_recs,
+                of.recs_rows.size,
+                band=Band.E6,
+                bandwidth_hz=bandwidth_hz,
+                averaging_s=simulation.integration_s,
+            )
+            gain_db[of.rows] = 0.0
+        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=np.zeros(of.n, np.bool_))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledE6:
+    """E6 of the fidelity `samples`: each satellite has samples of its own, made when they are asked for and not kept.
+
+    What the front end said of them is kept.
+    """
+
+    of: ReceiverTruth
+    _statuses: dict[tuple[int, int], FrontEndStatus] = field(default_factory=dict)
+
+    def correlate(
+        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
+    ) -> BankBlock:
+        """Return the banks that are asked for; NaN elsewhere, and where the samples do not hold them."""
+        of = self.of
+        taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
+        with_recs = np.zeros(of.shape, np.bool_)
+        with_recs[of.rows] = of.in_view[of.rows]
+        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & with_recs)), strict=True):
+            bank = correlate(self.samples(epoch, column), handovers.at(epoch, column), offsets_m)
+            if bank is not None:
+                taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
+                integration_s[epoch, column] = of.simulations[column].integration_s
+        return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
+
+    def samples(self, epoch: int, column: int) -> SampleBatch:
+        """Return the samples of one satellite and one epoch with RECS, labelled on the receiver's clock."""
+        of = self.of
+        simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
+        batch, status = simulation.samples(of.first_recs + row, row, truth)
+        self._statuses[epoch, column] = status
+        later_s = _labelled_later_s(simulation, truth.part(slice(row, row + 1)))
+        return replace(batch, start=batch.start + later_s) if later_s else batch
+
+    def front_end(self) -> FrontEndBlock:
+        """Return what the front end said around the RECS of all satellites: mean power and gain, whether any clipped."""
+        of = self.of
+        power_db, gain_db = np.full((2, of.n), np.nan)
+        saturated = np.zeros(of.n, np.bool_)
+        for epoch in of.recs_rows.tolist():
+            own = [self._status(epoch, column) for column in np.flatnonzero(of.in_view[epoch]).tolist()]
+            if own:
+                power_db[epoch] = np.mean([one.total_power_db for one in own])
+                gain_db[epoch] = np.mean([one.agc_gain_db for one in own])
+                saturated[epoch] = any(one.saturated for one in own)
+        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=saturated)
+
+    def _status(self, epoch: int, column: int) -> FrontEndStatus:
+        if (epoch, column) not in self._statuses:
+            self.samples(epoch, column)
+        return self._statuses[epoch, column]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontEnds(Mapping[Band, FrontEndBlock]):
+    """What the front ends say, that of E6 when it is asked for."""
+
+    e1: FrontEndBlock | None
+    e6: DrawnE6 | SampledE6
+    _known: dict[Band, FrontEndBlock] = field(default_factory=dict)
+
+    def __getitem__(self, band: Band) -> FrontEndBlock:
+        if band is Band.E1 and self.e1 is None:
+            raise KeyError(band)
+        if band not in self._known:
+            self._known[band] = self.e6.front_end() if self.e1 is None or band is Band.E6 else self.e1
+        return self._known[band]
+
+    def __iter__(self) -> Iterator[Band]:
+        return iter((Band.E6,) if self.e1 is None else (Band.E1, Band.E6))
+
+    def __len__(self) -> int:
+        return len(tuple(iter(self)))
+
+
+def _labelled_later_s(simulation: Simulation, here: TruthBlock) -> float:
+    """Return by how much the samples of one RECS are later on the receiver's clock than on one that nobody moves, in s.
+
+    The ionosphere's residual on E1 delays both bands. A clock that follows the attacker takes his delay off. Where it
+    does not follow, under a sky, a hand-over carries the range on for seconds at the rate of the epoch, and a meaconer
+    does not: so the labels are those that a hand-over meets as it would without the delay.
+    """
+    later_m = float((ionosphere_e1_m(simulation, here) - clock_follows_m(simulation, here))[0])
+    error_m = float(here.e1.error_m[0])
+    if simulation.elevation is None or abs(error_m) <= CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS:
+        return later_m / SPEED_OF_LIGHT_MPS
+    true_m, rate_mps = pseudorange_m(simulation, here) - error_m, range_rate_mps(simulation, here)
+    with_s, without_s = (_travel_s(float(m), float(rate_mps[0]), float(here.acceleration_mps2[0])) for m in (
+        true_m[0] + error_m, true_m[0]
+    ))
+    return (later_m - error_m) / SPEED_OF_LIGHT_MPS + with_s - without_s
+
+
+def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
+    """Return when a signal arrives that is sent now, as long as the pseudorange goes on as it does now."""
+    travel_s = 0.0
+    for _ in range(_LIGHT_TIME_STEPS):
+        travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
+    return travel_s
+
+
+def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return taps, noise power and integration time of a block in which nothing was correlated."""
+    noise_power, integration_s = np.full((2, *shape), np.nan)
+    return np.full((*shape, n_taps), np.nan + 0j), noise_power, integration_s
