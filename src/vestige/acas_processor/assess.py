@@ -183,9 +183,7 @@ class _Assessment:
         """Judge the block with a guess, keep what was found, and return what the guess should have been."""
         snapshots = self._measured.snapshots
         self._teaches = guess.quiet & snapshots.recs
-        references = self._observed.references(
-            self._processor.monitoring.levels, self._state.baseline, self._teaches, self._elevation_rad
-        )
+        references = self._references()
         later = {name: check for name, check in self._checks.items() if name in _NEED_REFERENCES}
         series = self._fixed | self._series(later, self._evidence(references))
         failed = {name: self._confirmed(one) for name, one in series.items()}
@@ -208,6 +206,13 @@ class _Assessment:
         self._failed = {name: failed[name] for name in self._found}
         judged, self._status = self._combined(self._failed)
         return judged
+
+    def _references(self) -> Mapping[Quantity, Reference]:
+        """Return what is usual of each quantity at each epoch; nothing if no check of the level asks."""
+        if _NEED_REFERENCES.isdisjoint(self._checks):
+            return {}
+        levels = self._processor.monitoring.levels
+        return self._observed.references(levels, self._state.baseline, self._teaches, self._elevation_rad)
 
     def _confirmed(self, series: CheckSeries) -> Bool[np.ndarray, "*n"]:
         confirm = self._specs[series.name].confirm

@@ -224,6 +224,9 @@ def _running(
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
-    counts, place = np.unique(known, return_inverse=True)
-    medians = [np.median(values[max(0, count - WINDOW) : count]) if count >= LEARNED else np.nan for count in counts]
-    return np.array(medians, np.float64)[place], np.minimum(known, WINDOW).astype(np.float64)
+    medians = np.full(values.size + 1, np.nan)  # of the values so far, by their number
+    for count in range(max(LEARNED, len(before)), min(WINDOW, values.size + 1)):
+        medians[count] = np.median(values[:count])
+    if values.size >= WINDOW:
+        medians[WINDOW:] = np.median(np.lib.stride_tricks.sliding_window_view(values, WINDOW), axis=1)
+    return medians[known], np.minimum(known, WINDOW).astype(np.float64)

@@ -31,6 +31,8 @@ from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
+_CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different value would take most of the time
+
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
     """Return what can be measured of every satellite that E1 observes.
@@ -141,7 +143,7 @@ def _predicted_pd(
     if known.any():
         for length_s in np.unique(integration_s[known]).tolist():
             here = known & (integration_s == length_s)
-            levels, place = np.unique(expected_dbhz[here], return_inverse=True)
+            levels, place = np.unique(np.round(expected_dbhz[here], _CN0_DECIMALS), return_inverse=True)
             predicted[here] = probability_of_detection(levels, length_s, p_fa)[place]
     return predicted
 
