@@ -37,12 +37,15 @@ def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarr
     return truth.iono_diff_m / (GAMMA_E1_E6 - 1)
 
 
-def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return by how much the receiver's clock, and every time label with it, follows the attacker, times c."""
-    if simulation.elevation is not None:
-        return np.zeros(truth.time_s.size)
+def seconds_late_m(truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return by how much E1 is late where that is more than a travel time can be, times c; 0 elsewhere."""
     error_m = truth.e1.error_m
     return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
+
+
+def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return by how much the receiver's clock, and every time label with it, follows the attacker, times c."""
+    return seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
 def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:

@@ -10,11 +10,11 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
-from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
-from vestige.receiver.snapshots.e1 import clock_follows_m, ionosphere_e1_m, pseudorange_m, range_rate_mps
+from vestige.receiver.simulation import Simulation
+from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, seconds_late_m
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
-from vestige.records import Band, FrontEndStatus, SampleBatch
+from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
 from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
 from vestige.sample_processor.correlator import correlate
 
@@ -96,20 +96,29 @@ class SampledE6:
         with_recs = np.zeros(of.shape, np.bool_)
         with_recs[of.rows] = of.in_view[of.rows]
         for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & with_recs)), strict=True):
-            bank = correlate(self.samples(epoch, column), handovers.at(epoch, column), offsets_m)
+            handover = _without_delay(handovers.at(epoch, column), of.simulations[column], self._here(epoch, column))
+            bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
                 integration_s[epoch, column] = of.simulations[column].integration_s
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
     def samples(self, epoch: int, column: int) -> SampleBatch:
-        """Return the samples of one satellite and one epoch with RECS, labelled on the receiver's clock."""
+        """Return the samples of one satellite and one epoch with RECS, labelled as E1 has them.
+
+        The ionosphere's residual on E1 delays both bands; a delay of seconds is taken off (`_without_delay`).
+        """
         of = self.of
         simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
         batch, status = simulation.samples(of.first_recs + row, row, truth)
         self._statuses[epoch, column] = status
-        later_s = _labelled_later_s(simulation, truth.part(slice(row, row + 1)))
-        return replace(batch, start=batch.start + later_s) if later_s else batch
+        here = self._here(epoch, column)
+        later_m = float((ionosphere_e1_m(simulation, here) - seconds_late_m(here))[0])
+        return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
+
+    def _here(self, epoch: int, column: int) -> TruthBlock:
+        """Return the truth of one satellite and one epoch."""
+        return self.of.truth[column].part(slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
         """Return what the front end said around the RECS of all satellites: mean power and gain, whether any clipped."""
@@ -152,22 +161,24 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
         return len(tuple(iter(self)))
 
 
-def _labelled_later_s(simulation: Simulation, here: TruthBlock) -> float:
-    """Return by how much the samples of one RECS are later on the receiver's clock than on one that nobody moves, in s.
+def _without_delay(handover: Handover, simulation: Simulation, here: TruthBlock) -> Handover:
+    """Return the hand-over of one RECS as it would be if no meaconer were seconds late.
 
-    The ionosphere's residual on E1 delays both bands. A clock that follows the attacker takes his delay off. Where it
-    does not follow, under a sky, a hand-over carries the range on for seconds at the rate of the epoch, and a meaconer
-    does not: so the labels are those that a hand-over meets as it would without the delay.
+    A hand-over carries the pseudorange on for as long as it says that the signal travels. A meaconer's seconds are no
+    travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the samples. On
+    a single line of sight the clock that follows has done that already.
     """
-    later_m = float((ionosphere_e1_m(simulation, here) - clock_follows_m(simulation, here))[0])
-    error_m = float(here.e1.error_m[0])
-    if simulation.elevation is None or abs(error_m) <= CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS:
-        return later_m / SPEED_OF_LIGHT_MPS
-    true_m, rate_mps = pseudorange_m(simulation, here) - error_m, range_rate_mps(simulation, here)
-    with_s, without_s = (_travel_s(float(m), float(rate_mps[0]), float(here.acceleration_mps2[0])) for m in (
-        true_m[0] + error_m, true_m[0]
-    ))
-    return (later_m - error_m) / SPEED_OF_LIGHT_MPS + with_s - without_s
+    late_m = float(seconds_late_m(here)[0])
+    if simulation.elevation is None or not late_m:
+        return handover
+    range_m, rate_mps = float(pseudorange_m(simulation, here)[0]), float(range_rate_mps(simulation, here)[0])
+    acceleration_mps2 = float(here.acceleration_mps2[0])
+    with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
+    return replace(
+        handover,
+        start_time=handover.start_time + (without_s - with_s),
+        doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
+    )
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
