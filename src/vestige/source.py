@@ -19,9 +19,5 @@ class Source(Protocol):
         ...
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-<<<<<<< HEAD
-        """Yield the snapshots."""
-=======
         """Yield the blocks."""
->>>>>>> 5b43239 (receiver, scenario: a simulated campaign is a Source of blocks (first form))
         ...

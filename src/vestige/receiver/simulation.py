@@ -163,6 +163,11 @@ class Simulation:
         """Return how much later than the hand-over predicts the line of sight arrives in E6, in m."""
         return truth.iono_diff_m + truth.bias_m - self.e1_error_m(truth)
 
+    def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+        """Return by how much E1 is late where that is more than a travel time can be, times c; 0 elsewhere."""
+        error_m = truth.e1.error_m
+        return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
+
     @property
     def integration_s(self) -> float:
         """Length of a RECS in s."""
@@ -175,13 +180,16 @@ class Simulation:
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
         """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
 
+        Never before its time label, which may be ahead of that clock.
+
         Parameters
         ----------
         truth, arrived
             Epochs with RECS, and how these arrive.
         """
         expected_s = arrived.dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
-        return truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
+        received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
+        return np.maximum(received_s, received_s - self.seconds_late_m(truth) / SPEED_OF_LIGHT_MPS)
 
     def drawn_banks(
         self, first: int, truth: TruthBlock, arrived: Arrival, offsets_m: Float[np.ndarray, " n_taps"]

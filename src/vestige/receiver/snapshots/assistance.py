@@ -14,10 +14,11 @@ from vestige.receiver.simulation import KEY_ON_AIR, Simulation
 from vestige.receiver.snapshots.e6 import DrawnE6, SampledE6
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
-from vestige.records import EncryptedSegment, GroupDelay, ValidatedKey
+from vestige.records import EncryptedSegment, GroupDelay
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.records.times import GalileoTimes
+from vestige.validated_key import ValidatedKey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.e1_loop import LOCK_DBHZ
 from vestige.receiver.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
-from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Fidelity, Simulation
+from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
@@ -37,15 +37,9 @@ def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarr
     return truth.iono_diff_m / (GAMMA_E1_E6 - 1)
 
 
-def seconds_late_m(truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return by how much E1 is late where that is more than a travel time can be, times c; 0 elsewhere."""
-    error_m = truth.e1.error_m
-    return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
-
-
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     """Return by how much the receiver's clock, and every time label with it, follows the attacker, times c."""
-    return seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
+    return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
 def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.simulation import Simulation
-from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, seconds_late_m
+from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
@@ -96,7 +96,10 @@ class SampledE6:
         with_recs = np.zeros(of.shape, np.bool_)
         with_recs[of.rows] = of.in_view[of.rows]
         for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & with_recs)), strict=True):
-            handover = _without_delay(handovers.at(epoch, column), of.simulations[column], self._here(epoch, column))
+            handover = handovers.at(epoch, column)
+            if handover is None:
+                continue
+            handover = _without_delay(handover, of.simulations[column], self._here(epoch, column))
             bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
@@ -113,7 +116,7 @@ class SampledE6:
         batch, status = simulation.samples(of.first_recs + row, row, truth)
         self._statuses[epoch, column] = status
         here = self._here(epoch, column)
-        later_m = float((ionosphere_e1_m(simulation, here) - seconds_late_m(here))[0])
+        later_m = float((ionosphere_e1_m(simulation, here) - simulation.seconds_late_m(here))[0])
         return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
@@ -168,7 +171,7 @@ def _without_delay(handover: Handover, simulation: Simulation, here: TruthBlock)
     travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the samples. On
     a single line of sight the clock that follows has done that already.
     """
-    late_m = float(seconds_late_m(here)[0])
+    late_m = float(simulation.seconds_late_m(here)[0])
     if simulation.elevation is None or not late_m:
         return handover
     range_m, rate_mps = float(pseudorange_m(simulation, here)[0]), float(range_rate_mps(simulation, here)[0])

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float, Int8, Int64
 
-from vestige.acas_processor.disclosure import provably_secret
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import provably_before_disclosure
 from vestige.receiver.search_outcome import SearchOutcome, search_outcome
 from vestige.receiver.snapshots.assistance import recs_block
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
@@ -109,7 +109,9 @@ class DrawnSearches:
             self._recs.append(recs_block(self.of))
         recs, late_m = self._recs[0], np.stack([one.e1.error_m for one in self.of.of_recs], axis=1)
         earliest_at = self.received_at[request.epoch] + -late_m[self._numbers(request)] / SPEED_OF_LIGHT_MPS
-        uncertainty_s = request.uncertainty_at_reception_s[:, None]
-        return recs.with_key[request.epoch] & provably_secret(
-            recs.disclosed[request.epoch], earliest_at, uncertainty_s
-        )
+        uncertainty_s = [
+            [limit.at(earliest_at.at(row, column)) for column in range(self.of.shape[1])]
+            for row, limit in enumerate(request.uncertainty)
+        ]
+        lead_s = recs.disclosed[request.epoch] - earliest_at
+        return recs.with_key[request.epoch] & provably_before_disclosure(lead_s, np.array(uncertainty_s))
