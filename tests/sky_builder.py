@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
@@ -30,6 +29,8 @@ def sky_scenario(*settings: str, path: Path = SCENARIO) -> CampaignScenario:
 
 def columns_of(scenario: CampaignScenario, chunk: int = 5000) -> dict[str, np.ndarray]:
     """Return all columns of a campaign, measured in chunks."""
+    from vestige.campaign.scenario_plan import ScenarioPlan  # noqa: PLC0415  (of those who ask for columns)
+
     plan = ScenarioPlan(scenario=scenario)
     preparation, pieces = plan.prepare(), []
     for first in range(0, plan.n_epochs, chunk):

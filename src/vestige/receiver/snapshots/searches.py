@@ -75,6 +75,8 @@ class DrawnSearches:
 
     def _found(self, name: str, request: SearchRequest) -> Float[np.ndarray, "k m"]:
         """Return what was drawn for the epochs that are asked for; nothing of satellites out of view."""
+        if not request.epoch.size:
+            return np.zeros((0, self.of.shape[1]))
         drawn = np.stack([getattr(one, name) for one in self._drawn(request.p_fa)], axis=1)
         return np.where(self.of.in_view[request.epoch], drawn[self._numbers(request)], np.nan)
 
@@ -114,4 +116,6 @@ class DrawnSearches:
             for row, limit in enumerate(request.uncertainty)
         ]
         lead_s = recs.disclosed[request.epoch] - earliest_at
-        return recs.with_key[request.epoch] & provably_before_disclosure(lead_s, np.array(uncertainty_s))
+        return recs.with_key[request.epoch] & provably_before_disclosure(
+            lead_s, np.array(uncertainty_s).reshape(lead_s.shape)
+        )
