@@ -155,13 +155,9 @@ class Simulation:
             return np.zeros(truth.time_s.size)
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
-    def e1_error_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the error of the E1 pseudorange that E6 does not share, in m."""
-        return truth.e1_noise_m + self.e1_multipath_m(truth) + truth.e1.error_m
-
     def prediction_error_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return how much later than the hand-over predicts the line of sight arrives in E6, in m."""
-        return truth.iono_diff_m + truth.bias_m - self.e1_error_m(truth)
+        return truth.iono_diff_m + truth.bias_m - e1_error_m(truth, self.e1_multipath_m(truth))
 
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return by how much E1 is late where that is more than a travel time can be, times c; 0 elsewhere."""
@@ -192,7 +188,12 @@ class Simulation:
         return np.maximum(received_s, received_s - self.seconds_late_m(truth) / SPEED_OF_LIGHT_MPS)
 
     def drawn_banks(
-        self, first: int, truth: TruthBlock, arrived: Arrival, offsets_m: Float[np.ndarray, " n_taps"]
+        self,
+        first: int,
+        truth: TruthBlock,
+        arrived: Arrival,
+        prediction_error_m: Float[np.ndarray, " n"],
+        offsets_m: Float[np.ndarray, " n_taps"],
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
         """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
 
@@ -202,6 +203,8 @@ class Simulation:
             Number of the first RECS.
         truth, arrived
             Epochs with RECS, and how these arrive.
+        prediction_error_m
+            As the method of this name has it.
         offsets_m
             Of the taps from the hand-over's prediction.
         """
@@ -211,7 +214,7 @@ class Simulation:
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
         los_doppler_hz = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * rate_error_mps
-        error_m, attack = self.prediction_error_m(truth)[:, None], truth.e6
+        error_m, attack = prediction_error_m[:, None], truth.e6
         moved_m = attack.delay_rate_mps * model.integration_s / 2
         delay_m = np.concatenate([error_m, error_m + truth.rays.delay_m, error_m + attack.delay_m + moved_m], axis=1)
         strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude, attack.amplitude], axis=1)
@@ -303,3 +306,16 @@ class Simulation:
     def key(self, sent: GalileoTime) -> ValidatedKey:
         """Return the OSNMA key of the RECS that is sent at a time."""
         return osnma_keys(self.seed, self.start, self._subframes)[key_time(sent, self.key_delay)]
+
+
+def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the error of the E1 pseudorange that E6 does not share, in m.
+
+    Parameters
+    ----------
+    truth
+        Of one satellite.
+    multipath_m
+        What rays make of it.
+    """
+    return truth.e1_noise_m + multipath_m + truth.e1.error_m

@@ -20,7 +20,7 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 TRUTH = (
     'receiver.clock={kind="two-state", h0_s=1e-20, h_minus_2_hz=1e-19}',
     'receiver.accelerometers={kind="bias-and-walk", sigma_bias_mps2=1.0, walk_mps_per_sqrt_s=1.0}',
-    'receiver.multipath={kind="lms-lite", power_db=-3.0}',
+    'receiver.multipath={kind="lms-lite", power_db=-3.0, mean_excess_m=20.0}',
     'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=9.0, tail_start_m=20.0, tail_scale_m=9.0}',
     'receiver.bias={kind="bias", bgd_sigma_m=9.0}',
     'attack=[{kind="jamming", j_over_n_db=20.0}]',
@@ -57,10 +57,11 @@ def test_a_receiver_under_a_sky_knows_antenna_orbits_and_cadence() -> None:
 
 
 def test_the_cadence_counts_satellites_in_view() -> None:
-    """Two satellites, of which one sets within the four hours: 1.4 to 2 in view on average."""
-    scenario = sky_scenario("epochs=4", "interval_s=3600.0", "recs.every=1", "constellation.svids=[6, 8]")
-    views = [one.truth().advance(0, 4).view.in_view for one in scenario.simulations]
+    """Eight satellites, of which some set within the four hours: the nearest whole number of the mean."""
+    scenario = sky_scenario("epochs=241", "interval_s=60.0", "recs.every=1")
+    views = [one.truth().advance(0, 241).view.in_view for one in scenario.simulations]
     mean = float(np.mean(np.sum(views, axis=0)))
+    assert 4 < mean < 7.4
     assert processor_of(scenario).monitoring.cadence.satellites == round(mean)
 
 

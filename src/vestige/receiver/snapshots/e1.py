@@ -67,7 +67,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
         return np.where(shown, values, np.nan)
 
     return E1Block(
-        pseudorange_m=seen(of.each(pseudorange_m)),
+        pseudorange_m=seen(pseudorange_m(of)),
         carrier_phase_cycles=seen(-to_hz * of.each(_carrier_m)),
         doppler_hz=seen(to_hz * of.each(range_rate_mps)),
         doppler_rate_hz_per_s=seen(to_hz * of.each(lambda _, truth: truth.acceleration_mps2)),
@@ -77,10 +77,10 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
     ), front_end
 
 
-def pseudorange_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the E1 pseudorange."""
-    error_m = simulation.e1_error_m(truth) - clock_follows_m(simulation, truth)
-    return truth.range_m + truth.clock_m + ionosphere_e1_m(simulation, truth) + error_m
+def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
+    """Return the E1 pseudoranges."""
+    error_m = of.e1_error_m - of.each(clock_follows_m)
+    return of.each(lambda _, truth: truth.range_m + truth.clock_m) + of.each(ionosphere_e1_m) + error_m
 
 
 def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
@@ -111,7 +111,7 @@ def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, 
         (sampled_e1_taps if fidelity == "samples" else e1_taps)(
             truth,
             nominal_dbhz[:, column],
-            simulation.e1_multipath_m(truth),
+            of.e1_multipath_m[:, column],
             with_rays=simulation.models.e1_multipath,
             seed=of.seed,
             svid=simulation.svid,

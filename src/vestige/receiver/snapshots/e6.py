@@ -41,7 +41,8 @@ class DrawnE6:
                 zip(of.simulations, of.of_recs, of.arrived, strict=True)
             ):
                 if asked[of.rows, column].any():
-                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, offsets_m)
+                    predicted_m = truth.iono_diff_m + truth.bias_m - of.e1_error_m[of.rows, column]
+                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m)
                     taps[of.rows, column], noise_power[of.rows, column] = drawn
                     integration_s[of.rows, column] = simulation.integration_s
         asked = asked & of.in_view
@@ -99,7 +100,7 @@ class SampledE6:
             handover = handovers.at(epoch, column)
             if handover is None:
                 continue
-            handover = _without_delay(handover, of.simulations[column], self._here(epoch, column))
+            handover = self._without_delay(handover, epoch, column)
             bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
@@ -118,6 +119,26 @@ class SampledE6:
         here = self._here(epoch, column)
         later_m = float((ionosphere_e1_m(simulation, here) - simulation.seconds_late_m(here))[0])
         return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
+
+    def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
+        """Return a hand-over as it would be if no meaconer were seconds late.
+
+        A hand-over carries the pseudorange on for as long as it says that the signal travels. A meaconer's seconds are
+        no travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the
+        samples. On a single line of sight the clock that follows has done that already.
+        """
+        simulation, here = self.of.simulations[column], self._here(epoch, column)
+        late_m = float(simulation.seconds_late_m(here)[0])
+        if simulation.elevation is None or not late_m:
+            return handover
+        range_m, rate_mps = float(pseudorange_m(self.of)[epoch, column]), float(range_rate_mps(simulation, here)[0])
+        acceleration_mps2 = float(here.acceleration_mps2[0])
+        with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
+        return replace(
+            handover,
+            start_time=handover.start_time + (without_s - with_s),
+            doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
+        )
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""
@@ -162,26 +183,6 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
 
     def __len__(self) -> int:
         return len(tuple(iter(self)))
-
-
-def _without_delay(handover: Handover, simulation: Simulation, here: TruthBlock) -> Handover:
-    """Return the hand-over of one RECS as it would be if no meaconer were seconds late.
-
-    A hand-over carries the pseudorange on for as long as it says that the signal travels. A meaconer's seconds are no
-    travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the samples. On
-    a single line of sight the clock that follows has done that already.
-    """
-    late_m = float(simulation.seconds_late_m(here)[0])
-    if simulation.elevation is None or not late_m:
-        return handover
-    range_m, rate_mps = float(pseudorange_m(simulation, here)[0]), float(range_rate_mps(simulation, here)[0])
-    acceleration_mps2 = float(here.acceleration_mps2[0])
-    with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
-    return replace(
-        handover,
-        start_time=handover.start_time + (without_s - with_s),
-        doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
-    )
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:

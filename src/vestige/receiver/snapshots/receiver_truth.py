@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from vestige.receiver.sampled_epoch import Arrival
-from vestige.receiver.simulation import Simulation
+from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
 
 
@@ -84,6 +84,17 @@ class ReceiverTruth:
         return tuple(
             simulation.arrival(truth) for simulation, truth in zip(self.simulations, self.of_recs, strict=True)
         )
+
+    @cached_property
+    def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
+        """What rays make of each pseudorange on E1."""
+        return self.each(Simulation.e1_multipath_m)
+
+    @cached_property
+    def e1_error_m(self) -> Float[np.ndarray, "n m"]:
+        """Error of each pseudorange on E1 that E6 does not share."""
+        each = [e1_error_m(truth, own) for truth, own in zip(self.truth, self.e1_multipath_m.T, strict=True)]
+        return np.stack(each, axis=1)
 
     def each(self, quantity: Callable[[Simulation, TruthBlock], np.ndarray]) -> Float[np.ndarray, "n m"]:
         """Return a quantity of all epochs and satellites."""

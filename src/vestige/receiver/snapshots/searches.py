@@ -102,8 +102,7 @@ class DrawnSearches:
 
     def _earliest_m(self, name: str, request: SearchRequest) -> Float[np.ndarray, "k m"]:
         """Return how much later the earliest is than E1 puts it: both ranges have geometry, clock and ionosphere."""
-        own_m = [one.e1_error_m(truth) for one, truth in zip(self.of.simulations, self.of.of_recs, strict=True)]
-        return self._found(name, request) - np.stack(own_m, axis=1)[self._numbers(request)]
+        return self._found(name, request) - self.of.e1_error_m[request.epoch]
 
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
         """Return where there is a key, and the true signal was provably received before it was on air."""
