@@ -29,7 +29,7 @@ def sky_scenario(*settings: str, path: Path = SCENARIO) -> CampaignScenario:
 
 def columns_of(scenario: CampaignScenario, chunk: int = 5000) -> dict[str, np.ndarray]:
     """Return all columns of a campaign, measured in chunks."""
-    from vestige.campaign.scenario_plan import ScenarioPlan  # noqa: PLC0415  (of those who ask for columns)
+    from vestige.campaign.scenario_plan import ScenarioPlan
 
     plan = ScenarioPlan(scenario=scenario)
     preparation, pieces = plan.prepare(), []

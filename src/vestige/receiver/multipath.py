@@ -132,7 +132,7 @@ class LmsLiteMultipath:
         """Return −14 dB at 5° to −18 dB at 30° in a straight line, open sky above."""
         if elevation_deg > HIGH_DEG:
             return cls.open_sky()
-        power_db = float(multipath_power_db(np.array([elevation_deg]))[0])
+        power_db = float(multipath_power_db(np.array([elevation_deg], np.float64))[0])
         return cls(power_db=power_db, mean_excess_m=40.0, mean_life_m=0.0)
 
     @property

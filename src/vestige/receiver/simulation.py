@@ -208,9 +208,7 @@ class Simulation:
         offsets_m
             Of the taps from the hand-over's prediction.
         """
-        model = CorrelatorModel(
-            offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end
-        )
+        model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
         los_doppler_hz = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * rate_error_mps
@@ -262,9 +260,7 @@ class Simulation:
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.view.amplitude[row])
         signal = received_signal(self._chips(sent), self.line_of_sight, truth, row, amplitude=strength)
-        taken = window(
-            signal.start_s + float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS, self.n_chips, self.front_end
-        )
+        taken = window(signal.start_s + float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS, self.n_chips, self.front_end)
         where = (self.svid, sent, self.line_of_sight, truth, row, taken)
         forged = stream_key(self.seed, "chips that an attacker makes up")
         return e6_samples(
@@ -287,9 +283,7 @@ class Simulation:
             ),
         )
 
-    def segment(
-        self, number: int, mode: CipherMode = CipherMode.CBC
-    ) -> tuple[EncryptedSegment, ValidatedKey]:
+    def segment(self, number: int, mode: CipherMode = CipherMode.CBC) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return a RECS by its number, and its key."""
         chips = self._chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)

@@ -1,8 +1,8 @@
 """The processor of a campaign: what the receiver of a scenario knows beforehand, and nothing of what is true.
 
 It knows its antenna (C/N0 against elevation), the power of its bands without interference, its front ends, the data
-sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]` says
-of its pseudoranges. How many satellites are in view, and how strong they are on average, follows from the orbits.
+sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]`
+says of its pseudoranges. How many satellites are in view, and how strong they are on average, follows from the orbits.
 """
 
 from __future__ import annotations
@@ -68,9 +68,7 @@ def _monitoring(scenario: CampaignScenario) -> MonitoringSettings:
         ),
         levels=ReferenceLevels(e1_power_db=0.0, e6_power_db=0.0, antenna=antenna),
         fix=_fix(scenario),
-        e1_power=ReceivedPowerMonitor(
-            band=Band.E1, bandwidth_hz=POWER_BANDWIDTH_HZ, averaging_s=POWER_AVERAGING_S
-        ),
+        e1_power=ReceivedPowerMonitor(band=Band.E1, bandwidth_hz=POWER_BANDWIDTH_HZ, averaging_s=POWER_AVERAGING_S),
         e6_power=ReceivedPowerMonitor(
             band=Band.E6, bandwidth_hz=front_end.power_bandwidth_hz, averaging_s=integration_s
         ),

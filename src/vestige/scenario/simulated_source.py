@@ -8,7 +8,6 @@ from pathlib import Path
 
 from vestige.errors import VestigeError
 from vestige.receiver.snapshots.assistance import SimulatedAssistance
-from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -67,6 +66,6 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
     if not isinstance(scenario, CampaignScenario):
         loaded = load_scenario(scenario)
         if not isinstance(loaded, CampaignScenario):
-            raise VestigeError(f'{scenario}: found kind = "{loaded.kind}", expected "campaign"; `vestige simulate` makes it')
+            raise VestigeError(f'{scenario}: found kind = "{loaded.kind}", expected "campaign"')
         scenario = loaded
     return SimulatedSource(scenario=scenario, block_epochs=block_epochs)

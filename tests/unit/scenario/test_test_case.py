@@ -25,7 +25,7 @@ def case(first: int, end: int, *settings: str) -> AcasTestCase:
 
 
 def test_the_recs_are_those_of_a_run() -> None:
-    """Byte for byte, key delay 0 and 1, over the end of a subframe; and they decrypt to what the satellite sends."""
+    """Key delay 0 and 1, over the end of a subframe: with their keys they decrypt to what the satellite sends."""
     for key_delay in (0, 1):
         one = case(298, 303, f"recs.key_delay={key_delay}")
         simulation, (assistance, _) = one.simulation, one.assistance()

@@ -5,8 +5,8 @@ With ξ_k the K = 50 prompt correlators of T = 20 ms of a second, in standard de
 
     Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
 
-has no bias, and a relative variance of (2 C T + 1)/(K C² T²): 0.11 dB at 35 dBHz, 0.7 dB at 20 dBHz. A non-central χ² is
-(z + √λ)² + χ²(2K − 1), so two draws make an estimate.
+has no bias, and a relative variance of (2 C T + 1)/(K C² T²): 0.11 dB at 35 dBHz, 0.7 dB at 20 dBHz. A non-central χ²
+is (z + √λ)² + χ²(2K − 1), so two draws make an estimate.
 """
 
 from __future__ import annotations

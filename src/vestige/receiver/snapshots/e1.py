@@ -119,7 +119,5 @@ def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, 
         )
         for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True))
     ]
-    front_end = FrontEndBlock(
-        agc_gain_db=-read_db, total_power_db=read_db, saturated=np.zeros(read_db.size, np.bool_)
-    )
+    front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=np.zeros(read_db.size, np.bool_))
     return np.stack(taps, axis=1) * 10 ** (-rise_db / 20)[:, None, None], front_end

@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
-from vestige.receiver.simulation import Simulation
 from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
@@ -145,7 +144,7 @@ class SampledE6:
         return self.of.truth[column].part(slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
-        """Return what the front end said around the RECS of all satellites: mean power and gain, whether any clipped."""
+        """Return what the front end said around the RECS of all satellites: mean power and gain, and if any clipped."""
         of = self.of
         power_db, gain_db = np.full((2, of.n), np.nan)
         saturated = np.zeros(of.n, np.bool_)

@@ -1,8 +1,8 @@
 """OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is.
 
-A page is lost with the probability that belongs to the C/N0 of what E1 tracks at the epoch, changed by what the noise of
-an attack is at the page's time: the key of a RECS comes up to a minute later. An attack that withholds OSNMA breaks
-every page that is on air with it.
+A page is lost with the probability that belongs to the C/N0 of what E1 tracks at the epoch, changed by what the noise
+of an attack is at the time of the page: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
+breaks every page that is on air with it.
 
 An E1 loop on a counterfeit with data of the attacker's own demodulates those, with good checksums: no key among them
 validates, and no tag is over them. On a counterfeit that repeats the satellite's data it has the true ones. Of a key
@@ -135,7 +135,8 @@ def _ends(
     begun_s, interval_s
         When the first epoch began to look, in s after the start of the week, and how long an epoch looks.
     """
-    whole = (page_end_s(subframe * PAGES) > begun_s) | (interval_s >= SUBFRAME_S)  # then it looks at all of its subframe
+    looks_at_all = interval_s >= SUBFRAME_S
+    whole = looks_at_all | (page_end_s(subframe * PAGES) > begun_s)
     return whole & np.any(page == (subframe * PAGES + PAGES - 1)[:, None], axis=1)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sky_builder import CLEAN, sky_scenario
 
 import vestige.receiver.simulation as simulation_module
+from sky_builder import CLEAN, sky_scenario
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.state import TimeUncertainty
@@ -121,7 +121,8 @@ def test_arrays_have_one_shape() -> None:
 
 def test_pseudoranges_are_geometry_clock_and_errors() -> None:
     """Under a sky with the ionosphere's residual e/(γ − 1), on one line of sight without; the rate is the Doppler's."""
-    for scenario, share in ((sky_scenario("epochs=40", "constellation.svids=[6, 24]"), 1 / ((154 / 125) ** 2 - 1)), (_quick("epochs=40"), 0.0)):
+    sky = sky_scenario("epochs=40", "constellation.svids=[6, 24]")
+    for scenario, share in ((sky, 1 / ((154 / 125) ** 2 - 1)), (_quick("epochs=40"), 0.0)):
         receiver = scenario.simulated_receiver
         truth = tuple(one.advance(0, 40) for one in receiver.truth())
         block = receiver.snapshots(0, truth)
@@ -143,8 +144,13 @@ def test_the_cn0_is_an_estimate() -> None:
 @pytest.mark.parametrize(("power_db", "tracked"), [(10.0, True), (30.0, False)])
 def test_what_the_loop_cannot_hold_is_not_there(power_db: float, tracked: bool) -> None:
     """35 dBHz less 10 or 30 dB of noise, on one line of sight as under a sky: below 20 dBHz there is no lock."""
-    jam = f'attack=[{{kind="jamming", bands=["E1"], start_s=2.0, waveform={{kind="wideband"}}, j_over_n_db={power_db}}}]'
-    for scenario in (_quick("epochs=4", jam, "processor.level=2"), sky_scenario("epochs=4", jam, "receiver.cn0_e1_dbhz=35")):
+    jam = (
+        f'attack=[{{kind="jamming", bands=["E1"], start_s=2.0, waveform={{kind="wideband"}}, j_over_n_db={power_db}}}]'
+    )
+    for scenario in (
+        _quick("epochs=4", jam, "processor.level=2"),
+        sky_scenario("epochs=4", jam, "receiver.cn0_e1_dbhz=35"),
+    ):
         (block,) = _blocks(scenario)
         assert np.all(block.e1.seen[:2])
         if len(block.svids) == 1 or not tracked:
