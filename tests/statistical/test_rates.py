@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.simulated_banks import banks as banks_of
 
-from simulated_banks import banks as banks_of
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.thresholds import probability_of_detection, threshold

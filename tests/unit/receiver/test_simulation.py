@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 
-from simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.range_offset import range_offset_m
 from vestige.receiver.front_end_correlation import range_offset_scale

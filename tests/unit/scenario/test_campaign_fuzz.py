@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.simulated_banks import banks as banks_of
 
-from simulated_banks import banks as banks_of
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.cautions import cautions

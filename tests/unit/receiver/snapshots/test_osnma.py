@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.sky_builder import sky_scenario
 
-from sky_builder import sky_scenario
 from vestige.acas_processor.checks.osnma_subframes import PAGES, subframes
 from vestige.acas_processor.memory import OsnmaMemory
 from vestige.records.snapshot_block import OsnmaBlock, SnapshotBlock

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.sky_builder import CLEAN, sky_scenario
 
 import vestige.receiver.simulation as simulation_module
-from sky_builder import CLEAN, sky_scenario
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.state import TimeUncertainty
