@@ -155,12 +155,14 @@ def position_fix(
     used = np.isfinite(measured) & np.isfinite(sigma_m)
     weight = np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
     position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
+    moving = np.ones(measured.shape[0], np.bool_)
     for _ in range(_STEPS):
         geometry, predicted = _predict(sent.position_m, position, used)
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
-        step = _solve(geometry, weight, residual)
+        step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        if not np.any(np.abs(step) > _SETTLED_M):
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch: a fix does not depend on others
+        if not np.any(moving):
             break
     geometry, predicted = _predict(sent.position_m, position, used)
     known = np.isfinite(clock)[:, None] & used

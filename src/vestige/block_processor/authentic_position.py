@@ -1,0 +1,76 @@
+"""The position that a snapshot authenticates, for a person: geodetic, with its standard deviations and its latency.
+
+Which ranges it rests on is decided in `range_in_use.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.block_processor.verdict_block import VerdictBlock
+from vestige.navigation.earth import geodetic_from_ecef, local_axes_at
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuthenticPosition:
+    """Where the receiver was at the time of a snapshot.
+
+    Attributes
+    ----------
+    index
+        Number of the snapshot.
+    time, available_at
+        Of the snapshot, and when the last key that it needs was complete.
+    latitude_deg, longitude_deg, height_m
+        Geodetic, height over the ellipsoid.
+    horizontal_sigma_m, vertical_sigma_m
+        Standard deviations of the position in m, from the covariance of the fix.
+    svids, earlier
+        Satellites whose ranges are used, and those of them with the earliest of several signals.
+    """
+
+    index: int
+    time: GalileoTime
+    available_at: GalileoTime
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    horizontal_sigma_m: float
+    vertical_sigma_m: float
+    svids: tuple[int, ...]
+    earlier: tuple[int, ...]
+
+    @property
+    def latency_s(self) -> float:
+        """From the snapshot until its position is known, in s."""
+        return self.available_at - self.time
+
+
+def authentic_positions(block: VerdictBlock) -> Iterator[AuthenticPosition]:
+    """Yield the positions of the epochs that have one."""
+    found, snapshots = block.position, block.measured.snapshots
+    if found is None:
+        return
+    for epoch in np.flatnonzero(np.isfinite(found.position_m[:, 0])).tolist():
+        one = found.position_m[epoch : epoch + 1]
+        latitude, longitude, height = geodetic_from_ecef(one)
+        axes = local_axes_at(one)[0]
+        variance_m2 = np.diagonal(axes @ found.covariance_m2[epoch] @ axes.T)
+        used = np.flatnonzero(found.used[epoch]).tolist()
+        complete = block.measured.recs.complete
+        yield AuthenticPosition(
+            index=int(snapshots.index[epoch]),
+            time=snapshots.time.at(epoch),
+            available_at=max(complete.at(epoch, column) for column in used),
+            latitude_deg=float(np.degrees(latitude[0])),
+            longitude_deg=float(np.degrees(longitude[0])),
+            height_m=float(height[0]),
+            horizontal_sigma_m=float(np.sqrt(variance_m2[0] + variance_m2[1])),
+            vertical_sigma_m=float(np.sqrt(variance_m2[2])),
+            svids=tuple(snapshots.svids[column] for column in used),
+            earlier=tuple(snapshots.svids[column] for column in used if block.earlier[epoch, column]),
+        )

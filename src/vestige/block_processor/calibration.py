@@ -1,0 +1,35 @@
+"""Calibration of the receiver's constant delay between E6 and E1 from its own measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from vestige.block_processor.measurement import MeasurementBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
+
+MIN_SATELLITES = 3  # with one satellite a bias cannot be told from spoofing
+
+
+def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
+    """Return what to add to the hardware bias so that the median range offset is zero, in s.
+
+    The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
+    satellites survives a minority of spoofed ones. So calibrate where the signals are known to be good, and keep the
+    value.
+
+    Returns
+    -------
+    float | None
+        None if fewer than `MIN_SATELLITES` satellites were detected.
+    """
+    offsets: dict[int, list[float]] = {}
+    for block in measured:
+        detected = np.isfinite(block.detected.range_offset_m)
+        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(detected)), strict=True):
+            svid = block.snapshots.svids[column]
+            offsets.setdefault(svid, []).append(float(block.detected.range_offset_m[epoch, column]))
+    if len(offsets) < MIN_SATELLITES:
+        return None
+    return float(np.median([np.median(values) for values in offsets.values()])) / SPEED_OF_LIGHT_MPS

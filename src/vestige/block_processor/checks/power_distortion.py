@@ -1,0 +1,126 @@
+"""Power and distortion: clean, multipath, spoofed or jammed, from two numbers of one satellite [WESSON18].
+
+Theory of operation
+-------------------
+A second signal of power η, offset Δτ and phase Δθ beside the tracked one bends the correlation function, adds power:
+
+    D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
+    ΔP = 10 log₁₀[(1 + r (1 + η) + J/N)/(1 + r)],   r = Σ C/N0 / W      rise of the power in the band W
+
+with the amplitude s = √(2 C/N0 T) of the tracked signal, whose own share of D cancels:
+
+    no second signal    D² / v ~ χ²(2),   v = 2 (1 − R(2τ_d))      so  D ≤ √(−2 v ln P_fa)
+    a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
+
+The gain control holds the total power, so D as the taps have it is divided by 10^(ΔP/20): a jammer makes P large and D
+small. Multipath makes D without P, a spoofer both. `decision_map` turns that into regions of the (ΔP, D) plane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from vestige.acas_processor.marcum_q import marcum_q
+from vestige.signals.pulse import BPSK, Pulse, autocorrelation
+
+
+def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
+    """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d), in that of one tap.
+
+    Parameters
+    ----------
+    half_spacing_chips
+        τ_d in chips.
+    pulse
+        Of the replica.
+    """
+    return 2 * (1 - float(autocorrelation(pulse, np.array([2 * half_spacing_chips]))[0]))
+
+
+def distortion_threshold(p_fa: float, half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
+    """Return the D that a signal without a second one exceeds with probability `p_fa`."""
+    return float(np.sqrt(-2 * distortion_variance(half_spacing_chips, pulse) * np.log(p_fa)))
+
+
+def symmetric_difference(
+    early: Complex[np.ndarray, "*n"], late: Complex[np.ndarray, "*n"], sigma: Float[np.ndarray, "*n"]
+) -> Float[np.ndarray, "*n"]:
+    """Return D from the taps at −τ_d and +τ_d.
+
+    Parameters
+    ----------
+    early, late
+        The taps, as they come out behind the gain control.
+    sigma
+        Standard deviation of their noise per dimension *without interference* and with the gain of then; taking that of
+        now would take the squeeze of the gain control out.
+    """
+    return np.abs(early - late) / sigma
+
+
+def mean_distortion(
+    offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
+) -> Float[np.ndarray, "*n"]:
+    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, what a second signal of the tracked one's amplitude makes of D/s.
+
+    Parameters
+    ----------
+    offset_chips
+        Δτ in chips.
+    half_spacing_chips
+        τ_d in chips.
+    """
+    early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
+    late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
+    return np.reshape(np.abs(early - late), np.shape(offset_chips))
+
+
+def distortion_detection(
+    eta_db: Float[np.ndarray, "*n"],
+    offset_chips: Float[np.ndarray, "*n"],
+    *,
+    cn0_dbhz: float,
+    integration_s: float,
+    half_spacing_chips: float,
+    p_fa: float,
+    pulse: Pulse = BPSK,
+) -> Float[np.ndarray, "*n"]:
+    """Return the probability that D alone exceeds its threshold beside a second signal, without gain control.
+
+    Parameters
+    ----------
+    eta_db
+        η, power of the second signal relative to the tracked one.
+    offset_chips
+        Δτ in chips.
+    cn0_dbhz, integration_s
+        C/N0 of the tracked signal and T.
+    half_spacing_chips
+        τ_d in chips.
+    p_fa
+        False-alarm probability of one test.
+    """
+    amplitude = np.sqrt(2 * 10 ** ((cn0_dbhz + eta_db) / 10) * integration_s)
+    spread = np.sqrt(distortion_variance(half_spacing_chips, pulse))
+    return marcum_q(
+        np.asarray(amplitude * mean_distortion(offset_chips, half_spacing_chips, pulse) / spread),
+        distortion_threshold(p_fa, half_spacing_chips, pulse) / spread,
+    )
+
+
+def power_rise_db(
+    eta: Float[np.ndarray, "*n"], jam_to_noise: Float[np.ndarray, "*n"], *, signals_to_noise: float
+) -> Float[np.ndarray, "*n"]:
+    """Return ΔP in dB.
+
+    Parameters
+    ----------
+    eta
+        η, power of each second signal relative to its satellite, all satellites alike; linear.
+    jam_to_noise
+        J/N in the band, linear.
+    signals_to_noise
+        r, power of all satellites in the band over that of the noise.
+    """
+    return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

@@ -1,0 +1,168 @@
+"""The ACAS processor: from snapshots and their assistance to verdicts [WFO, Sec. II-B, III, IV].
+
+It works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` is heavy and pure: blocks
+can be measured in any order on any number of workers. `assess` is light and carries a state from block to block; how
+the epochs are cut into blocks changes no bit of what it says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.detectors import Detector, EarlyDetector
+from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB
+from vestige.block_processor.alarm import StateChange
+from vestige.block_processor.assess import assess
+from vestige.block_processor.authentic_position import AuthenticPosition, authentic_positions
+from vestige.block_processor.checks.e1_e6_range import KAPPA
+from vestige.block_processor.checks.e6_power import MIN_PD
+from vestige.block_processor.levels import LEVELS
+from vestige.block_processor.measure import measure
+from vestige.block_processor.measurement import MeasurementBlock
+from vestige.block_processor.monitoring_settings import MonitoringSettings
+from vestige.block_processor.records.recs_block import AssistanceData
+from vestige.block_processor.records.snapshot_block import SnapshotBlock
+from vestige.block_processor.state import ReceiverState
+from vestige.block_processor.verdict_block import VerdictBlock
+from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs import CipherMode
+from vestige.records import Verdict
+
+
+@runtime_checkable
+class BlockSource(Protocol):
+    """Anything that yields blocks of snapshots in time order, with the assistance that goes with them."""
+
+    @property
+    def assistance(self) -> AssistanceData:
+        """RECS, group delays and validated keys for these snapshots."""
+        ...
+
+    def __iter__(self) -> Iterator[SnapshotBlock]:
+        """Yield the blocks."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """The processor's answer to one block of snapshots: verdicts, positions, and the state for the next block.
+
+    Attributes
+    ----------
+    block
+        What the processor says of every epoch and satellite, as arrays.
+    state
+        What the next block needs.
+    """
+
+    block: VerdictBlock
+    state: ReceiverState
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """One for each satellite that E1 shows, and for each that it showed in the last hour and does not now."""
+        return tuple(self.block.verdicts())
+
+    @cached_property
+    def changes(self) -> tuple[StateChange, ...]:
+        """Satellites of which something else is shown than before."""
+        return tuple(self.block.changes())
+
+    @cached_property
+    def positions(self) -> tuple[AuthenticPosition, ...]:
+        """The positions that the snapshots authenticate."""
+        return tuple(authentic_positions(self.block))
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """Satellites whose verdict is due that E1 does not show in some epoch, ever seen or not."""
+        snapshots = self.block.measured.snapshots
+        missing = np.any(snapshots.asked & ~snapshots.e1.seen, axis=0)
+        return frozenset(svid for svid, one in zip(snapshots.svids, missing.tolist(), strict=True) if one)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockProcessor:
+    """The receiver's ACAS processing with all its settings.
+
+    Attributes
+    ----------
+    level
+        Mitigation level [WFO, Sec. IV].
+    detector
+        Which correlator is taken as the signal [WFO, Sec. III-A, III-B].
+    p_fa
+        Single-event false-alarm probability of the E6 detection, per correlator.
+    n_taps, tap_spacing_m
+        The bank: so many correlators, so far apart, around the hand-over's prediction.
+    budget, kappa
+        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ.
+    min_pd
+        Below this predicted probability of detection a missing signal is no alarm [WFO, Sec. III-A, step 5].
+    e6_over_e1_db
+        Expected C/N0 of E6-C over E1-C, from the signals, the antenna and the front ends.
+    cipher_mode, group_delay_convention
+        The two points on which the service's interface is not public.
+    monitoring
+        Settings of the checks that levels 2 and 3 add.
+    """
+
+    level: int = 1
+    detector: Detector = field(default_factory=EarlyDetector)
+    p_fa: float = 1e-7
+    n_taps: int = 11
+    tap_spacing_m: float = 15.0
+    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
+    kappa: float = KAPPA
+    min_pd: float = MIN_PD
+    e6_over_e1_db: float = NOMINAL_E6_OVER_E1_DB
+    cipher_mode: CipherMode = CipherMode.CBC
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
+    monitoring: MonitoringSettings = field(default_factory=MonitoringSettings)
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"mitigation level {self.level} is not one of {sorted(LEVELS)}")
+        if self.n_taps < 2 * self.detector.spacing + 1:
+            raise ValueError(f"{self.n_taps} correlators are too few for a spacing of {self.detector.spacing}")
+
+    @property
+    def offsets_m(self) -> Float[np.ndarray, " n_taps"]:
+        """Offsets of the correlators from the prediction in m."""
+        return (np.arange(self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m
+
+    def run(self, source: BlockSource) -> Iterator[Verdict]:
+        """Yield the verdicts of every snapshot of a source."""
+        for step in self.steps(source, assistance=source.assistance):
+            yield from step.verdicts
+
+    def steps(
+        self, blocks: Iterable[SnapshotBlock], *, assistance: AssistanceData, state: ReceiverState | None = None
+    ) -> Iterator[Step]:
+        """Yield the answer to each block; `state` is that of an earlier run, if there was one."""
+        for block in blocks:
+            step = self.step(state, block, assistance)
+            state = step.state
+            yield step
+
+    def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: AssistanceData) -> Step:
+        """Return the answer to one block; `state` is that after the block before, None at first."""
+        verdicts, after = self.assess(state, self.measure(block, assistance), assistance)
+        return Step(block=verdicts, state=after)
+
+    def measure(self, block: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
+        """Return what can be measured of a block: pure, and independent of the cut."""
+        return measure(self, block, assistance)
+
+    def assess(
+        self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
+    ) -> tuple[VerdictBlock, ReceiverState]:
+        """Return what a measured block means, and the state after it."""
+        return assess(self, state, measured, assistance)
