@@ -11,7 +11,7 @@ are turned into ECEF one by one, along the straight line between the two fixes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +20,9 @@ from vestige.block_processor.evidence import Evidence
 from vestige.block_processor.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
 
-_NOTHING = np.zeros(0)
+
+def _nothing() -> Float[np.ndarray, " m"]:
+    return np.zeros(0)
 
 
 def gained_towards_mps(
@@ -62,10 +64,10 @@ class RateStep:
 
     epoch: int
     interval_s: float = np.nan
-    rate_change_mps: Float[np.ndarray, " m"] = _NOTHING
-    static_change_mps: Float[np.ndarray, " m"] = _NOTHING
-    gained_mps: Float[np.ndarray, " m"] = _NOTHING
-    sigma_change_mps: Float[np.ndarray, " m"] = _NOTHING
+    rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    gained_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     why: str = ""
 
 

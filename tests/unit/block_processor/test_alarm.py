@@ -15,7 +15,7 @@ LOST = None
 def _block(
     epochs: list[tuple[float, Status | None]], before: AlarmState | None = None
 ) -> tuple[list[Status], AlarmState, list[tuple[int, Status, Status]]]:
-    """Return what is shown of one satellite, the state after it, and the changes; a status of None is a lost satellite."""
+    """Return what is shown of one satellite, the state after it, and the changes; None is a lost satellite."""
     before = before or AlarmState()
     time_s = np.array([time for time, _ in epochs], np.float64)
     status = np.array([[STATUSES.index(one or Status.NOT_AVAILABLE)] for _, one in epochs], np.int8)
@@ -72,7 +72,7 @@ def test_satellites_do_not_share_a_state_and_what_is_not_due_stays() -> None:
     st.integers(1, 29),
 )
 def test_blocks_are_folds(steps: list[tuple[int, Status | None]], cut: int) -> None:
-    """The state written out: the gravest status of the last 90 s, AUTHENTIC only since E1 has not lost the satellite."""
+    """The state written out: the gravest status of the last 90 s, AUTHENTIC only since E1 lost the satellite last."""
     times = np.cumsum([float(step) for step, _ in steps]).tolist()
     epochs = list(zip(times, (one for _, one in steps), strict=True))
     expected = []

@@ -102,7 +102,7 @@ def test_of_several_signals_the_earliest_is_used_whatever_the_verdict(quiet: Ver
 
 
 def test_of_two_signals_in_the_correlators_e1_stays_if_the_earlier_one_is_where_it_says(quiet: VerdictBlock) -> None:
-    """The bank holds one signal where E1 says and, in two cases, nothing else; what matters is the place of the first."""
+    """The bank holds one signal where E1 says; shifted by 100 m, it is not where E1 says."""
     failed = dict(quiet.failed) | {CheckName.E6_SECOND_SIGNAL: np.ones((1, M), np.bool_)}
     block, _ = _used(replace(quiet, failed=failed), [S] * M)
     offsets_m = quiet.measured.banks.offsets_m

@@ -128,7 +128,7 @@ def test_without_a_position_there_is_nothing_to_compare() -> None:
     first, second, third = (_epoch(n, STANDING, sensed) for n in range(3))
     before = _step(None, first)
     assert {one.reason for one in _checks(before).values()} == {"no snapshot with a position fix before"}
-    kept = np.isin(second.svids, [svid for svid in _checks(before)][:3])
+    kept = np.isin(second.svids, list(_checks(before))[:3])
     few = replace(second, e1=replace(second.e1, pseudorange_m=np.where(kept, second.e1.pseudorange_m, np.nan)))
     lost = _step(before.state, few)
     assert {one.reason for one in _checks(lost).values()} == {"no position fix"}
