@@ -108,6 +108,18 @@ def new_folder(output: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def naming(output: Path, private: str | None = None) -> Iterator[None]:
+    """Give the errors of a full disk the name of the output, which a write does not know, and those of `private`."""
+    try:
+        yield
+    except OSError as error:
+        nameless = error.filename is None and error.errno in _NO_SPACE
+        if nameless or (private is not None and private in str(error.filename)):
+            raise OSError(error.errno, error.strerror, str(output)) from error
+        raise
+
+
+@contextmanager
 def _beside(output: Path) -> Iterator[Path]:
     """Yield a path of the name of `output` in a private folder beside it, which is removed at the end."""
     try:
@@ -115,14 +127,8 @@ def _beside(output: Path) -> Iterator[Path]:
     except OSError as error:
         error.filename = str(output)  # the name that the user knows
         raise
-    with folder as private:
-        try:
-            yield Path(private) / output.name  # private itself is readable by its owner only
-        except OSError as error:
-            nameless = error.filename is None and error.errno in _NO_SPACE  # a write knows no name
-            if nameless or private in str(error.filename):
-                raise OSError(error.errno, error.strerror, str(output)) from error
-            raise
+    with folder as private, naming(output, private):
+        yield Path(private) / output.name  # private itself is readable by its owner only
 
 
 def _sync(path: Path) -> None:

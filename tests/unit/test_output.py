@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import resource
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from builders import START
+from full_disk import files_of_at_most
 from vestige import plots
 from vestige.campaign.threat_runs import write_runs
 from vestige.crypto.key_file import write_key_file
@@ -178,20 +178,9 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.fixture
-def small_disk() -> Iterator[None]:
-    """No file may be longer than 10 bytes: what a full disk is to a process."""
-    _, hard = before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 @pytest.mark.parametrize("name", WRITERS)
-def test_after_a_full_disk_nothing_is_left_and_the_error_has_the_name(
-    tmp_path: Path, name: str, small_disk: None
-) -> None:
-    with pytest.raises(OSError, match=rf"{name}'?$"):
+def test_after_a_full_disk_nothing_is_left_and_the_error_has_the_name(tmp_path: Path, name: str) -> None:
+    with files_of_at_most(10), pytest.raises(OSError, match=rf"{name}'?$"):
         WRITERS[name](tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
@@ -219,7 +208,17 @@ def test_a_journal_writes_through_no_link(tmp_path: Path) -> None:
     assert (tmp_path / "thesis.tex").read_text() == "years"
 
 
-def test_samples_are_written_through_no_link_and_leave_nothing_on_a_full_disk(tmp_path: Path, small_disk: None) -> None:
+def test_a_journal_on_a_full_disk_says_its_name_and_goes_on_later(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    with FollowJournal(kept, {}):
+        pass
+    with files_of_at_most(10), pytest.raises(OSError, match=rf"{LINES}'?$"), FollowJournal(kept, {}) as journal:
+        journal.record(["x" * 100], None)  # type: ignore[arg-type]  (it is not reached)
+    with FollowJournal(kept, {}):
+        assert (kept / LINES).read_text() == ""
+
+
+def test_samples_are_written_through_no_link_and_leave_nothing_on_a_full_disk(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years")
     (tmp_path / "e6.sigmf-data.part").symlink_to(tmp_path / "thesis.tex")
     writer = SigmfWriter(tmp_path / "e6", form=FORM)
@@ -227,6 +226,6 @@ def test_samples_are_written_through_no_link_and_leave_nothing_on_a_full_disk(tm
         band=Band.E6, start=START, first_sample=0, sample_rate_hz=1e7, center_frequency_hz=1278.75e6,
         samples=np.ones(100, np.complex64),
     )  # fmt: skip
-    with pytest.raises(OSError, match="File too large"), writer:
+    with files_of_at_most(10), pytest.raises(OSError, match="File too large"), writer:
         writer.append(batch)
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"thesis.tex": "years"}

@@ -26,6 +26,7 @@ from vestige.campaign.origin import vestige_version
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.threat_outcome import Agreement, RunOutcome, SceneOutcome, agreement, run_outcome, scene_outcome
 from vestige.campaign.threat_runs import RUNS, Key, line_of, read_runs, write_runs
+from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import LEVELS, Scene, Threat, scenario_of
 
@@ -248,7 +249,8 @@ def _runs(
             if future is not None:
                 known.update(zip(keys, future.result(), strict=True))
                 if folder is not None:
-                    with (folder / RUNS).open("a", encoding="utf-8", newline="") as file:
+                    runs_file = folder / RUNS
+                    with naming(runs_file), runs_file.open("a", encoding="utf-8", newline="") as file:
                         file.write("".join(line_of(key, known[key]) for key in keys))
             pending.extend(islice(runs, 1))
             yield attacked, tuple(known[key] for key in keys)

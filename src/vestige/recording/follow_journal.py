@@ -22,7 +22,7 @@ from vestige.acas_processor.watch import WatchState
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.folder_lock import only_writer
-from vestige.output import check_output, replacement
+from vestige.output import check_output, naming, replacement
 from vestige.time import GalileoTime
 
 LINES, STATE = "verdicts.jsonl", "state.json"
@@ -116,9 +116,10 @@ class FollowJournal:
     def record(self, lines: Sequence[str], progress: Progress) -> None:
         """Keep the lines of one epoch and how far it goes: both or neither."""
         data = "".join(f"{line}\n" for line in lines).encode()
-        self._lines.write(data)
-        self._lines.flush()
-        os.fsync(self._lines.fileno())
+        with naming(self._folder / LINES):
+            self._lines.write(data)
+            self._lines.flush()
+            os.fsync(self._lines.fileno())
         self._n_bytes += len(data)
         self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=self._n_bytes, progress=progress))
         self.progress = progress
@@ -135,4 +136,5 @@ class FollowJournal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._held.close()
+        with naming(self._folder / LINES):
+            self._held.close()

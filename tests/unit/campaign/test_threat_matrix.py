@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from full_disk import files_of_at_most
 from vestige.campaign.executors import local_executor
 from vestige.campaign.origin import vestige_version
 from vestige.campaign.threat_matrix import (
@@ -173,6 +174,15 @@ def test_an_interrupted_table_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_workers_change_nothing() -> None:
     with local_executor("threads", 2) as pool:
         assert found(list(measure_threats(SOME, range(9), pool, workers=2))) == found(table(Counting(), seeds=range(9)))
+
+
+@pytest.mark.usefixtures("cheap")
+def test_a_full_disk_is_said_with_the_name_and_the_same_call_goes_on(tmp_path: Path) -> None:
+    whole = found(table(Counting(), tmp_path / "whole"))
+    size = (tmp_path / "whole" / RUNS).stat().st_size
+    with files_of_at_most(size - 10), pytest.raises(OSError, match=rf"{RUNS}'?$"):
+        table(Counting(), tmp_path / "full")
+    assert found(table(Counting(), tmp_path / "full")) == whole
 
 
 @pytest.mark.usefixtures("cheap")
