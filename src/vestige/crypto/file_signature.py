@@ -14,6 +14,7 @@ Assumptions, since neither the signed bytes nor the certificate chain are public
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -25,6 +26,7 @@ from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
+from cryptography.utils import CryptographyDeprecationWarning
 
 from vestige.crypto.file_bytes import list_folder, read_bytes
 from vestige.crypto.recs_file import MAX_FILE_BYTES
@@ -95,13 +97,15 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
-        if b"-----BEGIN PUBLIC KEY-----" in data:
-            key = load_pem_public_key(data)
-        elif b"-----BEGIN" in data:
-            key = x509.load_pem_x509_certificate(data).public_key()
-        else:
-            key = x509.load_der_x509_certificate(data).public_key()
-    except (ValueError, TypeError, UnsupportedAlgorithm) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # of fields that nobody looks at here
+            if b"-----BEGIN PUBLIC KEY-----" in data:
+                key = load_pem_public_key(data)
+            elif b"-----BEGIN" in data:
+                key = x509.load_pem_x509_certificate(data).public_key()
+            else:
+                key = x509.load_der_x509_certificate(data).public_key()
+    except (ValueError, TypeError, UnsupportedAlgorithm, x509.InvalidVersion) as error:
         expected = "a PEM public key or an X.509 certificate (PEM or DER)"
         raise InputFileError(path, "file", f"{len(data)} bytes that cannot be read as one", expected) from error
     if not isinstance(key, ec.EllipticCurvePublicKey) or key.curve.name not in _SUFFIX:

@@ -165,3 +165,17 @@ def test_garbage_is_no_signature(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.bin_01.p256").write_bytes(data)
     with pytest.raises(AuthenticationError):
         file_signature.verify(path, [PRIVATE["p256"].public_key()])
+
+
+VERSION_3, SERIAL_1 = b"\xa0\x03\x02\x01\x02", b"\x02\x01\x01"  # as a certificate has them, one after the other
+
+
+def test_a_certificate_of_an_unknown_version_is_refused_and_one_without_a_serial_number_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "server.der"
+    assert VERSION_3 + SERIAL_1 in A_CERTIFICATE
+    path.write_bytes(A_CERTIFICATE.replace(VERSION_3, VERSION_3[:-1] + b"\x06"))
+    with pytest.raises(InputFileError, match="bytes that cannot be read as one"):
+        file_signature.load_public_key(path)
+    path.write_bytes(A_CERTIFICATE.replace(VERSION_3 + SERIAL_1, VERSION_3 + b"\x02\x01\x00"))
+    key = file_signature.load_public_key(path)
+    assert key.public_numbers() == PRIVATE["p256"].public_key().public_numbers()
