@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from vestige.recording.snapshots import RecordingSource
     from vestige.records import Outcome, Status, Verdict
     from vestige.scenario.load import load_scenario
+    from vestige.scenario.scenario_processor import processor_of
+    from vestige.scenario.simulated_source import simulate
     from vestige.time import GalileoTime
 
 _HOME = {
@@ -38,11 +40,13 @@ _HOME = {
     "VestigeError": "errors",
     "hardware_bias_correction_s": "acas_processor.calibration",
     "load_scenario": "scenario.load",
+    "processor_of": "scenario.scenario_processor",
     "open_recording": "recording.recording",
     "open_results": "campaign.results",
     "probability_of_detection": "acas_processor.thresholds",
     "read_assistance": "recording.assistance",
     "required_cn0_dbhz": "acas_processor.thresholds",
+    "simulate": "scenario.simulated_source",
     "threshold": "acas_processor.thresholds",
 }
 
@@ -66,6 +70,8 @@ __all__ = [  # noqa: RUF022  (the order of use)
     "load_scenario",
     "open_results",
     "Results",
+    "simulate",
+    "processor_of",
 ]
 
 

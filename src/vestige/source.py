@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from vestige.records import Assistance, Snapshot
+from vestige.records.recs_block import AssistanceData
+from vestige.records.snapshot_block import SnapshotBlock
 
 
 @runtime_checkable
 class Source(Protocol):
-    """Anything that yields snapshots in time order, with the assistance that goes with them."""
+    """Anything that yields blocks of snapshots in order of time, with the assistance that goes with them."""
 
     @property
-    def assistance(self) -> Assistance:
+    def assistance(self) -> AssistanceData:
         """RECS, group delays and validated keys for these snapshots."""
         ...
 
-    def __iter__(self) -> Iterator[Snapshot]:
-        """Yield the snapshots."""
+    def __iter__(self) -> Iterator[SnapshotBlock]:
+        """Yield the blocks."""
         ...

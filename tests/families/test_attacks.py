@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.simulated_banks import Banks
+from tests.simulated_banks import banks as banks_of
 
-from vestige.receiver.simulation import Banks, Fidelity, Simulation
+from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
@@ -70,7 +72,7 @@ def _simulation(*attacks: Attacks, epochs: int = 20) -> Simulation:
 def _run(fidelity: Fidelity, *attacks: Attacks, epochs: int = 20) -> tuple[TruthBlock, Banks]:
     simulation = _simulation(*attacks, epochs=epochs)
     truth = simulation.truth().advance(0, epochs)
-    return truth, simulation.banks(fidelity, 0, truth)
+    return truth, banks_of(simulation, fidelity, 0, truth)
 
 
 @pytest.fixture(scope="module")
@@ -117,10 +119,10 @@ def test_with_power_something_changes(
 def test_results_do_not_depend_on_the_cut(attack: Attacks, off: dict[str, float], fidelity: Fidelity) -> None:
     n = 8 if fidelity == "samples" else 1100
     simulation = _simulation(attack, epochs=n)
-    whole = simulation.banks(fidelity, 0, simulation.truth().advance(0, n))
+    whole = banks_of(simulation, fidelity, 0, simulation.truth().advance(0, n))
     process, first, parts = simulation.truth(), 0, []
     for count in (1, n // 3, n - 1 - n // 3):
-        parts.append(simulation.banks(fidelity, first, process.advance(first, count)))
+        parts.append(banks_of(simulation, fidelity, first, process.advance(first, count)))
         first += count
     assert np.concatenate([part.taps for part in parts]).tobytes() == whole.taps.tobytes()
     assert np.concatenate([part.noise_power for part in parts]).tobytes() == whole.noise_power.tobytes()

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from night import invoke
-from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch
+from vestige.acas_processor.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.processor import AcasProcessor, Step
-from vestige.acas_processor.watch import Watch
+from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
 from vestige.cli.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.recording.assistance import read_assistance
+from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import open_recording
 from vestige.recording.snapshots import RecordingSource
 from vestige.records import Assistance, Outcome, Snapshot, Status
@@ -78,7 +79,7 @@ def _snapshot(folder: Path, assistance_folder: Path) -> tuple[Snapshot, Assistan
     assistance = read_assistance(assistance_folder).assistance
     assistance = replace(assistance, hardware_bias_e1_e6_s=BIAS_M / SPEED_OF_LIGHT_MPS)
     source = RecordingSource(recording=open_recording(folder), assistance=assistance, searchable=True)
-    (snapshot,) = source
+    (snapshot,) = source.snapshots()
     return snapshot, assistance
 
 
@@ -95,9 +96,9 @@ def meaconed(assistance_folder: Path, recording_data: Path) -> tuple[Snapshot, A
 
 def _step(level: int, snapshot: Snapshot, assistance: Assistance) -> Step:
     exhaustive = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=8e-3), around_s=4e-4)
-    watch = Watch(exhaustive=exhaustive, second_channel=assistance)
-    (step,) = AcasProcessor(level=level, watch=watch).steps([snapshot], assistance=assistance)
-    return step
+    processor = AcasProcessor(level=level, monitoring=MonitoringSettings(exhaustive_search=exhaustive))
+    block = OtherChannels(second_channel=assistance).block(snapshot, assistance, None)
+    return processor.step(None, block, assistance)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])

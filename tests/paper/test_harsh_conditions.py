@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import xarray
 from scipy import stats
+from tests.simulated_banks import banks as banks_of
 
 from vestige.acas_processor.detectors import EarlyDetector
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
@@ -111,7 +112,7 @@ def test_without_multipath_and_ionosphere_theory_says_how_many(cn0_dbhz: float, 
     probability, limit = _theory_of_a_tap(plan), float(threshold(1e-7))
     assert probability * epochs == pytest.approx(expected, rel=0.01)
     (simulation,) = plan.simulations
-    taps, noise_power, _ = simulation.banks("correlators", 0, simulation.truth().advance(0, epochs))
+    taps, noise_power, _ = banks_of(simulation, "correlators", 0, simulation.truth().advance(0, epochs))
     magnitudes = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
     below = int(np.count_nonzero(magnitudes[:, 5] <= limit))
     assert binomial_test(below, epochs, probability) > 1 - SURE
@@ -170,7 +171,7 @@ def test_both_fidelities_miss_alike(cn0_dbhz: float) -> None:
     magnitudes = {}
     for fidelity, seed, n in (("samples", 11, 500), ("correlators", 12, 50_000)):
         simulation = _plan(*settings, f"seed={seed}").simulations[0]
-        taps, noise_power, _ = simulation.banks(fidelity, 0, simulation.truth().advance(0, n))  # type: ignore[arg-type]
+        taps, noise_power, _ = banks_of(simulation, fidelity, 0, simulation.truth().advance(0, n))  # type: ignore[arg-type]
         magnitudes[fidelity] = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
     sampled, drawn = magnitudes["samples"], magnitudes["correlators"]
     for tap in range(11):

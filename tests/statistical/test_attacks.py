@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from tests.simulated_banks import Banks
+from tests.simulated_banks import banks as banks_of
 
-from vestige.receiver.simulation import Banks, Fidelity
+from vestige.receiver.simulation import Fidelity
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -49,7 +51,7 @@ def _banks(fidelity: Fidelity, attacks: tuple[Attacks, ...], seed: int, n: int) 
     scenario = load_scenario(HARSH, ["epochs=5000", f"seed={seed}"])
     assert isinstance(scenario, CampaignScenario)
     simulation = replace(scenario.simulation(), spoofer=Spoofer(attacks=attacks))
-    return simulation.banks(fidelity, 0, simulation.truth().advance(0, n))
+    return banks_of(simulation, fidelity, 0, simulation.truth().advance(0, n))
 
 
 @pytest.mark.parametrize("attacks", CASES.values(), ids=CASES)

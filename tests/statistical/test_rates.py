@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.simulated_banks import banks as banks_of
 
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import MaximumDetector
@@ -52,7 +53,7 @@ def decisions(campaign: CampaignScenario, p_fas: tuple[float, ...]) -> tuple[lis
     truth, detected, trials = receiver.truth(), np.zeros(len(p_fas), int), 0
     for first in range(0, receiver.n_epochs, BLOCK):
         count = min(BLOCK, receiver.n_epochs - first)
-        taps, noise_power, _ = receiver.banks(campaign.fidelity, first, truth.advance(first, count))
+        taps, noise_power, _ = banks_of(receiver, campaign.fidelity, first, truth.advance(first, count))
         triples = np.lib.stride_tricks.sliding_window_view(taps, 3, axis=1).reshape(-1, 3)
         for i, p_fa in enumerate(p_fas):
             found = detect_block(

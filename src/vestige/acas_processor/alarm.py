@@ -1,26 +1,26 @@
 """What a receiver shows of its verdicts: one alarm for each change of state, and no flicker.
 
 Verdicts come one for each RECS and suspicion comes between them, so the state of a satellite is the gravest status of
-the last `hold_s`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a
-check sees every now and then is one alarm, not hundreds. AUTHENTIC says something of a range, so it is not held for a
-satellite that E1 has lost: there is no range. Alarms are.
-
-`AlarmState.step` folds over epochs as they come, `state_block` says the same of arrays.
+the last `HOLD_S`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a
+check sees every now and then is one alarm, not hundreds. AUTHENTIC says something of a range, so it is not kept for a
+satellite that E1 has lost: there is no range. Alarms are kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float, Int8
+from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.mitigation import ALARMS, GRAVITY
+from vestige.acas_processor.levels import ALARMS, GRAVITY
 from vestige.records import Status
 from vestige.time import GalileoTime
 
 HOLD_S = 90.0  # three RECS of the service, one each 30 s
+_POSITION = {status: place for place, status in enumerate(Status)}
+_AUTHENTIC, _NOT_AVAILABLE = _POSITION[Status.AUTHENTIC], _POSITION[Status.NOT_AVAILABLE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,62 +55,84 @@ class AlarmState:
 
     Attributes
     ----------
-    hold_s
-        How long a status counts, in s.
     seen
-        When each status was last seen, by satellite.
+        When each status was last seen, by satellite, in s after the receiver's origin.
     shown
         State of each satellite.
     """
 
-    hold_s: float = HOLD_S
-    seen: Mapping[int, Mapping[Status, GalileoTime]] = field(default_factory=dict)
+    seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
     shown: Mapping[int, Status] = field(default_factory=dict)
 
-    def step(self, svid: int, time: GalileoTime, status: Status, reason: str) -> tuple[AlarmState, StateChange | None]:
-        """Return the state after a verdict, and the change if there is one.
+    def over(
+        self,
+        svids: tuple[int, ...],
+        time_s: Float[np.ndarray, " n"],
+        status: Int8[np.ndarray, "n m"],
+        due: Bool[np.ndarray, "n m"],
+        lost: Bool[np.ndarray, "n m"],
+    ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
+        """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
 
         Parameters
         ----------
-        svid, time, status, reason
-            Of the verdict; times of a satellite must not go back.
+        svids
+            Satellites of the columns.
+        time_s
+            Of the epochs, after the receiver's origin, ascending.
+        status
+            Of every epoch, as positions in `Status`.
+        due
+            Where a status counts; elsewhere the state stays as it is.
+        lost
+            Where E1 has lost a satellite.
         """
-        seen = {**self.seen.get(svid, {}), status: time}
-        before = self.shown.get(svid, Status.NOT_AVAILABLE)
-        after = next(
-            (one for one in reversed(GRAVITY) if one in seen and time - seen[one] < self.hold_s), Status.NOT_AVAILABLE
-        )
-        state = replace(self, seen={**self.seen, svid: seen}, shown={**self.shown, svid: after})
-        if after is before:
-            return state, None
-        why = reason if after is status else ""
-        return state, StateChange(time=time, svid=svid, before=before, after=after, reason=why)
+        n = time_s.size
+        shown = np.array([_POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
+        state = np.full(status.shape, _NOT_AVAILABLE, np.int8)
+        last: dict[Status, Float[np.ndarray, "n m"]] = {}
+        lost_s = _last_time(lost, time_s, np.full(len(svids), -np.inf))
+        for one in GRAVITY[1:]:
+            before_s = np.array([self.seen.get(svid, {}).get(one, -np.inf) for svid in svids])
+            seen_s = _last_time((status == _POSITION[one]) & due, time_s, before_s)
+            if one is Status.AUTHENTIC:
+                seen_s = np.where(lost_s >= seen_s, -np.inf, seen_s)
+            last[one] = seen_s
+            state[time_s[:, None] - seen_s < HOLD_S] = _POSITION[one]
+        rows = np.where(due, np.arange(n)[:, None], -1)
+        latest = np.maximum.accumulate(rows, axis=0)
+        state = np.where(latest < 0, shown, np.take_along_axis(state, np.maximum(latest, 0), axis=0)).astype(np.int8)
+        return state, self._after(svids, state, last)
 
-    def lost(self, svid: int, time: GalileoTime, reason: str) -> tuple[AlarmState, StateChange | None]:
-        """Return the same after an epoch in which E1 does not show a satellite."""
-        alarms = {one: when for one, when in self.seen.get(svid, {}).items() if one in ALARMS}
-        forgotten = replace(self, seen={**self.seen, svid: alarms})
-        return forgotten.step(svid, time, Status.NOT_AVAILABLE, reason)
+    def _after(
+        self, svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], last: Mapping[Status, Float[np.ndarray, "n m"]]
+    ) -> AlarmState:
+        statuses = tuple(Status)
+        seen, shown = dict(self.seen), dict(self.shown)
+        for column, svid in enumerate(svids):
+            known = {one: float(times[-1, column]) for one, times in last.items()}
+            seen[svid] = {one: time_s for one, time_s in known.items() if np.isfinite(time_s)}
+            shown[svid] = statuses[state[-1, column]]
+        return AlarmState(seen=seen, shown=shown)
 
 
-def state_block(
-    status: Int8[np.ndarray, "n_epochs m"], time_s: Float[np.ndarray, " n_epochs"], hold_s: float = HOLD_S
-) -> Int8[np.ndarray, "n_epochs m"]:
-    """Return the state of every epoch and satellite, as the position in `Status`, as `AlarmState` folds it.
+def _last_time(
+    where: Bool[np.ndarray, "n m"], time_s: Float[np.ndarray, " n"], before_s: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "n m"]:
+    """Return when something was last true, at or before each epoch; −∞ if never."""
+    times = np.where(where, time_s[:, None], -np.inf)
+    return np.maximum(np.maximum.accumulate(times, axis=0), before_s)
 
-    Parameters
-    ----------
-    status
-        Of every epoch, as the position in `Status`.
-    time_s
-        Ascending.
-    hold_s
-        As `AlarmState`.
-    """
-    positions = {one: position for position, one in enumerate(Status)}
-    state = np.full(status.shape, positions[Status.NOT_AVAILABLE], np.int8)
-    for one in GRAVITY[1:]:
-        here = np.where(status == positions[one], time_s[:, None], -np.inf)
-        held = time_s[:, None] - np.maximum.accumulate(here, axis=0) < hold_s
-        state[held] = positions[one]
-    return state
+
+def state_changes(
+    svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
+) -> list[tuple[int, int, Status, Status]]:
+    """Return where the state of a satellite changes: row, column, state before and after."""
+    statuses = tuple(Status)
+    first = np.array([[_POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
+    earlier = np.concatenate([first, state[:-1]])
+    rows, columns = np.nonzero(earlier != state)
+    return [
+        (row, column, statuses[earlier[row, column]], statuses[state[row, column]])
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+    ]

@@ -19,8 +19,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vestige.acas_processor.minimum_defence import KAPPA, MIN_PD
-from vestige.acas_processor.mitigation import LEVELS, Occasion, Row, Scope
+from vestige.acas_processor.checks.e1_e6_range import KAPPA
+from vestige.acas_processor.checks.e6_power import MIN_PD
+from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
+from vestige.records.checks import CheckName
 
 DAY_S = 86_400.0
 SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
@@ -46,14 +48,14 @@ class Cadence:
     recs_s: float = 30.0
     search_s: float = 3600.0
 
-    def tests_a_day(self, row: Row) -> float:
+    def tests_a_day(self, row: CheckSpec) -> float:
         """Return how many tests of a check there are in a day."""
         interval_s = {
-            Occasion.OBSERVATION: self.observation_s,
-            Occasion.RECS: self.recs_s,
-            Occasion.SUBFRAME: SUBFRAME_S,
-            Occasion.SEARCH: self.search_s,
-        }[row.occasion]
+            TestCadence.OBSERVATION: self.observation_s,
+            TestCadence.RECS: self.recs_s,
+            TestCadence.SUBFRAME: SUBFRAME_S,
+            TestCadence.SEARCH: self.search_s,
+        }[row.cadence]
         return DAY_S / interval_s * (self.satellites if row.scope is Scope.SATELLITE else 1)
 
 
@@ -78,7 +80,7 @@ class Share:
 
 def false_alarm_budget(
     level: int, cadence: Cadence, *, alarms_a_day: float = ALARMS_A_DAY, kappa: float = KAPPA, pd: float = MIN_PD
-) -> dict[str, Share]:
+) -> dict[CheckName, Share]:
     """Return the share of each check of a level, by name.
 
     Parameters
@@ -101,7 +103,7 @@ def false_alarm_budget(
         "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
     }
     free = sum(row.name not in own for row in LEVELS[level])
-    shares = {}
+    shares: dict[CheckName, Share] = {}
     for row in LEVELS[level]:
         tests = cadence.tests_a_day(row)
         p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)

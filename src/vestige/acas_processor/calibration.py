@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.measurement import Measurement
 
 MIN_SATELLITES = 3  # with one satellite a bias cannot be told from spoofing
 
 
-def hardware_bias_correction_s(measurements: Iterable[Measurement]) -> float | None:
+def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
     """Return what to add to the hardware bias so that the median range offset is zero, in s.
 
     The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
@@ -25,10 +25,11 @@ def hardware_bias_correction_s(measurements: Iterable[Measurement]) -> float | N
         None if fewer than `MIN_SATELLITES` satellites were detected.
     """
     offsets: dict[int, list[float]] = {}
-    for measurement in measurements:
-        for satellite in measurement.satellites:
-            if satellite.detection is not None:
-                offsets.setdefault(satellite.svid, []).append(satellite.detection.range_offset_m)
+    for block in measured:
+        detected = np.isfinite(block.detected.range_offset_m)
+        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(detected)), strict=True):
+            svid = block.snapshots.svids[column]
+            offsets.setdefault(svid, []).append(float(block.detected.range_offset_m[epoch, column]))
     if len(offsets) < MIN_SATELLITES:
         return None
     return float(np.median([np.median(values) for values in offsets.values()])) / SPEED_OF_LIGHT_MPS

@@ -9,18 +9,15 @@ A missing E6 signal is an alarm, unless the C/N0 on E1 says that it would often 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from vestige.acas_processor.checks.e1_e6_range import KAPPA
+from vestige.acas_processor.checks.e6_power import MIN_PD
 from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.measurement import SatelliteMeasurement
-from vestige.records import CheckResult, Outcome
-
-KAPPA = 3.0
-MIN_PD = 0.9
+from vestige.records.checks import CheckName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,48 +37,12 @@ class Limits:
     min_pd: float = MIN_PD
 
 
-def check_e6_power(measurement: SatelliteMeasurement, limits: Limits) -> CheckResult:
-    """Return whether the encrypted signal was found where E1 predicts it [WFO, Sec. IV-A, step 1]."""
-    name, unit = "E6 power", "sigma"
-    detection = measurement.detection
-    if measurement.bank is None:
-        return CheckResult(name=name, outcome=Outcome.NOT_RUN, unit=unit, reason=measurement.unavailable)
-    if detection is not None:
-        return CheckResult(
-            name=name, outcome=Outcome.PASS, statistic=detection.magnitude, threshold=detection.threshold, unit=unit
-        )
-    if math.isnan(measurement.predicted_pd):
-        reason = "C/N0 on E1 is not known, so nothing follows from a missing signal"
-        return CheckResult(name=name, outcome=Outcome.NOT_RUN, unit=unit, reason=reason)
-    if measurement.predicted_pd < limits.min_pd:
-        reason = f"E1 predicts a detection probability of {measurement.predicted_pd:.2g} only, below {limits.min_pd:g}"
-        return CheckResult(name=name, outcome=Outcome.NOT_RUN, unit=unit, reason=reason)
-    return CheckResult(name=name, outcome=Outcome.FAIL, unit=unit, reason="no encrypted signal where E1 predicts it")
-
-
-def check_range(measurement: SatelliteMeasurement, limits: Limits) -> CheckResult:
-    """Return whether E6 arrives when E1 says, within κσ [WFO, Sec. IV-A, step 2]."""
-    name, unit, limit = "E1-E6 range", "m", limits.kappa * limits.budget.sigma_m
-    if measurement.detection is None:
-        return CheckResult(name=name, outcome=Outcome.NOT_RUN, unit=unit, threshold=limit, reason="nothing detected")
-    offset = measurement.detection.range_offset_m
-    passed = abs(offset) <= limit
-    return CheckResult(
-        name=name,
-        outcome=Outcome.PASS if passed else Outcome.FAIL,
-        statistic=offset,
-        threshold=limit,
-        unit=unit,
-        reason="" if passed else f"E6 is {offset:+.1f} m from where E1 puts it, more than {limit:.1f} m",
-    )
-
-
 def minimum_block(
     detected: Bool[np.ndarray, "*n"],
     range_offset_m: Float[np.ndarray, "*n"],
     predicted_pd: Float[np.ndarray, "*n"],
     limits: Limits,
-) -> tuple[dict[str, Bool[np.ndarray, "*n"]], Bool[np.ndarray, "*n"]]:
+) -> tuple[dict[CheckName, Bool[np.ndarray, "*n"]], Bool[np.ndarray, "*n"]]:
     """Return which of the checks of step 1 and 2 failed in a block of epochs, and where they were run.
 
     Parameters
@@ -97,4 +58,4 @@ def minimum_block(
     """
     missing = ~detected & (predicted_pd >= limits.min_pd)
     far = detected & (np.abs(range_offset_m) > limits.kappa * limits.budget.sigma_m)
-    return {"E6 power": missing, "E1-E6 range": far}, detected | missing
+    return {CheckName.E6_POWER: missing, CheckName.E1_E6_RANGE: far}, detected | missing

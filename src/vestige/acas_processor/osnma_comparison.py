@@ -1,4 +1,4 @@
-"""What a receiver demodulated of OSNMA beside what a second channel has of it [WFO, Sec. IV-C].
+"""What a receiver demodulated of OSNMA beside what a second channel has of it, as pieces of subframes [WFO, Sec. IV-C].
 
 Validation drops what is forged, so validated keys alone would show a forgery as a loss. What is compared here was
 demodulated with a good checksum and no more: the key of each subframe, from whichever satellite, and where both
@@ -10,80 +10,76 @@ nobody read from a folder) the validated keys stand for it.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections import defaultdict
-from dataclasses import dataclass
 
-from vestige.acas_processor.monitors.osnma_check import OsnmaField
+import numpy as np
+
+from vestige.acas_processor.checks.osnma_subframes import KEY_BIT
 from vestige.records import Assistance, ReceivedOsnma
+from vestige.records.snapshot_block import OsnmaBlock
 from vestige.time import GalileoTime
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OsnmaComparison:
-    """The subframes of a window for which the second channel has a key.
+def compare_osnma(
+    own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime, svids: tuple[int, ...]
+) -> OsnmaBlock:
+    """Return what was received of the subframes that begin in a window, beside what the second channel has.
 
-    Attributes
-    ----------
-    validated
-        Of each subframe, whether it brought a key that was validated.
-    keys
-        Its key; one that differs, if any satellite sent one.
-    pages
-        The OSNMA of each page that both channels have.
-    """
-
-    validated: tuple[bool, ...]
-    keys: tuple[OsnmaField, ...]
-    pages: tuple[OsnmaField, ...]
-
-
-def compare_osnma(own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime) -> OsnmaComparison:
-    """Return what was received of subframes that begin in a window, beside what the second channel has.
+    The key of a subframe is the same from every satellite: it counts once, in the first column. If a satellite sent
+    another one, that stands in the last column. A key that is right but was not validated counts as lost.
 
     Parameters
     ----------
     own, second
         Assistance with what was demodulated, and that of the second channel.
     since, until
-        The window, both ends in it.
+        The window; its end is in it, its begin is not.
+    svids
+        Satellites of the columns, at least one.
     """
-    received: dict[GalileoTime, set[bytes]] = defaultdict(set)
+    keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
     demodulated = _between(own, since, until)
     for one in demodulated:
         if one.key is not None:
-            received[one.time].add(one.key)
+            keys[one.time].add(one.key)
     valid = {key.time: key.data for key in own.keys}
     if not own.received:
         for time, data in valid.items():
-            received[time].add(data)
-    due = [key for key in second.keys if since <= key.time <= until]
-    return OsnmaComparison(
-        validated=tuple(valid.get(key.time) in received[key.time] for key in due),
-        keys=tuple(OsnmaField(demodulated=_telling(received[key.time], key.data), assisted=key.data) for key in due),
-        pages=tuple(_pages(demodulated, _between(second, since, until))),
+            keys[time].add(data)
+    pages = {(one.svid, one.time): one.fields for one in _between(second, since, until)}
+    mine = {(one.svid, one.time): one.fields for one in demodulated}
+    due_keys = sorted((key for key in second.keys if since < key.time <= until), key=lambda key: key.time)
+    due, received, differs = np.zeros((3, len(due_keys), len(svids)), np.int64)
+    for row, key in enumerate(due_keys):
+        sent = keys[key.time]
+        wrong, right = bool(sent - {key.data}), valid.get(key.time) in sent
+        due[row, 0] = KEY_BIT
+        received[row, 0] = KEY_BIT * (right or wrong)
+        # another satellite sent the forged one, if the right one came too
+        forged = len(svids) - 1 if right else 0
+        received[row, forged] |= KEY_BIT * wrong
+        differs[row, forged] |= KEY_BIT * wrong
+        for column, svid in enumerate(svids):
+            both = zip(mine.get((svid, key.time), ()), pages.get((svid, key.time), ()), strict=False)
+            for page, (field, assisted) in enumerate(both):
+                if field is not None and assisted is not None:
+                    received[row, column] |= 1 << page
+                    differs[row, column] |= (field != assisted) << page
+    return OsnmaBlock(
+        epoch=np.zeros(len(due_keys), np.int64),
+        subframe=np.array([key.time.gst_seconds for key in due_keys], np.int64),
+        due=due,
+        received=received,
+        differs=differs,
+        last=np.ones(len(due_keys), np.bool_),
     )
 
 
 def _between(assistance: Assistance, since: GalileoTime, until: GalileoTime) -> tuple[ReceivedOsnma, ...]:
-    low = bisect_left(assistance.received, since, key=_time)
+    low = bisect_right(assistance.received, since, key=_time)
     return assistance.received[low : bisect_right(assistance.received, until, key=_time)]
 
 
 def _time(one: ReceivedOsnma) -> GalileoTime:
     return one.time
-
-
-def _telling(received: set[bytes], assisted: bytes) -> bytes | None:
-    """Return of the keys of a subframe one that differs, else the one that does not, None without any."""
-    return min(received - {assisted}, default=assisted if received else None)
-
-
-def _pages(own: tuple[ReceivedOsnma, ...], second: tuple[ReceivedOsnma, ...]) -> list[OsnmaField]:
-    known = {(one.svid, one.time): one.fields for one in second}
-    return [
-        OsnmaField(demodulated=mine, assisted=theirs)
-        for one in own
-        for mine, theirs in zip(one.fields, known.get((one.svid, one.time), ()), strict=False)
-        if mine is not None and theirs is not None
-    ]

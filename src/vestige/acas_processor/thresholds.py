@@ -24,6 +24,7 @@ Every function takes a number or an array as its first argument and returns the 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 from scipy.special import chdtri
 
 from vestige.acas_processor.marcum_q import Real, Reals, marcum_p, marcum_q
@@ -96,7 +97,7 @@ def cfar_threshold(pfa: Reals, cells: int) -> Reals:
     return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
 
 
-def amplitude(cn0_dbhz: Reals, integration_s: float, n_noncoherent: int = 1) -> Reals:
+def amplitude(cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1) -> Reals:
     """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension.
 
     Parameters

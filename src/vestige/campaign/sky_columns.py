@@ -34,7 +34,7 @@ from vestige.navigation.position_fix import (
     inverse_normal,
     local_geometry,
     position_fix,
-    standing_range_rate,
+    static_range_rate,
     transmission,
     velocity_fix,
 )
@@ -280,7 +280,7 @@ def _fix_columns(
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     return {
-        "e1_standing_rate_mps": standing_range_rate(sent, fix),
+        "e1_standing_rate_mps": static_range_rate(sent, fix),
         "fix_satellites": np.where(fix.valid, fix.n_used, 0),
         "fix_position_m": np.where(fix.valid[:, None], fix.position_m, np.nan),
         "fix_error_m": np.einsum("nij,nj->ni", axes, error[:, :3]),

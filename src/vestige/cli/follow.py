@@ -77,29 +77,27 @@ def _run(
     journal: FollowJournal | None,
     warn: Callable[[object], None],
 ) -> None:
-    from dataclasses import replace
-
     from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
     from vestige.recording.follow_journal import Progress
 
     state, tally = None, Tally()
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
-        state = journal.progress.watch
+        state = journal.progress.state
         echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
     try:
         for epoch in following:
             if not tally.snapshots:
                 _say_what_is_missing(following, warn)
-                if why := processor.watch.fix.why_no_fix(epoch.sent):
+                if why := processor.monitoring.fix.why_no_fix(epoch.sent):
                     warn(f"{options['navigation']}: {why}")
-            inertial = replace(processor.watch.inertial, accelerations=epoch.accelerations)
-            watch = replace(processor.watch, second_channel=epoch.second_channel, inertial=inertial)
-            step = replace(processor, watch=watch).step(state, epoch.snapshot, epoch.assistance)
+            since = None if state is None else state.last
+            block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)
+            step = processor.step(state, block, epoch.assistance)
             state = step.state
             text = lines(step)
             if journal is not None:  # kept first: what was printed is never printed again
-                journal.record(text, Progress(index=epoch.snapshot.index, sent=epoch.sent, watch=state))
+                journal.record(text, Progress(index=epoch.snapshot.index, sent=epoch.sent, state=state))
             if options["as_json"]:
                 for line in text:
                     echo(line)

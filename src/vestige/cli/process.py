@@ -14,12 +14,12 @@ from vestige.cli.terminal import echo
 from vestige.output import check_output
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.inertial_bridging import InertialBridging
+    from vestige.acas_processor.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
-    from vestige.acas_processor.watch import Watch
+    from vestige.recording.recorded_block import OtherChannels
     from vestige.recording.recording import Recording
+    from vestige.recording.snapshots import RecordingSource
     from vestige.records import Assistance
-    from vestige.source import Source
 
 _path = click.Path(path_type=Path)
 FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
@@ -147,8 +147,9 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
         searchable=options["level"] != "1",
         cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
+        channels=_channels(options),
     )
-    if (sent := min(source.epochs(), default=None)) and (why := processor.watch.fix.why_no_fix(sent)):
+    if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         echo(f"warning: {options['navigation']}: {why}", err=True)
     with progress() as report, ExitStack() as stack:
         steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
@@ -229,40 +230,40 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         budget=budget(),
         kappa=options["kappa"],
         min_pd=options["min_pd"],
-        watch=_watch(options),
+        monitoring=_monitoring(options),
     )
 
 
-def _watch(options: dict[str, Any]) -> Watch:
+def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
     """Return the settings of levels 2 and 3."""
-    from vestige.acas_processor.fix_checks import FixChecks
-    from vestige.acas_processor.monitors.vestigial_search import E6ExhaustiveSearch
-    from vestige.acas_processor.watch import Watch
+    from dataclasses import replace
+
+    from vestige.acas_processor.fix_measurement import FixSettings
+    from vestige.acas_processor.monitoring_settings import MonitoringSettings
+    from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
     from vestige.recording.rinex_navigation import read_rinex_navigation
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 
-    navigation = options["navigation"]
+    navigation, settings = options["navigation"], MonitoringSettings()
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
-    return Watch(
-        fix=FixChecks(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
-        exhaustive=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
+    return replace(
+        settings,
+        fix=FixSettings(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
+        exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
-        second_channel=None if options["follow"] else _second_channel(options),
-        inertial=_inertial(options),
+        inertial=replace(settings.inertial, sigma_bias_mps2=options["acceleration_bias_mps2"]),
     )
 
 
-def _inertial(options: dict[str, Any]) -> InertialBridging:
-    """Return the check against accelerometers; of a recording that grows, what they say comes with each epoch."""
-    from dataclasses import replace
-
-    from vestige.acas_processor.inertial_bridging import InertialBridging
+def _channels(options: dict[str, Any]) -> OtherChannels:
+    """Return what comes beside samples and assistance; of a recording that grows, it comes with each epoch."""
     from vestige.recording.accelerations import read_accelerations
+    from vestige.recording.recorded_block import OtherChannels
 
-    path, settings = options["accelerations"], InertialBridging()
-    return InertialBridging(
-        accelerations=None if path is None or options["follow"] else read_accelerations(path),
-        monitor=replace(settings.monitor, sigma_bias_mps2=options["acceleration_bias_mps2"]),
+    path = options["accelerations"]
+    return OtherChannels(
+        second_channel=_second_channel(options),
+        accelerations=None if path is None else read_accelerations(path),
     )
 
 
@@ -285,7 +286,7 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
     return found.assistance
 
 
-def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tuple[Iterator[Step], float]:
+def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool) -> tuple[Iterator[Step], float]:
     """Return what follows from each snapshot, as it is asked for, and the hardware bias that it is found with."""
     from dataclasses import replace
 
@@ -295,13 +296,13 @@ def _steps(processor: AcasProcessor, source: Source, *, calibrate: bool) -> tupl
     assistance = source.assistance
     if not calibrate:
         return processor.steps(source, assistance=assistance), assistance.hardware_bias_e1_e6_s
-    snapshots = list(source)
+    blocks = list(source)
     for step in _CALIBRATION_STEPS:
-        measurements = [processor.measure(snapshot, assistance) for snapshot in snapshots]
-        correction_s = hardware_bias_correction_s(measurements)
+        measured = [processor.measure(block, assistance) for block in blocks]
+        correction_s = hardware_bias_correction_s(measured)
         if correction_s is None:
             raise VestigeError(
                 f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
             )
         assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
-    return processor.steps(snapshots, assistance=assistance), assistance.hardware_bias_e1_e6_s
+    return processor.steps(blocks, assistance=assistance), assistance.hardware_bias_e1_e6_s

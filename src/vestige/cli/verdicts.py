@@ -12,10 +12,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from vestige.cli.terminal import echo
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
-from vestige.measurement import Measurement, SatelliteMeasurement
 from vestige.output import replacement
 from vestige.records import Outcome, Status, Verdict
 
@@ -74,31 +75,27 @@ class Tally:
         return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
 
 
-def _row(verdict: Verdict, measurement: Measurement) -> dict[str, Any]:
+def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
     """Return one verdict as a flat row; what was not measured is None."""
-    satellite = _satellite(verdict, measurement)
-    observation = measurement.observations.get(verdict.svid)
-    power = verdict.checks[0]
+    measured = step.block.measured
+    epoch = int(np.flatnonzero(measured.snapshots.index == verdict.index)[0])
+    here = (epoch, measured.snapshots.svids.index(verdict.svid))
     return {
         "gst_week": verdict.time.week,
         "gst_second": verdict.time.second + verdict.time.fraction,
         "svid": verdict.svid,
         "level": verdict.level,
         "status": verdict.status.name,
-        "magnitude_sigma": _number(power.statistic),
-        "threshold_sigma": _number(power.threshold),
+        "magnitude_sigma": _number(float(measured.detected.magnitude_sigma[here])),
+        "threshold_sigma": measured.detected.threshold_sigma if measured.detected.tap[here] >= 0 else None,
         "range_offset_m": _number(verdict.range_offset_m),
         "range_limit_m": _number(verdict.checks[1].threshold),
         "true_offset_m": _number(verdict.true_offset_m),
-        "cn0_e1_dbhz": None if observation is None else _number(observation.cn0_dbhz),
-        "doppler_e6_hz": None if satellite.handover is None else satellite.handover.doppler_hz,
+        "cn0_e1_dbhz": _number(float(measured.snapshots.e1.cn0_dbhz[here])),
+        "doppler_e6_hz": _number(float(measured.doppler_e6_hz[here])),
         "available_at": None if verdict.available_at is None else str(verdict.available_at),
         "reason": verdict.reason,
     }
-
-
-def _satellite(verdict: Verdict, measurement: Measurement) -> SatelliteMeasurement:
-    return next(one for one in measurement.satellites if one.svid == verdict.svid)
 
 
 def _number(value: float) -> float | None:
@@ -108,7 +105,7 @@ def _number(value: float) -> float | None:
 def entries(step: Step) -> list[dict[str, Any]]:
     """Return the verdicts of a snapshot for a program, with their checks; numbers in full precision."""
     return [
-        _row(verdict, step.measurement)
+        _row(verdict, step)
         | {
             "snapshot": verdict.index,
             "checks": [
@@ -128,18 +125,16 @@ def entries(step: Step) -> list[dict[str, Any]]:
 
 
 def positions(step: Step) -> list[dict[str, Any]]:
-    """Return the authentic position of a snapshot for a program, if there is one."""
-    found = step.position
-    if found is None:
-        return []
+    """Return the authentic positions of a step for a program, if there are any."""
     return [
-        asdict(found)
+        {name: value for name, value in asdict(found).items() if name != "index"}
         | {
             "time": str(found.time),
             "available_at": str(found.available_at),
             "latency_s": found.latency_s,
-            "snapshot": step.measurement.index,
+            "snapshot": found.index,
         }
+        for found in step.positions
     ]
 
 
@@ -147,7 +142,7 @@ def lines(step: Step) -> list[str]:
     """Return verdicts, position and changes of state of a snapshot as JSON: one object a line, each with its kind."""
     objects = [{"kind": "verdict"} | entry for entry in entries(step)]
     objects += [{"kind": "position"} | entry for entry in positions(step)]
-    objects += [_change(change) | {"snapshot": step.measurement.index} for change in step.changes]
+    objects += [_change(change) | {"snapshot": int(step.block.measured.snapshots.index[-1])} for change in step.changes]
     return [json.dumps(one, allow_nan=False) for one in objects]
 
 
@@ -172,7 +167,7 @@ def print_snapshot(step: Step) -> None:
         echo("", f"snapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
         echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
     for verdict in step.verdicts:
-        row = _row(verdict, step.measurement)
+        row = _row(verdict, step)
         cn0, magnitude, offset = row["cn0_e1_dbhz"], row["magnitude_sigma"], row["range_offset_m"]
         echo(
             f"  E{verdict.svid:02d}   "
@@ -188,7 +183,7 @@ def print_snapshot(step: Step) -> None:
 
 
 def _print_position(step: Step) -> None:
-    if (found := step.position) is not None:
+    for found in step.positions:
         earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
         echo(
             f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
@@ -263,7 +258,7 @@ def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
 
         def write(step: Step) -> None:
             nonlocal written
-            writer.writerows(_row(verdict, step.measurement) for verdict in step.verdicts)
+            writer.writerows(_row(verdict, step) for verdict in step.verdicts)
             written = True
 
         try:

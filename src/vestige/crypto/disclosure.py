@@ -21,11 +21,11 @@ from vestige.valid_numbers import require_time_uncertainty
 def provably_before_disclosure(lead_s: float, time_uncertainty_s: float) -> bool: ...
 @overload
 def provably_before_disclosure(
-    lead_s: Float[np.ndarray, " n"], time_uncertainty_s: float
-) -> Bool[np.ndarray, " n"]: ...
+    lead_s: Float[np.ndarray, "*n"], time_uncertainty_s: float | Float[np.ndarray, "*#n"]
+) -> Bool[np.ndarray, "*n"]: ...
 def provably_before_disclosure(
-    lead_s: float | Float[np.ndarray, " n"], time_uncertainty_s: float
-) -> bool | Bool[np.ndarray, " n"]:
+    lead_s: float | Float[np.ndarray, "*n"], time_uncertainty_s: float | Float[np.ndarray, "*#n"]
+) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before their key was on air.
 
     Parameters
@@ -41,7 +41,7 @@ def provably_before_disclosure(
     VestigeError
         If the bound is negative or NaN.
     """
-    require_time_uncertainty(time_uncertainty_s)
+    require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
     return lead_s > time_uncertainty_s
 
 

@@ -155,12 +155,14 @@ def position_fix(
     used = np.isfinite(measured) & np.isfinite(sigma_m)
     weight = np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
     position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
+    moving = np.ones(measured.shape[0], np.bool_)
     for _ in range(_STEPS):
         geometry, predicted = _predict(sent.position_m, position, used)
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
-        step = _solve(geometry, weight, residual)
+        step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        if not np.any(np.abs(step) > _SETTLED_M):
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch: a fix does not depend on others
+        if not np.any(moving):
             break
     geometry, predicted = _predict(sent.position_m, position, used)
     known = np.isfinite(clock)[:, None] & used
@@ -189,7 +191,7 @@ def velocity_fix(
     range_rate_mps
         Rate of the pseudorange, −λ · Doppler; NaN where not measured.
     """
-    known, slowed = _standing_rates(sent, fix)
+    known, slowed = _static_rates(sent, fix)
     used = np.isfinite(range_rate_mps) & (fix.weight > 0)
     residual = np.where(used, range_rate_mps - known, 0.0)
     scale = np.concatenate((np.repeat(1 / slowed[..., None], 3, axis=-1), np.ones((*slowed.shape, 1))), axis=-1)
@@ -198,7 +200,7 @@ def velocity_fix(
     return solution[:, :3], solution[:, 3]
 
 
-def standing_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
+def static_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
     """Return the rates that the pseudoranges of a receiver have that stands where the fix is, with a clock that holds.
 
     NaN for satellites that are not used.
@@ -210,10 +212,10 @@ def standing_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"
     fix
         Position fix of the same epochs.
     """
-    return np.where(fix.weight > 0, _standing_rates(sent, fix)[0], np.nan)
+    return np.where(fix.weight > 0, _static_rates(sent, fix)[0], np.nan)
 
 
-def _standing_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
     """Return the rates of a standing receiver, and 1 − u·ṡ/c."""
     in_space = sent.velocity_mps + np.cross(ROTATION_VECTOR, sent.position_m)
     s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))

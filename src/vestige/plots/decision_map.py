@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vestige.acas_processor.monitors.decision_map import DecisionMap, SignalClass
+from vestige.acas_processor.checks.decision_map import DecisionMap, SignalClass
 from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them

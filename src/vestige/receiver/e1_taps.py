@@ -180,8 +180,8 @@ def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "
     blocks, mine = _blocks(first, n)
     shape = (2, _DRAW_BLOCK, len(TAP_CHIPS))
     drawn = [stream(seed, "E1 taps", block, svid).standard_normal(shape) for block in blocks]
-    real, imaginary = np.concatenate(drawn, axis=1)[:, mine]
-    return (real + 1j * imaginary) @ factor.T
+    # a product for each block of draws: its last bits depend on the number of rows
+    return np.concatenate([(real + 1j * imaginary) @ factor.T for real, imaginary in drawn])[mine]
 
 
 def _blocks(first: int, n: int) -> tuple[range, slice]:

@@ -4,9 +4,8 @@ Theory of operation
 -------------------
     strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the highest elevation of
                   the run, and the line of sight has √ of the loss as its amplitude
-    rays          power of LmsLiteMultipath.at_elevation(e) over that at 16.25°, where it is the paper's −15.8 dB
-    ionosphere    M(e) = 1/√(1 − (R cos e/(R + h))²) of a thin shell at h = 350 km, over M(17.5°), the middle of the
-                  elevations that the presets are for
+    rays          relative amplitude of `acas_processor.elevation_model`
+    ionosphere    obliquity M(e)/M(17.5°) of `acas_processor.elevation_model`
 
 The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
 Gauss-Markov process and ρ the common share of the variance,
@@ -28,14 +27,9 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.line_of_sight import LineOfSight, line_of_sight
 from vestige.receiver.constellation import ElevationCn0
-from vestige.receiver.multipath import LmsLiteMultipath
 from vestige.receiver.trajectory import Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
-
-_EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
-_IONOSPHERE_DEG = 17.5  # middle of 5 to 30°
-_GRID_DEG = np.arange(0.0, 90.5, 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,20 +170,3 @@ class ElevationEffects:
             sight.rate_mps - sight.satellite_clock_mps,
             sight.acceleration_mps2,
         )
-
-
-def ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the amplitude of rays over that at 16.25°, where the model has the paper's power."""
-    power_db = np.array([LmsLiteMultipath.at_elevation(max(float(one), 5.0)).power_db for one in _GRID_DEG])
-    place = np.clip(np.round(np.degrees(elevation_rad) * 2), 0, power_db.size - 1).astype(np.int64)
-    return 10 ** ((power_db[place] - LmsLiteMultipath.elevation_5_30().power_db) / 20)
-
-
-def obliquity(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return M(e) over M(17.5°); below the horizon that of the horizon."""
-    return _mapping(elevation_rad) / _mapping(np.radians(np.array([_IONOSPHERE_DEG])))
-
-
-def _mapping(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    across = np.cos(np.maximum(elevation_rad, 0.0)) * _EARTH_M / (_EARTH_M + _SHELL_M)
-    return 1 / np.sqrt(1 - across**2)

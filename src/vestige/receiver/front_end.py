@@ -76,6 +76,11 @@ class FrontEnd:
         return self.sample_rate_hz * self.oversampling
 
     @property
+    def power_bandwidth_hz(self) -> float:
+        """Bandwidth in which the power is measured: the filter's, or all that the samples have."""
+        return self.bandwidth_hz or self.sample_rate_hz
+
+    @property
     def transparent(self) -> bool:
         """Whether samples come out as they come in."""
         return self.bandwidth_hz is None and self.bits is None

@@ -30,12 +30,17 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex128, Float
 
+from vestige.acas_processor.elevation_model import (
+    HIGH_DEG,
+    OPEN_SKY_DB,
+    REFERENCE_MULTIPATH_DB,
+    multipath_power_db,
+)
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.error_process import Streams, steps_s
 
 MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # longest echo of the measured channel [STEINGASS04]
 MAX_RAYS, MAX_POWER_DB = 10_000, 60.0
-_POWER_DB_AT_5_DEG, _POWER_DB_AT_30_DEG = -14.0, -18.0  # about the calibrated −15.8 dB, as the echoes of low satellites
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,19 +120,19 @@ class LmsLiteMultipath:
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
         """Return low satellites as in [WFO, Sec. VI-A]: one ray an epoch, each epoch anew."""
-        return cls(power_db=-15.8, mean_excess_m=40.0, mean_life_m=0.0)
+        return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
     def open_sky(cls) -> LmsLiteMultipath:
         """Return a satellite above 30°: weaker and shorter echoes."""
-        return cls(power_db=-22.0, mean_excess_m=20.0, mean_life_m=0.0)
+        return cls(power_db=OPEN_SKY_DB, mean_excess_m=20.0, mean_life_m=0.0)
 
     @classmethod
     def at_elevation(cls, elevation_deg: float) -> LmsLiteMultipath:
         """Return −14 dB at 5° to −18 dB at 30° in a straight line, open sky above."""
-        if elevation_deg > 30:
+        if elevation_deg > HIGH_DEG:
             return cls.open_sky()
-        power_db = float(np.interp(elevation_deg, [5, 30], [_POWER_DB_AT_5_DEG, _POWER_DB_AT_30_DEG]))
+        power_db = float(multipath_power_db(np.array([elevation_deg], np.float64))[0])
         return cls(power_db=power_db, mean_excess_m=40.0, mean_life_m=0.0)
 
     @property

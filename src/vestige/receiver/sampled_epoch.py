@@ -1,4 +1,4 @@
-"""One epoch at the `samples` fidelity: the signal as it arrives, the E6 samples around it, what E1 tracking says.
+"""One epoch at the `samples` fidelity: the signal as it arrives, and the E6 samples around it.
 
 The server sends at `sent`. The line of sight arrives dt later, the solution of
 
@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
-from vestige.records import Band, ChipSequence, E1Observation, FrontEndStatus, SampleBatch
+from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
@@ -220,34 +220,6 @@ def e6_samples(
         start=sent + taken.first / rate_hz,
     )
     return batch, status
-
-
-def observation(svid: int, truth: TruthBlock, row: int, *, error_m: float, cn0_dbhz: float) -> E1Observation:
-    """Return what E1 tracking says at the time of transmission on the receiver's clock.
-
-    Parameters
-    ----------
-    svid
-        The satellite.
-    truth, row
-        The truth of a block, and the epoch's place in it.
-    error_m
-        Error of the pseudorange.
-    cn0_dbhz
-        C/N0 of undisturbed E1-C at its nominal strength.
-    """
-    to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-    error_mps = truth.e1_rate_noise_mps[row] + truth.e1.rate_error_mps[row]
-    rate_mps = truth.rate_mps[row] + truth.clock_drift_mps[row] + error_mps
-    phase_m = truth.range_m[row] + truth.clock_m[row] + truth.e1.error_m[row] + truth.e1_phase_noise_m[row]
-    return E1Observation(
-        svid=svid,
-        pseudorange_m=float(truth.range_m[row] + truth.clock_m[row] + error_m),
-        carrier_phase_cycles=float(-to_hz * phase_m),
-        doppler_hz=float(to_hz * rate_mps),
-        doppler_rate_hz_per_s=float(to_hz * truth.acceleration_mps2[row]),
-        cn0_dbhz=cn0_dbhz + float(10 * np.log10(truth.e1.gain[row]) + 20 * np.log10(truth.view.amplitude[row])),
-    )
 
 
 @lru_cache(maxsize=2)

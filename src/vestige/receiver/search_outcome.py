@@ -74,6 +74,8 @@ class SearchOutcome:
         Signals on E1; 0 if there is none, and then no hand-over.
     handover_signals
         What the hand-over search counts: the larger of E1's and E6's number.
+    handover_carrying
+        E6's number alone; 0 where it was not run.
     handover_error_m
         Error of the range of the earliest in E6, as one of E1; NaN where it was not run or found nothing.
     exhaustive_signals, exhaustive_error_m
@@ -82,6 +84,7 @@ class SearchOutcome:
 
     e1_signals: Float[np.ndarray, " n"]
     handover_signals: Float[np.ndarray, " n"]
+    handover_carrying: Float[np.ndarray, " n"]
     handover_error_m: Float[np.ndarray, " n"]
     exhaustive_signals: Float[np.ndarray, " n"]
     exhaustive_error_m: Float[np.ndarray, " n"]
@@ -178,6 +181,7 @@ def search_outcome(
     seed: int,
     svid: int,
     first: int,
+    p_fa: float = P_FA,
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
@@ -191,6 +195,8 @@ def search_outcome(
         Of E6.
     seed, svid, first
         Whose random numbers, and the number of the first epoch.
+    p_fa
+        As `e1_p_fa` and `exhaustive_p_fa` of `outcome`.
     """
     seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
     e1 = on_air(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -205,7 +211,15 @@ def search_outcome(
             for name in SearchDraws.__dataclass_fields__
         }
     )
-    return outcome(e1, e6, draws, shift_m=truth.iono_diff_m + truth.bias_m, integration_s=integration_s)
+    return outcome(
+        e1,
+        e6,
+        draws,
+        shift_m=truth.iono_diff_m + truth.bias_m,
+        integration_s=integration_s,
+        e1_p_fa=p_fa,
+        exhaustive_p_fa=p_fa,
+    )
 
 
 def outcome(
@@ -269,6 +283,7 @@ def outcome(
     return SearchOutcome(
         e1_signals=e1_count.astype(np.float64),
         handover_signals=np.maximum(e1_count, of_handover[0]).astype(np.float64),
+        handover_carrying=of_handover[0].astype(np.float64),
         handover_error_m=np.where(sure, of_handover[1], np.nan),
         exhaustive_signals=of_all[0].astype(np.float64),
         exhaustive_error_m=np.where(of_all[0] > 1, of_all[1], np.nan),

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from vestige.acas_processor.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_loop import E1Loop, E1Tracking
-from vestige.receiver.elevation import ElevationEffects, View, obliquity, ray_amplitude, seen_alone
+from vestige.receiver.elevation import ElevationEffects, View, seen_alone
 from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
 from vestige.receiver.error_process import named_streams
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
@@ -175,7 +176,7 @@ class TruthProcess:
             code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
             carrier_m = carrier_m / view.amplitude
             iono_diff_m = iono_diff_m * obliquity(view.elevation_rad)
-            scale = ray_amplitude(view.elevation_rad)[:, None]
+            scale = relative_ray_amplitude(view.elevation_rad)[:, None]
             rays = replace(rays, amplitude=rays.amplitude * scale, amplitude_e1=rays.amplitude_e1 * scale)
         return TruthBlock(
             time_s=times_s,

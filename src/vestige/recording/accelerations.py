@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.inertial_bridging import Accelerations
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.numeric_csv import MOST_ROWS, check_header, numeric_row
 from vestige.recording.text_lines import GrowingLines, numbered_lines
+from vestige.records.inertial import Accelerations
 from vestige.time import GalileoTime
 
 # column -> smallest and largest value

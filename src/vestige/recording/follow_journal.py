@@ -1,7 +1,7 @@
 """What a receiver that follows a recording keeps on disk, so that after any interruption it goes on where it was.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count,
-which epoch was the last, and what the receiver on watch remembers; it is replaced as a whole after the lines were
+which epoch was the last, and what the receiver remembers; it is replaced as a whole after the lines were
 written. So a run that was killed between the two has lines that do not count: they are cut off, and written again when
 the epoch is processed again from the same state, with the same result. None is lost, none is there twice.
 """
@@ -18,7 +18,7 @@ from types import TracebackType
 
 from pydantic import TypeAdapter, ValidationError
 
-from vestige.acas_processor.watch import WatchState
+from vestige.acas_processor.state import ReceiverState
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.folder_lock import only_writer
@@ -26,7 +26,7 @@ from vestige.output import check_output, naming, replacement
 from vestige.time import GalileoTime
 
 LINES, STATE = "verdicts.jsonl", "state.json"
-FORMAT = 1
+FORMAT = 2
 MAX_BYTES = 1 << 24
 
 
@@ -38,13 +38,13 @@ class Progress:
     ----------
     index, sent
         Number of the last snapshot, and when its RECS was sent.
-    watch
+    state
         What is remembered after it.
     """
 
     index: int
     sent: GalileoTime
-    watch: WatchState
+    state: ReceiverState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

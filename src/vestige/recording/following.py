@@ -27,16 +27,16 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from vestige.acas_processor.inertial_bridging import Accelerations
-from vestige.acas_processor.processor import segments_between
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.recording.accelerations import GrowingAccelerations
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.growing_assistance import GrowingAssistance
 from vestige.recording.live_recording import LiveRecording
+from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot
+from vestige.records.recs_block import segments_between
 from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.time import GalileoTime
 
@@ -70,17 +70,14 @@ class FollowedEpoch:
         Time of transmission of its RECS.
     assistance
         What is known by now.
-    second_channel
-        What the second channel has of OSNMA by now; None without one.
-    accelerations
-        Since the epoch before and further; None without sensors.
+    channels
+        What the second channel has of OSNMA by now, and the accelerations since the epoch before and further.
     """
 
     sent: GalileoTime
     snapshot: Snapshot
     assistance: Assistance
-    second_channel: Assistance | None
-    accelerations: Accelerations | None
+    channels: OtherChannels
 
 
 @dataclass(slots=True, kw_only=True)
@@ -230,7 +227,10 @@ class Following:
         if self.accelerations is not None:
             self.accelerations.release(snapshot.time)
         return FollowedEpoch(
-            sent=sent, snapshot=snapshot, assistance=assistance, second_channel=second, accelerations=sensed
+            sent=sent,
+            snapshot=snapshot,
+            assistance=assistance,
+            channels=OtherChannels(second_channel=second, accelerations=sensed),
         )
 
 

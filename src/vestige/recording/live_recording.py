@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vestige.acas_processor.processor import SEGMENT_WINDOW_S
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.description import RecordingDescription
@@ -22,6 +21,7 @@ from vestige.recording.sample_stream import SampleStream, StreamState
 from vestige.recording.samples import SampleReader, samples_so_far
 from vestige.recording.snapshots import E1_WINDOW_S
 from vestige.records import Band
+from vestige.records.recs_block import SEGMENT_WINDOW_S
 from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1

@@ -17,9 +17,11 @@ from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
 from vestige.recording.front_end_power import front_end_status
 from vestige.recording.observations import ObservationTrack
+from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import Recording
 from vestige.recording.samples import SampleReader
 from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
+from vestige.records.snapshot_block import SnapshotBlock
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
 from vestige.signals.definitions import E6C
@@ -55,6 +57,8 @@ class RecordingSource:
         Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
     cn0_estimator
         Of E1 where it is measured in the samples, as `measure_e1`.
+    channels
+        What the receiver has beside samples and assistance.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
     """
@@ -65,13 +69,21 @@ class RecordingSource:
     label_error_s: float = 0.0
     searchable: bool = False
     cn0_estimator: str = NOISE_FLOOR
+    channels: OtherChannels = OtherChannels()  # noqa: RUF009  (frozen)
     progress: Callable[[str, int, int], None] | None = None
 
     def __post_init__(self) -> None:
         if self.time_uncertainty_s is not None:
             require_time_uncertainty(self.time_uncertainty_s)
 
-    def __iter__(self) -> Iterator[Snapshot]:
+    def __iter__(self) -> Iterator[SnapshotBlock]:
+        """Yield a block for each snapshot of `snapshots`."""
+        since = None
+        for snapshot in self.snapshots():
+            yield self.channels.block(snapshot, self.assistance, since)
+            since = snapshot.time
+
+    def snapshots(self) -> Iterator[Snapshot]:
         """Yield one snapshot for each epoch of `epochs`."""
         file = self.recording.observations
         track = ObservationTrack(file) if file is not None else None

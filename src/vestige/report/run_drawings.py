@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.mitigation import ALARMS, GRAVITY
+from vestige.acas_processor.levels import ALARMS, GRAVITY
 from vestige.campaign.monitoring import Track
 from vestige.campaign.outcomes import due_verdicts, position
 from vestige.campaign.results import attributes_of, scenario_of

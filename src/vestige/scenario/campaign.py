@@ -11,13 +11,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from vestige.acas_processor.detectors import DETECTORS
-from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.processor import AcasProcessor
-from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import LENGTHS
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.bias import BiasResiduals
@@ -28,9 +23,9 @@ from vestige.receiver.ionosphere import HeavyTailedIonosphere
 from vestige.receiver.multipath import PRESETS as MULTIPATHS
 from vestige.receiver.multipath import LmsLiteMultipath
 from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
     MAX_EPOCHS,
@@ -43,10 +38,10 @@ from vestige.scenario.limits import (
     longest_delay_s,
 )
 from vestige.scenario.preset import Presets
+from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
 from vestige.scenario.toml_file import MisfitError, Section
 from vestige.signal_generator.range_model import RangeModel
-from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import AnyAttack, Spoofer
 from vestige.time import GalileoTime
 
@@ -125,46 +120,6 @@ class RecsTable(Section):
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
     key_delay: Literal[0, 1] = 1
     every: Annotated[int, Field(ge=1, le=3600)] = 1
-
-
-class ProcessorTable(Section):
-    """The processing; both detectors are evaluated, `detector` gives the status.
-
-    `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious.
-    """
-
-    level: Literal[1, 2, 3] = 1
-    detector: Literal["early", "maximum"] = "early"
-    spacing: Annotated[int, Field(ge=1, le=20)] = 1
-    p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
-    n_taps: Annotated[int, Field(ge=3, le=63)] = 11
-    tap_spacing_m: Annotated[float, Field(ge=0.1, le=100)] = 15.0
-    budget: ErrorBudget = ErrorBudget.uncorrected()
-    kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
-    min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
-    search_s: Annotated[float, Field(ge=1, le=1e7)] = 3600.0
-
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        processor = self.processor()
-        reach_m = float(np.max(np.abs(processor.offsets_m)))
-        limit_m = REACH_CHIPS * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-        if reach_m > limit_m:
-            raise ValueError(f"a bank that reaches {reach_m:g} m from its middle; {limit_m:.0f} m is the limit")
-        return self
-
-    def processor(self) -> AcasProcessor:
-        """Return the processor that the table describes."""
-        return AcasProcessor(
-            level=self.level,
-            detector=DETECTORS[self.detector](spacing=self.spacing),
-            p_fa=self.p_fa,
-            n_taps=self.n_taps,
-            tap_spacing_m=self.tap_spacing_m,
-            budget=self.budget,
-            kappa=self.kappa,
-            min_pd=self.min_pd,
-        )
 
 
 class CampaignScenario(Section):
@@ -281,6 +236,21 @@ class CampaignScenario(Section):
             for effects in sky
         )
 
+    @property
+    def simulated_receiver(self) -> SimulatedReceiver:
+        """All satellites of the receiver together: what makes snapshots of the truth.
+
+        A receiver of level 1 on a single line of sight is not tracked between RECS.
+        """
+        return SimulatedReceiver(
+            simulations=self.simulations,
+            fidelity=self.fidelity,
+            interval_s=self.interval_s,
+            every=self.recs.every,
+            accelerometers=self.receiver.accelerometers,
+            with_taps=self.constellation is not None or self.processor.level > 1,
+        )
+
     def replaced(self, **values: object) -> Self:
         """Return the scenario with some values replaced, which are not checked again."""
         other = self.model_copy(update=values)
@@ -321,6 +291,5 @@ class CampaignScenario(Section):
             time_uncertainty_s=receiver.time_uncertainty_s,
             n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
             key_delay=self.recs.key_delay,
-            processor=self.processor.processor(),
             spoofer=Spoofer(attacks=self.attack),
         )

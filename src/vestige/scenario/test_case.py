@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.group_delay import LSB_S, inter_frequency_delay_s
-from vestige.crypto.recs import encrypt, key_time
 from vestige.crypto.root_key import RootKey
 from vestige.errors import VestigeError
 from vestige.receiver.attacked_sky import counterfeit_satellites, latest_s
@@ -27,7 +26,7 @@ from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.observation_epoch import ObservationEpoch
 from vestige.records import Assistance, Band, E1Observation, GroupDelay
 from vestige.scenario.campaign import CampaignScenario
-from vestige.signal_generator.keystream import encrypted_chips, encrypted_component, encryption_key
+from vestige.signal_generator.keystream import encrypted_component, encryption_key
 from vestige.signal_generator.waveform import Component, open_component
 from vestige.signals.definitions import E1B, E1C, E6B, E6C
 from vestige.streams import stream, stream_key
@@ -232,18 +231,17 @@ class AcasTestCase:
         """Return RECS, group delays and keys, and their root key."""
         simulation, chain = self.simulation, self.simulation.osnma_chain()
         keys = {key.time: key for key in chain.validated_keys()}
-        segments = []
-        for epoch in range(self.first, self.end):
-            sent = simulation.transmit_time(epoch)
-            chips = encrypted_chips(encryption_key(simulation.seed), SVID, sent, simulation.n_chips)
-            key = keys[key_time(sent, simulation.key_delay)]
-            segments.append(encrypt(chips, key.data, key_delay=simulation.key_delay))
+        segments = [simulation.segment(epoch)[0] for epoch in range(self.first, self.end)]
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
         return (
             Assistance(
                 segments=tuple(segments),
                 group_delays=(GroupDelay(svid=SVID, bgd_e1_e6_s=self.bgd_s, valid_from=begin),),
-                keys=tuple(key for time, key in keys.items() if begin <= time <= end and not simulation.withheld(key)),
+                keys=tuple(
+                    key
+                    for time, key in keys.items()
+                    if begin <= time <= end and not simulation.withheld(time - simulation.start)
+                ),
             ),
             chain.root,
         )

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from vestige.acas_processor.alarm_budget import Cadence, false_alarm_budget
-from vestige.acas_processor.mitigation import LEVELS
+from vestige.acas_processor.levels import LEVELS
 
 EIGHT = Cadence(satellites=8)
 

@@ -1,127 +1,134 @@
-"""The position of a snapshot: which ranges it rests on, when it is known. Orbits and exact ranges of a Walker sky."""
+"""Which ranges are in use, and the position that rests on them: a made-up sky with exact ranges."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import nan
 
 import numpy as np
 import pytest
 
-from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_position
-from vestige.acas_processor.fix_checks import FixChecks
-from vestige.receiver.constellation import sky, walker_ephemerides
-from vestige.receiver.trajectory import StaticTrajectory
-from vestige.records import E1Observation, Status, Verdict
-from vestige.time import GalileoTime
+from block_builder import START, SVIDS, Keys, MadeUpSky, cut, settings
+from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_positions
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.range_in_use import ranges_in_use
+from vestige.records.checks import CheckName
+from vestige.acas_processor.searches import SearchResults
+from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.records import Status
 
-TIME = GalileoTime(1372, 480_600)
-PLACE = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)
-FIX = FixChecks(ephemerides=tuple(walker_ephemerides(GalileoTime(1372, 480_000))), sigma_m=5.0)
+PROCESSOR = AcasProcessor(level=2, monitoring=settings())
 A, S = Status.AUTHENTIC, Status.SPOOFED
-CLOCK_M = 1000.0
+M = len(SVIDS)
 
 
-def _observations() -> dict[int, E1Observation]:
-    at_s = np.array([-CLOCK_M / 299_792_458.0])
-    view = sky(FIX.ephemerides, TIME, at_s, PLACE.motion(at_s), mask_deg=10.0)
-    return {
-        svid: E1Observation(
-            svid=svid,
-            pseudorange_m=float(view.range_m[0, k] + CLOCK_M - view.satellite_clock_m[0, k]),
-            carrier_phase_cycles=nan,
-            doppler_hz=0.0,
-            doppler_rate_hz_per_s=0.0,
-            cn0_dbhz=45.0,
-        )
-        for k, svid in enumerate(view.svids)
-        if view.in_view[0, k]
-    }
+@pytest.fixture(scope="module")
+def quiet() -> VerdictBlock:
+    """One epoch with a RECS, everything authentic."""
+    whole = cut(MadeUpSky(seed=1, n=2, every=1, trouble=0.0).whole, 0, 1)
+    return PROCESSOR.step(None, whole, Keys()).block  # type: ignore[arg-type]
 
 
-OBSERVATIONS = _observations()
-SVIDS = sorted(OBSERVATIONS)
+def _used(
+    block: VerdictBlock,
+    statuses: list[Status],
+    *,
+    shown: list[Status] | None = None,
+    pushed_m: list[float] | None = None,
+    found_m: list[float] | None = None,
+    exhaustive_m: list[float] | None = None,
+) -> tuple[VerdictBlock, AuthenticPosition | None]:
+    """Return the block with other verdicts, pushed E1 ranges and searches, and its position."""
+    measured = block.measured
+    e1 = measured.snapshots.e1
+    e1 = replace(e1, pseudorange_m=e1.pseudorange_m + np.array([pushed_m or [0.0] * M]))
+    measured = replace(measured, snapshots=replace(measured.snapshots, e1=e1))
 
+    def found(offsets_m: list[float] | None) -> SearchResults:
+        empty = SearchResults.empty((1, M))
+        return empty if offsets_m is None else replace(empty, earliest_m=np.array([offsets_m]))
 
-def _verdict(svid: int, status: Status = A, true_offset_m: float = nan) -> Verdict:
-    return Verdict(
-        index=0,
-        time=TIME,
-        available_at=TIME + (30.0 + svid),
-        svid=svid,
-        level=2,
-        status=status,
-        checks=(),
-        range_offset_m=0.0,
-        reason="",
-        true_offset_m=true_offset_m,
+    def as_array(values: list[Status]) -> np.ndarray:
+        return np.array([[POSITION[one] for one in values]], np.int8)
+
+    changed = replace(
+        block,
+        measured=measured,
+        status=as_array(statuses),
+        state=as_array(shown or statuses),
+        e1_search=found(found_m),
+        exhaustive_search=found(exhaustive_m),
     )
-
-
-def _position(
-    verdicts: list[Verdict], observations: dict[int, E1Observation] = OBSERVATIONS, shown: Status | None = None
-) -> AuthenticPosition | None:
-    state = {one.svid: one.status if shown is None else shown for one in verdicts}
-    return authentic_position(FIX, TIME, observations, verdicts, state)
-
-
-def _late(svids: list[int], late_m: float) -> dict[int, E1Observation]:
-    return {
-        svid: replace(one, pseudorange_m=one.pseudorange_m + (late_m if svid in svids else 0.0))
-        for svid, one in OBSERVATIONS.items()
-    }
+    changed = ranges_in_use(changed, PROCESSOR)
+    return changed, next(authentic_positions(changed), None)
 
 
 def _is_the_place(found: AuthenticPosition | None) -> bool:
+    """Ranges have 1 m of noise."""
     assert found is not None
-    return (found.latitude_deg, found.longitude_deg, found.height_m) == (
-        pytest.approx(48.0, abs=1e-8),
-        pytest.approx(11.0, abs=1e-8),
-        pytest.approx(500.0, abs=1e-3),
-    )
+    apart = (found.latitude_deg - 48.1) * 111e3, (found.longitude_deg - 11.6) * 74e3, found.height_m - 500.0
+    return bool(np.linalg.norm(apart) < 15.0)
 
 
-def test_it_is_the_place_and_is_known_when_the_last_key_is() -> None:
-    found = _position([_verdict(svid) for svid in SVIDS])
+def test_all_authentic_ranges_are_used_and_the_last_key_says_when(quiet: VerdictBlock) -> None:
+    _, found = _used(quiet, [A] * M)
     assert _is_the_place(found)
     assert found is not None
-    assert (found.svids, found.earlier) == (tuple(SVIDS), ())
-    assert found.available_at == TIME + (30.0 + SVIDS[-1])
-    assert found.latency_s == 30.0 + SVIDS[-1]
-    assert 2.0 < found.horizontal_sigma_m < 15.0
-    assert found.horizontal_sigma_m < 2 * found.vertical_sigma_m
+    assert (found.svids, found.earlier) == (SVIDS, ())
+    assert found.time == START
+    assert found.latency_s == 50.0
+    assert 0.3 < found.horizontal_sigma_m < 5.0
 
 
 @pytest.mark.parametrize("status", [one for one in Status if one is not A])
 @pytest.mark.parametrize("shown", [None, A], ids=["shown as it is", "shown as before"])
-def test_a_range_that_is_not_authentic_is_not_used(status: Status, shown: Status | None) -> None:
-    wrong = SVIDS[0]
-    found = _position([_verdict(svid, status if svid == wrong else A) for svid in SVIDS], _late([wrong], 500.0), shown)
+def test_a_range_that_is_not_authentic_is_not_used(quiet: VerdictBlock, status: Status, shown: Status | None) -> None:
+    statuses = [status, *[A] * (M - 1)]
+    _, found = _used(quiet, statuses, shown=[shown or status, *[A] * (M - 1)], pushed_m=[500.0] + [0.0] * (M - 1))
     assert _is_the_place(found)
     assert found is not None
-    assert found.svids == tuple(SVIDS[1:])
+    assert found.svids == SVIDS[1:]
 
 
-def test_of_several_signals_the_earliest_is_used_whatever_the_verdict() -> None:
-    twice = SVIDS[:5]
-    found = _position(
-        [_verdict(svid, S, -390e3) if svid in twice else _verdict(svid, Status.SUSPECT) for svid in SVIDS],
-        _late(SVIDS, 390e3),
-    )
+def test_of_several_signals_the_earliest_is_used_whatever_the_verdict(quiet: VerdictBlock) -> None:
+    nan = float("nan")
+    pushed, found_m = [390e3] * M, [-390e3] * 5 + [nan] * (M - 5)
+    block, found = _used(quiet, [S] * 5 + [Status.SUSPECT] * (M - 5), pushed_m=pushed, found_m=found_m)
     assert _is_the_place(found)
     assert found is not None
-    assert found.svids == found.earlier == tuple(twice)
+    assert found.svids == found.earlier == SVIDS[:5]
+    assert np.isfinite(block.range_in_use_m[0]).tolist() == [True] * 5 + [False] * (M - 5)
+    better, _ = _used(quiet, [S] * M, pushed_m=pushed, found_m=[-100.0] * M, exhaustive_m=[-390e3] + [nan] * (M - 1))
+    assert better.true_offset_m[0].tolist() == [-390e3] + [-100.0] * (M - 1), "the exhaustive search is the better one"
 
 
-def test_three_ranges_are_no_position() -> None:
-    assert _position([_verdict(svid) for svid in SVIDS[:3]]) is None
-    assert _position([_verdict(svid) for svid in SVIDS[:4]]) is not None
+def test_of_two_signals_in_the_correlators_e1_stays_if_the_earlier_one_is_where_it_says(quiet: VerdictBlock) -> None:
+    """The bank holds one signal where E1 says; shifted by 100 m, it is not where E1 says."""
+    failed = dict(quiet.failed) | {CheckName.E6_SECOND_SIGNAL: np.ones((1, M), np.bool_)}
+    block, _ = _used(replace(quiet, failed=failed), [S] * M)
+    offsets_m = quiet.measured.banks.offsets_m
+    late = replace(quiet.measured.banks, offsets_m=offsets_m + 100.0)
+    elsewhere = replace(quiet, failed=failed, measured=replace(quiet.measured, banks=late))
+    away, _ = _used(elsewhere, [S] * M)
+    assert np.isfinite(block.range_in_use_m).sum() > np.isfinite(away.range_in_use_m).sum() == 0
 
 
-def test_what_is_shown_as_an_alarm_is_not_used() -> None:
-    assert _position([_verdict(svid) for svid in SVIDS], shown=S) is None
+def test_three_ranges_are_no_position(quiet: VerdictBlock) -> None:
+    nothing = Status.NOT_AVAILABLE
+    assert _used(quiet, [A] * 3 + [nothing] * (M - 3))[1] is None
+    assert _used(quiet, [A] * 4 + [nothing] * (M - 4))[1] is not None
 
 
-def test_without_orbits_there_is_none() -> None:
-    verdicts = [_verdict(svid) for svid in SVIDS]
-    assert authentic_position(FixChecks(), TIME, OBSERVATIONS, verdicts, dict.fromkeys(SVIDS, A)) is None
+def test_what_is_shown_as_an_alarm_is_not_used(quiet: VerdictBlock) -> None:
+    assert _used(quiet, [A] * M, shown=[S] * M)[1] is None
+
+
+def test_without_authenticated_data_a_range_is_in_use_and_in_no_position(quiet: VerdictBlock) -> None:
+    snapshots = replace(quiet.measured.snapshots, data_authenticated=np.array([[False] + [True] * (M - 1)]))
+    block, found = _used(replace(quiet, measured=replace(quiet.measured, snapshots=snapshots)), [A] * M)
+    assert found is not None
+    assert found.svids == SVIDS[1:]
+    assert np.isfinite(block.range_in_use_m).all()
+
+
+def test_without_orbits_there_is_none(quiet: VerdictBlock) -> None:
+    assert _used(replace(quiet, measured=replace(quiet.measured, fix=None)), [A] * M)[1] is None

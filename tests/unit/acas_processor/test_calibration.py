@@ -1,24 +1,17 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from builders import START
+from evidence_builder import evidence
 from vestige.acas_processor.calibration import hardware_bias_correction_s
+from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.measurement import Detection, Measurement, SatelliteMeasurement
 
 
-def _measurement(offsets_m: dict[int, float | None]) -> Measurement:
-    satellites = tuple(
-        SatelliteMeasurement(
-            svid=svid,
-            detection=None
-            if offset is None
-            else Detection(tap=1, magnitude=9.0, phase_rad=0.0, threshold=5.0, range_offset_m=offset),
-        )
-        for svid, offset in offsets_m.items()
-    )
-    return Measurement(index=0, time=START, satellites=satellites, observations={}, front_end={})
+def _measurement(offsets_m: dict[int, float | None]) -> MeasurementBlock:
+    values = np.array([[np.nan if one is None else one for one in offsets_m.values()]], np.float64)
+    return evidence(values.shape, range_offset_m=values, svids=tuple(offsets_m)).measured
 
 
 def test_median_over_satellites_survives_a_spoofed_minority() -> None:

@@ -9,11 +9,14 @@ import pytest
 
 from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
-from vestige.acas_processor.inertial_bridging import Accelerations
-from vestige.acas_processor.monitors.vestigial_search import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.watch import Watch
+from vestige.records.inertial import Accelerations
+from vestige.records.recs_block import DownloadedAssistance
+from vestige.acas_processor.sampled_searches import E1VestigialSearch
+from vestige.acas_processor.sampled_snapshot import block_of
+from vestige.acas_processor.state import TimeUncertainty
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.crypto.group_delay import OS_ICD_CONVENTION
 from vestige.crypto.recs import CipherMode, encrypt
 from vestige.errors import VestigeError
 from vestige.records import (
@@ -83,7 +86,7 @@ def _world(
 
 def _verdict(snapshot: Snapshot, assistance: Assistance, processor: AcasProcessor | None = None) -> Verdict:
     processor = processor or AcasProcessor()
-    (verdict,) = processor.decide(processor.measure(snapshot, assistance))
+    (verdict,) = processor.step(None, block_of(snapshot), DownloadedAssistance(assistance=assistance)).verdicts
     return verdict
 
 
@@ -140,7 +143,7 @@ def test_an_unknown_bound_on_the_clock_is_a_reason_of_its_own() -> None:
     snapshot, assistance = _world()
     verdict = _verdict(replace(snapshot, time_uncertainty_s=math.inf), assistance)
     assert verdict.status is Status.NOT_AVAILABLE
-    assert "the bound on the receiver clock's error is not known" in verdict.reason
+    assert "the upper limit of the receiver clock's error is not known" in verdict.reason
 
 
 class _Model:
@@ -272,12 +275,34 @@ def test_the_recs_of_other_times_do_not_count(monkeypatch: pytest.MonkeyPatch) -
     own = assistance.segments[0]
     others = tuple(replace(own, transmit_time=START + late) for late in (-30.0, 0.0, 0.4, 30.0, 60.0))
     seen: list[Assistance] = []
-    step = Watch.step
 
-    def watched(self: Watch, *arguments: Any, **options: Any) -> Any:
-        seen.append(arguments[4])
-        return step(self, *arguments, **options)
+    def search(self: E1VestigialSearch, snapshot: Snapshot, assistance: Assistance, *_: object) -> tuple[Any, ...]:
+        seen.append(assistance)
+        return ()
 
-    monkeypatch.setattr(Watch, "step", watched)
-    AcasProcessor(level=2).step(None, snapshot, replace(assistance, segments=others))
+    monkeypatch.setattr(E1VestigialSearch, "search", search)
+    AcasProcessor(level=2).step(
+        None, block_of(snapshot), DownloadedAssistance(assistance=replace(assistance, segments=others))
+    )
     assert [round(one.transmit_time - START, 6) for one in seen[0].segments] == [0.0, 0.4]
+
+
+@pytest.mark.parametrize("name", ["E1VestigialSearch", "E6ExhaustiveSearch"])
+def test_cipher_mode_and_convention_reach_the_searches(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    snapshot, assistance = _world()
+    seen: list[Any] = []
+
+    def search(self: Any, *_: object, **__: object) -> tuple[Any, ...]:
+        seen.append(self)
+        return ()
+
+    monkeypatch.setattr(f"vestige.acas_processor.sampled_searches.{name}.search", search)
+    if name == "E6ExhaustiveSearch":
+        monkeypatch.setattr(E1VestigialSearch, "search", lambda *_, **__: ())
+    else:
+        monkeypatch.setattr("vestige.acas_processor.sampled_searches.E6ExhaustiveSearch.search", lambda *_, **__: ())
+    convention = replace(OS_ICD_CONVENTION, sign=-1)
+    processor = AcasProcessor(level=3, cipher_mode=CipherMode.CTR, group_delay_convention=convention)
+    processor.step(None, block_of(snapshot), DownloadedAssistance(assistance=assistance))
+    assert seen[0].cipher_mode is CipherMode.CTR
+    assert getattr(seen[0], "group_delay_convention", convention) == convention

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.sky_builder import sky_scenario
 
-from sky_builder import sky_scenario
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.simulated_banks import OFFSETS_M, banks, handover_of
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
@@ -84,16 +85,13 @@ def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
     case = _case(path, 2, 5)
     recorded = simulated(case)
     for row, epoch in enumerate(range(2, 5)):
-        snapshot, assistance = case.simulation.snapshot(epoch, row, case.truth, 0.0)
-        processor = case.simulation.processor
-        (satellite,) = processor.measure(snapshot, assistance).satellites
-        assert satellite.bank is not None
-        assert satellite.handover is not None
+        taps = banks(case.simulation, "samples", epoch, case.truth.part(slice(row, row + 1))).taps[0]
+        handover = handover_of(case.simulation, epoch, row, case.truth)
         t_s = float(case.truth.time_s[row])
         window = recorded.window(Band.E6, t_s + 0.07, t_s + 0.1)
-        again = CorrelatableSamples(window).correlate(satellite.handover, processor.offsets_m)
+        again = CorrelatableSamples(window).correlate(handover, OFFSETS_M)
         assert again is not None
-        one, other = satellite.bank.taps, again.taps
+        one, other = taps, again.taps
         turned = other * np.vdot(other, one) / abs(np.vdot(other, one))
         assert np.max(np.abs(turned - one)) < 0.03 * np.max(np.abs(one))
 
@@ -104,13 +102,11 @@ def test_forged_chips_in_a_recording_match_nothing(tmp_path: Path) -> None:
     path = tmp_path / "forgery.toml"
     path.write_text(LIFT_OFF.split("[[attack]]", maxsplit=1)[0] + "[[attack]]\n" + forgery)
     forged, alone = _case(path, 2, 3), _case(path, 2, 3, "attack=none")
-    snapshot, assistance = alone.simulation.snapshot(2, 0, alone.truth, 0.0)
-    (satellite,) = alone.simulation.processor.measure(snapshot, assistance).satellites
-    assert satellite.handover is not None
+    handover = handover_of(alone.simulation, 2, 0, alone.truth)
     t_s = float(alone.truth.time_s[0])
     windows = [simulated(case).window(Band.E6, t_s + 0.07, t_s + 0.1) for case in (forged, alone)]
     found, expected = (
-        CorrelatableSamples(window).correlate(satellite.handover, np.linspace(-60.0, 60.0, 9)) for window in windows
+        CorrelatableSamples(window).correlate(handover, np.linspace(-60.0, 60.0, 9)) for window in windows
     )
     assert found is not None
     assert expected is not None

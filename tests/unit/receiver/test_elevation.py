@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vestige.acas_processor.elevation_model import obliquity, relative_ray_amplitude
 from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.elevation import SatelliteRange, obliquity, ray_amplitude
+from vestige.receiver.elevation import SatelliteRange
 from vestige.receiver.error_process import named_streams
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
 from vestige.receiver.tracking_noise import BetzTrackingNoise, noise_growth
@@ -13,7 +14,7 @@ from vestige.time import GalileoTime
 
 
 def test_rays_have_the_power_of_the_model_at_each_elevation() -> None:
-    power_db = 20 * np.log10(ray_amplitude(np.radians(np.array([5.0, 16.0, 30.0, 60.0]))))
+    power_db = 20 * np.log10(relative_ray_amplitude(np.radians(np.array([5.0, 16.0, 30.0, 60.0]))))
     assert power_db == pytest.approx([-14 + 15.8, -14 - 4 * 11 / 25 + 15.8, -18 + 15.8, -22 + 15.8], abs=0.05)
 
 

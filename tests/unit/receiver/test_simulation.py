@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 
+from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.range_offset import range_offset_m
-from vestige.errors import VestigeError
 from vestige.receiver.front_end_correlation import range_offset_scale
 from vestige.receiver.sampled_epoch import received_signal
-from vestige.receiver.simulation import Banks, Fidelity, Simulation
+from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.snapshots.e6 import SampledE6
 from vestige.records import Band, Status
-from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
@@ -36,25 +37,25 @@ def _simulation(*settings: str) -> Simulation:
 def test_a_bank_does_not_depend_on_the_cut(fidelity) -> None:  # type: ignore[no-untyped-def]
     n = 12 if fidelity == "samples" else 1200
     simulation = _simulation(f"epochs={n}")
-    whole = simulation.banks(fidelity, 0, simulation.truth().advance(0, n))
+    whole = banks(simulation, fidelity, 0, simulation.truth().advance(0, n))
     process, first, parts = simulation.truth(), 0, []
     for count in (1, n // 3, n - 1 - n // 3):
-        parts.append(simulation.banks(fidelity, first, process.advance(first, count)))
+        parts.append(banks(simulation, fidelity, first, process.advance(first, count)))
         first += count
     assert np.concatenate([part.taps for part in parts]).tobytes() == whole.taps.tobytes()
     assert np.concatenate([part.noise_power for part in parts]).tobytes() == whole.noise_power.tobytes()
 
 
 def test_an_epoch_goes_through_the_real_door() -> None:
-    """Encrypted chips, a validated key, an ordinary snapshot: the processor's own verdict is AUTHENTIC."""
+    """Encrypted chips, a validated key, an ordinary block: the processor's own verdict is AUTHENTIC."""
     simulation = _simulation("receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45", "epochs=40")
-    truth = simulation.truth().advance(0, 40)
+    truth, receiver = simulation.truth().advance(0, 40), receiver_of(simulation, "samples")
     for row in (0, 17, 39):
-        snapshot, assistance = simulation.snapshot(row, row, truth, 0.0)
-        measurement = simulation.processor.measure(snapshot, assistance)
-        (verdict,) = simulation.processor.decide(measurement)
+        block = receiver.snapshots(row, (truth.part(slice(row, row + 1)),))
+        (verdict,) = PROCESSOR.step(None, block, receiver.assistance).verdicts
+        _, key = receiver.assistance.recs_of(block).segment(0, 0)
         assert verdict.status is Status.AUTHENTIC
-        assert snapshot.received_at + 1.0 < assistance.keys[0].disclosed_at
+        assert block.received_at.at(0, 0) + 1.0 < key.disclosed_at
         late_m = truth.iono_diff_m[row] - truth.e1_noise_m[row]
         assert verdict.range_offset_m == pytest.approx(late_m, abs=8.0)
 
@@ -63,9 +64,9 @@ def test_without_error_models_and_noise_the_line_of_sight_is_where_e1_says() -> 
     """At 80 dBHz the punctual tap is 1 up to the code's own noise, the others lie on the triangle."""
     simulation = _simulation(*NO_ERRORS, "receiver.cn0_dbhz=80", "epochs=3")
     truth = simulation.truth().advance(0, 3)
-    triangle = np.maximum(0, 1 - np.abs(simulation.processor.offsets_m) / 58.6105)
+    triangle = np.maximum(0, 1 - np.abs(OFFSETS_M) / 58.6105)
     for fidelity in ("samples", "correlators"):
-        taps = simulation.banks(fidelity, 0, truth).taps  # type: ignore[arg-type]
+        taps = banks(simulation, fidelity, 0, truth).taps  # type: ignore[arg-type]
         shape = np.abs(taps) / np.abs(taps[:, 5:6])
         assert shape == pytest.approx(np.tile(triangle, (3, 1)), abs=6 / np.sqrt(81_840) + 2e-3)
 
@@ -89,10 +90,10 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
     simulation = _simulation("epochs=5")
     assert simulation.front_end.transparent
     truth = simulation.truth().advance(0, 5)
-    snapshot, _ = simulation.snapshot(3, 3, truth, 0.0)
-    assert isinstance(snapshot.e6, CorrelatableSamples)
-    batch = snapshot.e6.batch
-    chips = encrypted_chips(encryption_key(simulation.seed), 11, snapshot.time, simulation.n_chips)
+    block = snapshots(simulation, "samples", 3, truth.part(slice(3, 4)))
+    assert isinstance(block.e6, SampledE6)
+    batch = block.e6.samples(0, 0)
+    chips = encrypted_chips(encryption_key(simulation.seed), 11, block.time.at(0), simulation.n_chips)
     strength = amplitude(simulation.cn0_dbhz, 12.5e6)
     signal = received_signal(chips, simulation.line_of_sight, truth, 3, amplitude=strength)
     expected = synthesize(
@@ -102,9 +103,9 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
         noise_key=noise_key(simulation.seed, 3, 6),
     )
     assert batch.samples.tobytes() == expected.tobytes()
-    status = snapshot.front_end[Band.E6]
-    assert (status.agc_gain_db, status.saturated) == (0.0, False)
-    assert status.total_power_db == pytest.approx(10 * np.log10(np.mean(np.abs(expected) ** 2)), abs=1e-4)
+    front_end = block.front_end[Band.E6]
+    assert (front_end.agc_gain_db[0], front_end.saturated[0]) == (0.0, False)
+    assert front_end.total_power_db[0] == pytest.approx(10 * np.log10(np.mean(np.abs(expected) ** 2)), abs=1e-4)
 
 
 def test_a_snapshot_says_what_its_front_end_did() -> None:
@@ -112,12 +113,10 @@ def test_a_snapshot_says_what_its_front_end_did() -> None:
     for agc, gain_db, saturated in (("true", -9.54, False), ("false", 0.0, True)):
         front_end = f"receiver.front_end={{bits=2, agc={agc}}}"
         simulation = _simulation("epochs=2", "receiver.cn0_dbhz=80", front_end, *NO_ERRORS, 'fidelity="samples"')
-        banks = simulation.banks("samples", 0, simulation.truth().advance(0, 2))
-        assert banks.front_end is not None
-        for status in banks.front_end:
-            assert status.total_power_db == pytest.approx(10 * np.log10(1 + 1e8 / 12.5e6), abs=0.05)
-            assert status.agc_gain_db == pytest.approx(gain_db, abs=0.05)
-            assert status.saturated is saturated
+        found = banks(simulation, "samples", 0, simulation.truth().advance(0, 2)).front_end
+        assert found.total_power_db == pytest.approx(np.full(2, 10 * np.log10(1 + 1e8 / 12.5e6)), abs=0.05)
+        assert found.agc_gain_db == pytest.approx(np.full(2, gain_db), abs=0.05)
+        assert found.saturated.tolist() == [saturated] * 2
 
 
 def test_a_filter_does_not_move_the_signal() -> None:
@@ -125,7 +124,7 @@ def test_a_filter_does_not_move_the_signal() -> None:
     for front_end in ("{bandwidth_hz=10e6, oversampling=2}", "{bandwidth_hz=5e6}"):
         settings = (*NO_ERRORS, "receiver.cn0_dbhz=75", "epochs=4", f"receiver.front_end={front_end}")
         simulation = _simulation(*settings)
-        taps = np.abs(simulation.banks("samples", 0, simulation.truth().advance(0, 4)).taps)
+        taps = np.abs(banks(simulation, "samples", 0, simulation.truth().advance(0, 4)).taps)
         assert np.all(np.argmax(taps, axis=1) == 5)
         assert np.abs(taps[:, 4] - taps[:, 6]) / taps[:, 5] == pytest.approx(
             np.zeros(4), abs=6 / np.sqrt(81_840) + 2e-3
@@ -138,8 +137,8 @@ def test_range_offsets_grow_behind_a_filter_as_computed(fidelity: Fidelity, n: i
     filtered = "receiver.front_end={bandwidth_hz=10.23e6, oversampling=2}"
     simulation = _simulation(*NO_ERRORS, filtered, "receiver.cn0_dbhz=80", 'fidelity="samples"', f"epochs={n}")
     truth = replace(simulation.truth().advance(0, n), e1_noise_m=np.linspace(-15 / 4, 15 / 4, n))
-    taps = np.abs(simulation.banks(fidelity, 0, truth).taps)
-    found_m = range_offset_m(taps, np.full(n, 5), 1, simulation.processor.offsets_m)
+    taps = np.abs(banks(simulation, fidelity, 0, truth).taps)
+    found_m = range_offset_m(taps, np.full(n, 5), 1, OFFSETS_M)
     fit = stats.linregress(-truth.e1_noise_m, found_m)
     assert fit.stderr < 0.05
     assert fit.slope == pytest.approx(range_offset_scale(simulation.front_end, 15.0), abs=4.4 * fit.stderr + 0.01)
@@ -149,18 +148,21 @@ def test_a_week_ends_within_the_run() -> None:
     """RECS before and after midnight on Saturday, keys of both weeks: every epoch is AUTHENTIC."""
     settings = ('start="2026-11-21T23:59:20 GST"', "receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45", "epochs=80")
     simulation = _simulation(*settings)
-    truth = simulation.truth().advance(0, 80)
+    truth, receiver = simulation.truth().advance(0, 80), receiver_of(simulation, "samples")
     for row in (0, 9, 10, 39, 40, 41, 79):
-        measurement = simulation.processor.measure(*simulation.snapshot(row, row, truth, 0.0))
-        (verdict,) = simulation.processor.decide(measurement)
+        block = receiver.snapshots(row, (truth.part(slice(row, row + 1)),))
+        (verdict,) = PROCESSOR.step(None, block, receiver.assistance).verdicts
         assert verdict.status is Status.AUTHENTIC
         assert verdict.time.week == (1421 if row < 40 else 1422)
 
 
-def test_errors_beyond_the_samples_are_the_scenarios() -> None:
+def test_errors_beyond_the_samples_leave_nothing_to_correlate() -> None:
     simulation = _simulation('receiver.bias={kind="bias", bgd_sigma_m=1e6}', "epochs=2", 'fidelity="samples"')
-    with pytest.raises(VestigeError, match="epoch 0"):
-        simulation.banks("samples", 0, simulation.truth().advance(0, 2))
+    receiver = receiver_of(simulation, "samples")
+    block = receiver.snapshots(0, (simulation.truth().advance(0, 2),))
+    measured = PROCESSOR.measure(block, receiver.assistance)
+    assert np.all(measured.availability == Availability.OUTSIDE)
+    assert np.all(np.isnan(measured.banks.noise_power))
 
 
 TERMS = {
@@ -191,8 +193,8 @@ def test_truth_explains_the_residual(fidelity: Fidelity, term: str) -> None:
     e1_multipath_m = simulation.e1_multipath_m(truth)
     expected_m = truth.iono_diff_m + truth.bias_m - truth.e1_noise_m - e1_multipath_m
     assert np.ptp(truth.clock_m if term == "clock" else expected_m) > 0 or term == "bias"
-    taps = np.abs(simulation.banks(fidelity, 0, truth).taps)
-    found_m = range_offset_m(taps, np.argmax(taps, axis=1), 1, simulation.processor.offsets_m)
+    taps = np.abs(banks(simulation, fidelity, 0, truth).taps)
+    found_m = range_offset_m(taps, np.argmax(taps, axis=1), 1, OFFSETS_M)
     assert found_m == pytest.approx(expected_m, abs=0.25)
     shown = {
         "ionosphere": truth.iono_diff_m,

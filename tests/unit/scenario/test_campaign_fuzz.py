@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.simulated_banks import banks as banks_of
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
@@ -59,7 +60,7 @@ def test_one_line_or_a_simulation(changes: list[str], fidelity: str) -> None:
     assert all("\n" not in caution for caution in cautions(scenario))
     assert scenario.model_dump_json()
     simulation = scenario.simulation()
-    banks = simulation.banks("correlators", 0, simulation.truth().advance(0, 2))
+    banks = banks_of(simulation, "correlators", 0, simulation.truth().advance(0, 2))
     assert np.all(np.isfinite(banks.taps))
     assert np.all(banks.noise_power > 0)
 

@@ -1,0 +1,361 @@
+"""From measured blocks to verdicts: the fold that carries a receiver's state from block to block [WFO, Sec. IV].
+
+Theory of operation
+-------------------
+`assess` judges a block of n epochs at once and gives the same bits as n blocks of one epoch. Most checks look at one
+epoch, or at those shortly before it, whatever was said of them. Two things depend on what was said before: reference
+levels are learned from epochs that raised no alarm, and the searches look as far as the clock may be wrong, which
+depends on the last authentic position. So the block is judged with a guess of which epochs are quiet:
+
+1. Guess that every epoch is quiet in which no check fails that needs no guess.
+2. Judge the block with the guess. What it says of an epoch rests on the guess for the epochs before it only.
+3. Up to and including the first epoch of which the guess was wrong, everything is right. Take what was found as the
+   next guess, and begin again at 2, until nothing was wrong but perhaps the last epoch, on which nothing rests.
+
+Every round settles at least one epoch more, and few are needed: alarms come in stretches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+
+from vestige.acas_processor.alarm_budget import false_alarm_budget
+from vestige.acas_processor.baseline import Observed, Quantity, Reference
+from vestige.acas_processor.checks.check import Check
+from vestige.acas_processor.checks.clock import remembered_clock
+from vestige.acas_processor.checks.osnma_subframes import subframes
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.fix_measurement import elevations_from
+from vestige.acas_processor.inertial_bridging import remembered_rates
+from vestige.acas_processor.levels import LEVELS, combine, confirmed, is_alarm
+from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.monitoring_settings import checks_of
+from vestige.acas_processor.range_in_use import ranges_in_use
+from vestige.acas_processor.search_schedule import search_due
+from vestige.acas_processor.searches import SearchResults
+from vestige.acas_processor.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.records import Status
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.records.recs_block import AssistanceData
+from vestige.records.snapshot_block import SearchRequest
+from vestige.time import GalileoTime
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+
+FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more
+TRAVEL_TIME_SPREAD_S = 0.07  # of any satellite to any receiver on Earth
+POSITION_SATELLITES = 4
+_NEED_REFERENCES = frozenset(
+    {
+        CheckName.E1_RECEIVED_POWER,
+        CheckName.E6_RECEIVED_POWER,
+        CheckName.E1_CN0,
+        CheckName.E6_CN0,
+        CheckName.NOISE_FLOOR,
+        CheckName.POWER_DISTORTION,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Guess:
+    """What is assumed of each epoch: whether nothing raised an alarm, and how many satellites are authentic."""
+
+    quiet: Bool[np.ndarray, " n"]
+    authentic: Int64[np.ndarray, " n"]
+
+    def first_difference(self, other: _Guess) -> int:
+        """Return the first epoch in which two differ; the number of epochs if they are equal."""
+        differs = (self.quiet != other.quiet) | (self.authentic != other.authentic)
+        return int(np.argmax(differs)) if differs.any() else differs.size
+
+
+def assess(
+    processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
+) -> tuple[VerdictBlock, ReceiverState]:
+    """Return what the processor says of a block, and the state for the next one.
+
+    Parameters
+    ----------
+    processor
+        Level and settings.
+    state
+        After the block before; None at first.
+    measured
+        The block, from `AcasProcessor.measure`; at least one epoch.
+    assistance
+        For the searches.
+    """
+    times = measured.snapshots.time
+    if state is None:
+        uncertainty = TimeUncertainty(initial_s=float(measured.snapshots.time_uncertainty_s[0]))
+        state = ReceiverState(origin=times.at(0), last=times.at(0), uncertainty=uncertainty)
+    work = _Assessment(processor, state, measured, assistance)
+    return work.verdicts, work.after()
+
+
+class _Assessment:
+    """One block on its way from measurements to verdicts."""
+
+    def __init__(
+        self, processor: AcasProcessor, state: ReceiverState, measured: MeasurementBlock, assistance: AssistanceData
+    ) -> None:
+        self._processor, self._state, self._measured, self._assistance = processor, state, measured, assistance
+        self._specs = {spec.name: spec for spec in LEVELS[processor.level]}
+        shares = false_alarm_budget(
+            processor.level, processor.monitoring.cadence, alarms_a_day=processor.monitoring.alarms_a_day
+        )
+        self._p_fa = {name: shares[name].p_fa for name in self._specs}
+        snapshots = measured.snapshots
+        self._time_s = snapshots.time.since(state.origin)
+        self._seen = snapshots.e1.seen
+        self._lost = snapshots.asked & ~self._seen & self._seen_lately()
+        self._positions_m = self._known_positions()
+        sent = None if measured.fix is None else measured.fix.sent.position_m
+        self._elevation_rad = (
+            np.full(self._seen.shape, np.nan) if sent is None else elevations_from(self._positions_m, sent)
+        )
+        self._observed = Observed(measured=measured)
+        self._subframes, self._osnma = subframes(snapshots.osnma, snapshots.svids, state.osnma)
+        self._checks = checks_of(processor, self._p_fa)
+        if processor.monitoring.second_signal_filtered:
+            self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
+        self._fixed = self._series(
+            {name: check for name, check in self._checks.items() if name not in _NEED_REFERENCES}, self._evidence({})
+        )
+        self._settle()
+
+    def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
+        """Return whether E1 showed a satellite within `FORGET_S` before each epoch."""
+        before = np.array(
+            [
+                (self._state.on_e1[svid] - self._state.origin) if svid in self._state.on_e1 else -np.inf
+                for svid in self._measured.snapshots.svids
+            ]
+        )
+        times = np.where(self._seen, self._time_s[:, None], -np.inf)
+        last = np.maximum(np.maximum.accumulate(times, axis=0), before)
+        return self._time_s[:, None] - last < FORGET_S
+
+    def _known_positions(self) -> Float[np.ndarray, "n 3"]:
+        """Return the last position that was known at each epoch; NaN before the first."""
+        n, fix = self._time_s.size, self._measured.fix
+        before = np.full(3, np.nan) if self._state.position_m is None else np.array(self._state.position_m)
+        if fix is None:
+            return np.broadcast_to(before, (n, 3))
+        rows = np.maximum.accumulate(np.where(fix.fix.valid, np.arange(n), -1))
+        return np.where(rows[:, None] < 0, before, fix.fix.position_m[np.maximum(rows, 0)])
+
+    def _evidence(self, references: Mapping[Quantity, Reference]) -> Evidence:
+        return Evidence(
+            measured=self._measured,
+            time_s=self._time_s,
+            elevation_rad=self._elevation_rad,
+            observed=self._observed.values,
+            references=references,
+            subframes=self._subframes,
+            clock=self._state.clock,
+            rates=self._state.rates,
+        )
+
+    @staticmethod
+    def _series(checks: Mapping[CheckName, Check], evidence: Evidence) -> dict[CheckName, CheckSeries]:
+        return {name: check.series(evidence) for name, check in checks.items()}
+
+    def _settle(self) -> None:
+        """Judge the block until the guess is right."""
+        failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
+        guess, _ = self._combined(failed)
+        while True:
+            found = self._judge(guess)
+            if guess.first_difference(found) >= self._time_s.size - 1:
+                return
+            guess = found
+
+    def _judge(self, guess: _Guess) -> _Guess:
+        """Judge the block with a guess, keep what was found, and return what the guess should have been."""
+        snapshots = self._measured.snapshots
+        self._teaches = guess.quiet & snapshots.recs
+        references = self._references()
+        later = {name: check for name, check in self._checks.items() if name in _NEED_REFERENCES}
+        series = self._fixed | self._series(later, self._evidence(references))
+        failed = {name: self._confirmed(one) for name, one in series.items()}
+        self._uncertainties = self._clock_limits(guess)
+        self._e1_search = self._search_e1()
+        self._exhaustive = SearchResults.empty(self._seen.shape)
+        self._searched = np.zeros(self._time_s.size, np.bool_)
+        evidence = self._evidence(references)
+        p_fa = self._processor.monitoring.search_p_fa
+        if CheckName.E1_VESTIGIAL_SEARCH in self._specs:
+            name = CheckName.E1_VESTIGIAL_SEARCH
+            series[name] = self._e1_search.series(name, 2 * p_fa, evidence)
+            failed[name] = self._confirmed(series[name])
+        if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs:
+            name = CheckName.E6_EXHAUSTIVE_SEARCH
+            self._search_after = self._search_exhaustively(failed)
+            series[name] = self._exhaustive.series(name, p_fa, evidence)
+            failed[name] = self._confirmed(series[name])
+        self._found = {name: series[name] for name in self._specs if name in series}
+        self._failed = {name: failed[name] for name in self._found}
+        judged, self._status = self._combined(self._failed)
+        return judged
+
+    def _references(self) -> Mapping[Quantity, Reference]:
+        """Return what is usual of each quantity at each epoch; nothing if no check of the level asks."""
+        if _NEED_REFERENCES.isdisjoint(self._checks):
+            return {}
+        levels = self._processor.monitoring.levels
+        return self._observed.references(levels, self._state.baseline, self._teaches, self._elevation_rad)
+
+    def _confirmed(self, series: CheckSeries) -> Bool[np.ndarray, "*n"]:
+        confirm = self._specs[series.name].confirm
+        if confirm == 1:
+            return series.failed
+        streaks = self._state.streaks.get(series.name, {})
+        svids = (0,) if series.of_receiver else self._measured.snapshots.svids
+        return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
+
+    def _combined(self, failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
+        """Return what follows from failures: the guess that would have been right, and status and cause."""
+        available = self._fixed[CheckName.E6_POWER].run
+        status, cause = combine(self._processor.level, failed, available)
+        due = self._seen | self._lost
+        status = np.where(due, status, POSITION[Status.NOT_AVAILABLE]).astype(np.int8)
+        quiet = ~np.any(is_alarm(status), axis=1)
+        authentic = np.count_nonzero(status == POSITION[Status.AUTHENTIC], axis=1)
+        return _Guess(quiet=quiet, authentic=authentic), np.stack([status, cause])
+
+    def _clock_limits(self, guess: _Guess) -> list[TimeUncertainty]:
+        """Return the limit of the clock's error before each epoch, and after the block: n + 1 of them."""
+        limits = [self._state.uncertainty]
+        if CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
+            return limits * (self._time_s.size + 1)
+        times = self._measured.snapshots.time
+        fixes = guess.quiet & (guess.authentic > 0)
+        for epoch in range(self._time_s.size):
+            limit = limits[-1]
+            if fixes[epoch]:
+                fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
+                limit = limit.after_fix(times.at(epoch), fixed_s=fixed_s)
+            limits.append(limit)
+        return limits
+
+    def _request(self, epochs: Int64[np.ndarray, " k"]) -> SearchRequest:
+        return SearchRequest(
+            epoch=epochs,
+            uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
+            p_fa=self._processor.monitoring.search_p_fa,
+            expected_s=self._measured.expected_s[epochs],
+            assistance=self._assistance,
+            processor=self._processor,
+        )
+
+    def _search_e1(self) -> SearchResults:
+        """Make the search on E1 with every RECS."""
+        found, searches = SearchResults.empty(self._seen.shape), self._measured.snapshots.searches
+        epochs = np.flatnonzero(self._measured.snapshots.recs)
+        if searches is not None and epochs.size and CheckName.E1_VESTIGIAL_SEARCH in self._specs:
+            found.put(epochs, searches.e1(self._request(epochs)))
+        return found
+
+    def _search_exhaustively(self, failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]) -> SearchMemory:
+        """Make the exhaustive search where it is due, and return what the next block needs to know."""
+        searches, times = self._measured.snapshots.searches, self._measured.snapshots.time
+        memory, period_s = self._state.search, self._processor.monitoring.exhaustive_period_s
+        any_failed = np.zeros(self._time_s.size, np.bool_)
+        for one in failed.values():
+            any_failed |= one if one.ndim == 1 else one.any(axis=1)
+        for epoch in range(self._time_s.size):
+            memory = replace(memory, suspicious=memory.suspicious or bool(any_failed[epoch]))
+            if not self._measured.snapshots.recs[epoch]:
+                continue
+            now: GalileoTime = times.at(epoch)
+            since_s = None if memory.searched_at is None else now - memory.searched_at
+            due = search_due(since_s, period_s, suspicious=memory.suspicious, found_twice=memory.found_twice)
+            if due and searches is not None:
+                here = np.array([epoch])
+                self._exhaustive.put(here, searches.exhaustive(self._request(here)))
+                self._searched[epoch] = True
+                memory = replace(memory, searched_at=now, found_twice=bool(self._exhaustive.twice[epoch].any()))
+            else:
+                memory = replace(memory, found_twice=False)
+            memory = replace(memory, suspicious=False)
+        return memory
+
+    @property
+    def verdicts(self) -> VerdictBlock:
+        """What the processor says of the block."""
+        status, cause = self._status
+        state, self._alarm_after = self._state.alarm.over(
+            self._measured.snapshots.svids, self._time_s, status, self._seen | self._lost, self._lost
+        )
+        return ranges_in_use(
+            VerdictBlock(
+                measured=self._measured,
+                level=self._processor.level,
+                status=status,
+                cause=cause,
+                state=state,
+                before=self._state.alarm,
+                due=self._seen | self._lost,
+                checks=self._found,
+                failed=self._failed,
+                e1_search=self._e1_search,
+                exhaustive_search=self._exhaustive,
+                searched=self._searched,
+            ),
+            self._processor,
+        )
+
+    def after(self) -> ReceiverState:
+        """Return the state after the block; to be called after `verdicts`."""
+        state, snapshots = self._state, self._measured.snapshots
+        guess, _ = self._combined(self._failed)
+        on_e1 = dict(state.on_e1)
+        for column, svid in enumerate(snapshots.svids):
+            rows = np.flatnonzero(self._seen[:, column])
+            if rows.size:
+                on_e1[svid] = snapshots.time.at(int(rows[-1]))
+        position = self._positions_m[-1]
+        known = bool(np.isfinite(position[0]))
+        evidence = self._evidence({})
+        further = self._processor.level > 1
+        return replace(
+            state,
+            last=snapshots.time.at(len(snapshots.time) - 1),
+            uncertainty=self._clock_limits(guess)[-1],
+            baseline=self._observed.after(state.baseline, guess.quiet & snapshots.recs) if further else state.baseline,
+            position_m=(float(position[0]), float(position[1]), float(position[2])) if known else None,
+            clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),
+            osnma=self._osnma,
+            rates=remembered_rates(evidence) if CheckName.INERTIAL_RANGE_RATE in self._specs else None,
+            search=self._search_after if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs else state.search,
+            streaks=self._streaks(),
+            alarm=self._alarm_after,
+            on_e1=on_e1,
+        )
+
+    def _streaks(self) -> dict[CheckName, dict[int, int]]:
+        """Return how many of the last tests of checks that have to be confirmed failed in a row."""
+        found: dict[CheckName, dict[int, int]] = {}
+        for name, series in self._found.items():
+            confirm = self._specs[name].confirm
+            if confirm == 1:
+                continue
+            known = dict(self._state.streaks.get(name, {}))
+            svids = (0,) if series.of_receiver else self._measured.snapshots.svids
+            flat_run, flat_failed = (one.reshape(one.shape[0], -1) for one in (series.run, series.failed))
+            for column, svid in enumerate(svids):
+                tests = flat_failed[flat_run[:, column], column][-confirm:]
+                passed = np.flatnonzero(~tests)
+                streak = tests.size + known.get(svid, 0) if not passed.size else tests.size - 1 - int(passed[-1])
+                known[svid] = min(streak, confirm)
+            found[name] = known
+        return found

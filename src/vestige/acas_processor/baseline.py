@@ -1,0 +1,232 @@
+"""What is usual: reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
+
+The checks of step 3 compare with a reference level. There is one rule for where it comes from:
+
+1. If the receiver's settings state it (a calibrated front end, an antenna whose C/N0 is known), that is the reference.
+2. Otherwise the receiver learns it: the median of the last `WINDOW` values of epochs with RECS in which nothing raised
+   an alarm, from `LEARNED` values on. Until then the check is not run.
+
+An attack that is there from the beginning becomes the usual level. The median of k values has π/(2k) of the variance of
+one of them, so thresholds grow by √(1 + π/(2k)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+
+from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Band
+from vestige.signals.definitions import E6C
+
+WINDOW = 20
+LEARNED = 5
+_LEAST_SNR = 1e-3  # where noise is stronger than the largest correlator
+
+
+class Quantity(Enum):
+    """What a reference level is of."""
+
+    E1_POWER_DB = "power of E1"
+    E6_POWER_DB = "power of E6"
+    E1_CN0_DBHZ = "C/N0 of E1"
+    E6_CN0_DBHZ = "C/N0 of E6"
+    FLOOR_DB = "noise floor behind the E6 correlators"
+
+    @property
+    def of_receiver(self) -> bool:
+        """Whether it is one number for all satellites."""
+        return self in (Quantity.E1_POWER_DB, Quantity.E6_POWER_DB)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Antenna:
+    """What C/N0 the receiver expects of a satellite at an elevation.
+
+    Attributes
+    ----------
+    e1_dbhz, e6_dbhz
+        C/N0 of E1-C and E6-C at the zenith.
+    fall_db
+        By how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation.
+    """
+
+    e1_dbhz: float
+    e6_dbhz: float
+    fall_db: float = 0.0
+
+    def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """Return the expected C/N0; NaN where the elevation matters and is not known."""
+        if not self.fall_db:
+            return np.full(elevation_rad.shape, zenith_dbhz)
+        return zenith_dbhz - self.fall_db * (1 - np.sin(elevation_rad))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceLevels:
+    """The reference levels that the receiver's settings state; None is to be learned.
+
+    Attributes
+    ----------
+    e1_power_db, e6_power_db
+        Power of each band without interference, in the reference of its front end.
+    antenna
+        Expected C/N0.
+    """
+
+    e1_power_db: float | None = None
+    e6_power_db: float | None = None
+    antenna: Antenna | None = None
+
+    def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
+        """Return a stated level for every epoch, and satellite if it is of satellites; None if it is to be learned."""
+        power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
+        if power_db is not None:
+            return np.full(elevation_rad.shape[0], power_db)
+        if self.antenna is not None and quantity is Quantity.E1_CN0_DBHZ:
+            return self.antenna.expected_dbhz(self.antenna.e1_dbhz, elevation_rad)
+        if self.antenna is not None and quantity is Quantity.E6_CN0_DBHZ:
+            return self.antenna.expected_dbhz(self.antenna.e6_dbhz, elevation_rad)
+        return None
+
+
+class Reference(NamedTuple):
+    """A reference level of every epoch, and satellite if it is of satellites.
+
+    `value` is NaN where it is not known, `learned` the number of values behind it, infinite where it is configured.
+    """
+
+    value: Float[np.ndarray, "*n"]
+    learned: Float[np.ndarray, "*n"]
+
+    @property
+    def growth(self) -> Float[np.ndarray, "*n"]:
+        """By how much thresholds grow because the level is a median of few values."""
+        return np.sqrt(1 + np.pi / 2 / np.maximum(self.learned, 1))
+
+    def why_unknown(self, place: tuple[int, ...]) -> str:
+        """Return why a level is not known."""
+        if np.isinf(self.learned[place]):
+            return "no level is expected: the elevation is not known"
+        return f"its usual level is being learned: {self.learned[place]:.0f} of {LEARNED} quiet snapshots"
+
+
+Values = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baseline:
+    """The last quiet values of each quantity, by SVID; those of the receiver under 0."""
+
+    values: Mapping[Quantity, Mapping[int, Values]] = field(default_factory=dict)
+
+    def of(self, quantity: Quantity, svid: int) -> Values:
+        """Return the values, the latest last."""
+        return self.values.get(quantity, {}).get(svid, ())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """The values of a measured block that reference levels are learned from."""
+
+    measured: MeasurementBlock
+
+    @cached_property
+    def values(self) -> Mapping[Quantity, Float[np.ndarray, "*n"]]:
+        """Every quantity, NaN where it was not measured."""
+        snapshots, banks = self.measured.snapshots, self.measured.banks
+        nothing = np.full(len(snapshots.time), np.nan)
+        power = {
+            band: np.where(front_end.saturated, np.nan, front_end.power_db)
+            for band, front_end in snapshots.front_end.items()
+        }
+        e6 = snapshots.front_end.get(Band.E6)
+        correlated = np.isfinite(banks.noise_power) & (banks.noise_power > 0)
+        noise = np.where(correlated, banks.noise_power, 1.0)
+        largest = np.max(np.abs(np.where(correlated[..., None], banks.taps, 0.0)), axis=2)
+        snr = np.maximum(largest**2 / noise - 1, _LEAST_SNR)
+        cn0_dbhz = 10 * np.log10(snr / banks.integration_s)
+        gain_db = nothing if e6 is None else e6.agc_gain_db
+        floor_db = 10 * np.log10(noise / (1 + self._own_share(snr))) - gain_db[:, None]
+        return {
+            Quantity.E1_POWER_DB: power.get(Band.E1, nothing),
+            Quantity.E6_POWER_DB: power.get(Band.E6, nothing),
+            Quantity.E1_CN0_DBHZ: snapshots.e1.cn0_dbhz,
+            Quantity.E6_CN0_DBHZ: np.where(correlated, cn0_dbhz, np.nan),
+            Quantity.FLOOR_DB: np.where(correlated, floor_db, np.nan),
+        }
+
+    def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """Return what the signal itself adds to the floor of wrong codes: Ec/N0 where it meets two chips."""
+        banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
+        between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
+        return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)
+
+    def references(
+        self,
+        levels: ReferenceLevels,
+        baseline: Baseline,
+        teaches: Bool[np.ndarray, " n"],
+        elevation_rad: Float[np.ndarray, "n m"],
+    ) -> Mapping[Quantity, Reference]:
+        """Return what is usual at each epoch, from what was seen before it.
+
+        Parameters
+        ----------
+        levels
+            Of the receiver's settings.
+        baseline
+            What was learned before the block.
+        teaches
+            Which epochs are quiet, have RECS, and so teach those after them.
+        elevation_rad
+            Of the satellites.
+        """
+        found = {}
+        for quantity, values in self.values.items():
+            configured = levels.configured(quantity, elevation_rad)
+            if configured is not None:
+                found[quantity] = Reference(configured, np.full(configured.shape, np.inf))
+                continue
+            svids = (0,) if quantity.of_receiver else self.measured.snapshots.svids
+            columns = [
+                _running(baseline.of(quantity, svid), column, teaches)
+                for svid, column in zip(svids, values.reshape(values.shape[0], -1).T, strict=True)
+            ]
+            value, learned = (np.stack(parts, axis=1).reshape(values.shape) for parts in zip(*columns, strict=True))
+            found[quantity] = Reference(value, learned)
+        return found
+
+    def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
+        """Return the baseline that knows the quiet epochs of the block."""
+        known: dict[Quantity, dict[int, Values]] = {}
+        for quantity, values in self.values.items():
+            known[quantity] = dict(baseline.values.get(quantity, {}))
+            svids = (0,) if quantity.of_receiver else self.measured.snapshots.svids
+            for svid, column in zip(svids, values.reshape(values.shape[0], -1).T, strict=True):
+                taught = column[teaches & np.isfinite(column)][-WINDOW:]
+                if taught.size:
+                    known[quantity][svid] = (*baseline.of(quantity, svid), *taught.tolist())[-WINDOW:]
+        return Baseline(values=known)
+
+
+def _running(
+    before: Values, column: Float[np.ndarray, " n"], teaches: Bool[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the median of the last quiet values before each epoch, NaN while there are too few, and their number."""
+    taught = teaches & np.isfinite(column)
+    values = np.concatenate([np.array(before, np.float64), column[taught]])
+    known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
+    medians = np.full(values.size + 1, np.nan)  # of the values so far, by their number
+    for count in range(max(LEARNED, len(before)), min(WINDOW, values.size + 1)):
+        medians[count] = np.median(values[:count])
+    if values.size >= WINDOW:
+        medians[WINDOW:] = np.median(np.lib.stride_tricks.sliding_window_view(values, WINDOW), axis=1)
+    return medians[known], np.minimum(known, WINDOW).astype(np.float64)

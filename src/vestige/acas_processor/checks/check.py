@@ -1,0 +1,69 @@
+"""What all checks share: what a check is, and thresholds from a false-alarm budget.
+
+A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
+block of epochs. It fails where |statistic| > threshold. Where an input is missing it is not run (NaN), and says why: a
+check that was not run is no evidence of anything.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import bdtrc, ndtr, ndtri
+
+from vestige.records.checks import CheckName, CheckSeries
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.evidence import Evidence
+
+
+@runtime_checkable
+class Check(Protocol):
+    """A check: one file with statistic, threshold and reason, one row in `levels.py`, one member of `CheckName`."""
+
+    @property
+    def name(self) -> CheckName:
+        """What it is called."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        ...
+
+    @property
+    def p_fa(self) -> float:
+        """False-alarm probability of one test."""
+        ...
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block of epochs."""
+        ...
+
+
+def check_budget(p_fa: float) -> None:
+    """Raise ValueError unless a false-alarm probability lies between 0 and 1."""
+    if not 0 < p_fa < 1:
+        raise ValueError(f"a false-alarm probability lies between 0 and 1, found {p_fa}")
+
+
+def two_sided_factor(p_fa: float) -> float:
+    """Return K with P(|z| > K) = p_fa for a standard normal z."""
+    return float(-ndtri(p_fa / 2))
+
+
+def two_sided_detection(shift_sigma: Float[np.ndarray, "*n"], p_fa: float) -> Float[np.ndarray, "*n"]:
+    """Return P(|z + shift| > K), the detection probability of a two-sided test of a normal statistic."""
+    factor = two_sided_factor(p_fa)
+    return ndtr(shift_sigma - factor) + ndtr(-shift_sigma - factor)
+
+
+def count_threshold(trials: int, probability: float, p_fa: float) -> int:
+    """Return the smallest t with P(count > t) ≤ p_fa for a binomial count.
+
+    Counts are whole, so the false-alarm probability is at most the budget, not equal to it.
+    """
+    counts = np.arange(trials + 1, dtype=np.float64)
+    return int(np.argmax(bdtrc(counts, trials, probability) <= p_fa))

@@ -1,0 +1,231 @@
+"""The receiver clock as a witness: whether it runs as an oscillator of its kind can.
+
+Theory of operation
+-------------------
+A position fix gives bias b and drift d of the receiver's clock (both times c), independently measured: b from codes
+with σ_b, d from carriers with σ_d. An oscillator with white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]
+allows, over a step Δt,
+
+    innovation     d_k − d_{k−1}                            c² Sg Δt + 2 σ_d²
+    consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
+    slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
+
+as variances, and each test fails beyond K of its standard deviation, the budget P_fa shared in equal parts.
+
+The first sees a step of the drift, the second a time push of the codes that the carriers do not follow, the third a
+drift that is pulled off slowly. A pull-off below the random walk of the oscillator is hidden in it, and a push that the
+attacker plays consistently on code and carrier and slower than that is not seen at all. A receiver that steps its
+clock by whole milliseconds must take the steps out first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from vestige.acas_processor.checks.check import (
+    check_budget,
+    two_sided_detection,
+    two_sided_factor,
+)
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.memory import ClockEpoch, ClockMemory
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records.checks import CheckName, CheckSeries
+
+
+class ClockHistory(NamedTuple):
+    """The receiver clock of n epochs with a fix: times, bias and drift times c, and the variances of the two."""
+
+    time_s: Float[np.ndarray, " n"]
+    bias_m: Float[np.ndarray, " n"]
+    drift_mps: Float[np.ndarray, " n"]
+    bias_variance: Float[np.ndarray, " n"]
+    drift_variance: Float[np.ndarray, " n"]
+
+
+class ClockStatistics(NamedTuple):
+    """Statistics and thresholds of n epochs; NaN where there are not enough epochs before."""
+
+    innovation: Float[np.ndarray, " n"]
+    innovation_threshold: Float[np.ndarray, " n"]
+    consistency: Float[np.ndarray, " n"]
+    consistency_threshold: Float[np.ndarray, " n"]
+    slope: Float[np.ndarray, " n"]
+    slope_threshold: Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockDriftMonitor:
+    """Whether bias and drift of the receiver clock are those of its oscillator.
+
+    The default is the clock of [WFO, Sec. V].
+
+    Attributes
+    ----------
+    white_s, walk_hz
+        Sf = h0/2 and Sg = 2π² h−2 of the oscillator.
+    window
+        Epochs of the slope, three or more.
+    max_gap_s
+        Longest step; after a longer one the monitor begins anew.
+    p_fa
+        False-alarm probability of one epoch, all three tests together.
+    """
+
+    white_s: float = 7.115e-24 / 2  # [WFO, Sec. V]
+    walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
+    window: int = 10
+    max_gap_s: float = 120.0
+    p_fa: float = 1e-5
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+        if self.window < 3:
+            raise ValueError(f"a slope needs three epochs, found {self.window}")
+
+    @property
+    def factor(self) -> float:
+        """K of each of the three tests."""
+        return two_sided_factor(self.p_fa / 3)
+
+    def statistics(self, clock: ClockHistory) -> ClockStatistics:
+        """Return the three statistics of the epochs of a history; NaN after gaps and where there are too few epochs."""
+        step = np.diff(clock.time_s, prepend=np.nan)
+        step = np.where((step > 0) & (step <= self.max_gap_s), step, np.nan)
+        before = np.roll(clock.drift_mps, 1)
+        drifts = clock.drift_variance + np.roll(clock.drift_variance, 1)
+        biases = clock.bias_variance + np.roll(clock.bias_variance, 1)
+        walk, white = SPEED_OF_LIGHT_MPS**2 * self.walk_hz, SPEED_OF_LIGHT_MPS**2 * self.white_s
+        slope, slope_sigma = self._slopes(clock, step)
+        return ClockStatistics(
+            innovation=(clock.drift_mps - before) + 0 * step,
+            innovation_threshold=self.factor * np.sqrt(walk * step + drifts),
+            consistency=np.diff(clock.bias_m, prepend=np.nan) - (clock.drift_mps + before) / 2 * step,
+            consistency_threshold=self.factor
+            * np.sqrt(white * step + walk * step**3 / 12 + biases + drifts * step**2 / 4),
+            slope=slope,
+            slope_threshold=self.factor * slope_sigma,
+        )
+
+    def _slopes(
+        self, clock: ClockHistory, step_s: Float[np.ndarray, " n"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        slope, sigma = np.full(step_s.size, np.nan), np.full(step_s.size, np.nan)
+        if step_s.size >= self.window:
+            t, d, variance = (
+                np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, self.window))
+                for values in (clock.time_s, clock.drift_mps, clock.drift_variance)
+            )
+            centred = t - t.mean(axis=1, keepdims=True)
+            weight = centred / np.sum(centred**2, axis=1, keepdims=True)
+            # wᵀ min(t_i, t_j) w, as a random walk is the sum of its steps: each step moves all later drifts
+            later = np.ascontiguousarray(np.cumsum(weight[:, ::-1], axis=1)[:, ::-1][:, 1:])
+            steps = np.diff(t, axis=1)
+            walk = SPEED_OF_LIGHT_MPS**2 * self.walk_hz * np.sum(later**2 * steps, axis=1)
+            whole = np.all((steps > 0) & (steps <= self.max_gap_s), axis=1)
+            slope[self.window - 1 :] = np.where(whole, np.sum(weight * d, axis=1), np.nan)
+            sigma[self.window - 1 :] = np.sqrt(walk + np.sum(weight**2 * variance, axis=1))
+        return slope, sigma
+
+    def probability_of_detection(
+        self, step_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_drift_mps: float
+    ) -> Float[np.ndarray, "*n"]:
+        """Return the probability that the innovation test sees a step of the drift between two epochs.
+
+        Parameters
+        ----------
+        step_mps
+            The step.
+        interval_s
+            Between the epochs.
+        sigma_drift_mps
+            Standard deviation of the drift of a fix.
+        """
+        sigma = math.sqrt(SPEED_OF_LIGHT_MPS**2 * self.walk_hz * interval_s + 2 * sigma_drift_mps**2)
+        return two_sided_detection(step_mps / sigma, self.p_fa / 3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockCheck:
+    """One of the three tests of a `ClockDriftMonitor` as a check."""
+
+    name: CheckName
+    monitor: ClockDriftMonitor
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return _PARTS[self.name][1]
+
+    @property
+    def p_fa(self) -> float:
+        """False-alarm probability of one test."""
+        return self.monitor.p_fa / 3
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        attribute, unit, what = _PARTS[self.name]
+        history, rows = clock_history(evidence, self.monitor.window)
+        found, before = self.monitor.statistics(history), history.time_s.size - rows.size
+        statistic, threshold = np.full((2, evidence.shape[0]), np.nan)
+        statistic[rows] = getattr(found, attribute)[before:]
+        threshold[rows] = getattr(found, f"{attribute}_threshold")[before:]
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if epoch not in rows:
+                return "no position fix, so no receiver clock"
+            if np.isnan(statistic[epoch]):
+                if self.name is CheckName.CLOCK_SLOPE:
+                    return f"fewer than {self.monitor.window} epochs in a row"
+                return "no epoch shortly before"
+            return f"{what} {statistic[epoch]:+.3g} {unit}, more than {threshold[epoch]:.3g} {unit}"
+
+        return CheckSeries(
+            name=self.name, unit=unit, p_fa=self.p_fa, statistic=statistic, threshold=threshold, explain=explain
+        )
+
+
+_PARTS = {
+    CheckName.CLOCK_INNOVATION: ("innovation", "m/s", "the clock's drift jumped by"),
+    CheckName.CLOCK_CONSISTENCY: ("consistency", "m", "the clock's bias left its drift by"),
+    CheckName.CLOCK_SLOPE: ("slope", "m/s²", "the clock's drift is pulled at"),
+}
+
+
+def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[np.ndarray, " k"]]:
+    """Return the clock of the epochs with a fix, those before the block first, and the rows of the block's own."""
+    fix = evidence.measured.fix
+    rows = np.zeros(0, np.int64) if fix is None else np.flatnonzero(fix.fix.valid)
+    own = (
+        (np.zeros(0),) * 5
+        if fix is None
+        else (
+            evidence.time_s[rows],
+            fix.fix.clock_m[rows],
+            fix.drift_mps[rows],
+            fix.own_sigma_clock_m[rows] ** 2,
+            fix.sigma_drift_mps[rows] ** 2,
+        )
+    )
+    before = np.array(
+        [
+            (one.time_s, one.bias_m, one.drift_mps, one.bias_variance_m2, one.drift_variance_m2ps2)
+            for one in evidence.clock[-(window - 1) :]
+        ]
+    ).reshape(-1, 5)
+    return ClockHistory(*(np.concatenate([old, new]) for old, new in zip(before.T, own, strict=True))), rows
+
+
+def remembered_clock(evidence: Evidence, window: int) -> ClockMemory:
+    """Return what the next block needs of the clock."""
+    history, _ = clock_history(evidence, window)
+    rows = np.stack(history, axis=1)[-(window - 1) :].tolist()
+    return tuple(
+        ClockEpoch(time_s=t, bias_m=b, drift_mps=d, bias_variance_m2=vb, drift_variance_m2ps2=vd)
+        for t, b, d, vb, vd in rows
+    )

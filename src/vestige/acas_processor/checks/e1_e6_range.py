@@ -1,0 +1,68 @@
+"""Whether E6 arrives when E1 says: step 2 of every level [WFO, Sec. IV-A], |offset| ≤ κσ [TAES2023, Eq. 21-24]."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
+
+KAPPA = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RangeCheck:
+    """Whether the range difference between E6 and E1 is within its error budget.
+
+    Attributes
+    ----------
+    budget, kappa
+        Error budget of the range difference, and its factor κ.
+    """
+
+    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
+    kappa: float = KAPPA
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E1_E6_RANGE
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "m"
+
+    @property
+    def p_fa(self) -> float:
+        """False-alarm probability of one test if σ is that of the errors; it is meant to be larger."""
+        return math.erfc(self.kappa / math.sqrt(2))
+
+    @property
+    def limit_m(self) -> float:
+        """κσ, the largest offset that passes."""
+        return self.kappa * self.budget.sigma_m
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        offset_m = np.asarray(evidence.measured.detected.range_offset_m, np.float64)
+
+        def explain(epoch: int, satellite: int) -> str:
+            offset = offset_m[epoch, satellite]
+            if np.isnan(offset):
+                return "nothing detected"
+            return f"E6 is {offset:+.1f} m from where E1 puts it, more than {self.limit_m:.1f} m"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=offset_m,
+            threshold=np.full(evidence.shape, self.limit_m),
+            explain=explain,
+            exact=False,
+        )

@@ -1,0 +1,79 @@
+"""Whether the encrypted signal is found where E1 predicts it: step 1 of every level [WFO, Sec. IV-A].
+
+Significant E6 correlation power is looked for at the offset that E1 predicts, against the post-correlation noise of a
+code that is not in the signal, so that pushing up the power does not help an attacker.
+
+A missing E6 signal is an alarm, unless the C/N0 on E1 says that it would often be missed anyway: with a predicted
+probability of detection below `min_pd` nothing follows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability
+from vestige.records.checks import CheckName, CheckSeries
+
+MIN_PD = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6PowerCheck:
+    """Whether the encrypted signal is there.
+
+    The statistic is the number of signals that E1 predicts and that are missing, 0 or 1; the check fails above 0.
+
+    Attributes
+    ----------
+    min_pd
+        Smallest predicted probability of detection with which a missing signal means anything.
+    """
+
+    min_pd: float = MIN_PD
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E6_POWER
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "signals missing"
+
+    @property
+    def p_fa(self) -> float:
+        """Upper limit of the false-alarm probability of one test: that of a miss at the smallest P_d that counts."""
+        return 1 - self.min_pd
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        measured = evidence.measured
+        detected = measured.detected.tap >= 0
+        correlated = measured.availability == Availability.CORRELATED
+        run = correlated & (detected | (measured.predicted_pd >= self.min_pd))
+        statistic = np.where(run, (~detected).astype(np.float64), np.nan)
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return measured.why_unavailable(epoch, satellite)
+            if run[here]:
+                return "no encrypted signal where E1 predicts it"
+            predicted = measured.predicted_pd[here]
+            if np.isnan(predicted):
+                return "C/N0 on E1 is not known, so nothing follows from a missing signal"
+            return f"E1 predicts a detection probability of {predicted:.2g} only, below {self.min_pd:g}"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.zeros(evidence.shape),
+            explain=explain,
+            exact=False,
+        )

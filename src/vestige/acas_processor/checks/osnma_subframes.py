@@ -1,0 +1,113 @@
+"""OSNMA subframe by subframe, beside a second channel: what the three OSNMA checks count [WFO, Sec. IV-C].
+
+A subframe is judged at the first epoch after its end. Its key counts as received if one
+satellite brought all pages that hold it, and none of them differs from what the second channel has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int64
+
+from vestige.acas_processor.memory import OsnmaMemory, Subframe
+from vestige.records.snapshot_block import OsnmaBlock
+
+PAGES = 15  # of a subframe [OS-ICD, 4.3]
+WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
+KEY_BIT = 1 << PAGES  # a key that is compared as a whole
+_KEY_PAGES = sum(1 << page for page in range(10, 15))  # hold the bits of a key of 128 bits [OSNMA-ICD]
+
+
+_NO_PIECES = OsnmaBlock(
+    epoch=np.zeros(0, np.int64),
+    subframe=np.zeros(0, np.int64),
+    due=np.zeros((0, 0), np.int64),
+    received=np.zeros((0, 0), np.int64),
+    differs=np.zeros((0, 0), np.int64),
+    last=np.zeros(0, np.bool_),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subframes:
+    """The k subframes that ended in a block.
+
+    Attributes
+    ----------
+    epoch
+        Row at which each is judged.
+    missing, window
+        Subframes without a key among the last ones, and how many those are.
+    due, lost, received, differs
+        Pages, or keys, of all satellites.
+    """
+
+    epoch: Int64[np.ndarray, " k"]
+    missing: Int64[np.ndarray, " k"]
+    window: Int64[np.ndarray, " k"]
+    due: Int64[np.ndarray, " k"]
+    lost: Int64[np.ndarray, " k"]
+    received: Int64[np.ndarray, " k"]
+    differs: Int64[np.ndarray, " k"]
+
+
+def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
+    """Return the subframes that ended in a block, and the memory after it.
+
+    Parameters
+    ----------
+    block
+        Pieces of subframes in order of time; None without a second channel.
+    svids
+        Satellites of the block.
+    memory
+        Of the blocks before.
+    """
+    keyed, current = memory.keyed, memory.open
+    rows: list[tuple[int, ...]] = []
+    if block is None:
+        block = _NO_PIECES
+    for piece in range(block.epoch.size):
+        start = int(block.subframe[piece])
+        if current is not None and start != current.start:
+            current = None  # its last pieces never came: nothing is said of it
+        current = _joined(current or Subframe(start=start), block, piece, svids)
+        if not block.last[piece]:
+            continue
+        counts = _counts(current)
+        keyed = (*keyed, counts[0])[-WINDOW:]
+        rows.append((int(block.epoch[piece]), keyed.count(False), len(keyed), *counts[1:]))
+        current = None
+    columns = np.array(rows, np.int64).reshape(-1, 7).T
+    names = ("epoch", "missing", "window", "due", "lost", "received", "differs")
+    return Subframes(**dict(zip(names, columns, strict=True))), OsnmaMemory(keyed=keyed, open=current)
+
+
+def _joined(known: Subframe, block: OsnmaBlock, piece: int, svids: tuple[int, ...]) -> Subframe:
+    """Return a subframe with one more piece."""
+
+    def joined(bits: dict[int, int], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
+        return {svid: bits.get(svid, 0) | int(new) for svid, new in zip(svids, more, strict=True)}
+
+    return Subframe(
+        start=known.start,
+        due=joined(dict(known.due), block.due[piece]),
+        received=joined(dict(known.received), block.received[piece]),
+        differs=joined(dict(known.differs), block.differs[piece]),
+    )
+
+
+def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:
+    """Return whether the key came, and how many pages were due, lost, received and different."""
+    keyed, due, lost, received, differs = False, 0, 0, 0, 0
+    for svid, bits in known.due.items():
+        came, wrong = known.received.get(svid, 0), known.differs.get(svid, 0)
+        right = came & ~wrong
+        keyed |= bool(right & KEY_BIT) or right & _KEY_PAGES == _KEY_PAGES
+        due += bits.bit_count()
+        lost += (bits & ~came).bit_count()
+        received += came.bit_count()
+        differs += (came & wrong).bit_count()
+    return keyed, due, lost, received, differs

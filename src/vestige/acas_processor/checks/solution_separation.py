@@ -1,0 +1,144 @@
+"""Solution separation as a check: whether the position without each satellite is where the position with all is.
+
+See `navigation/raim.py` for the theory. A pull of all satellites together, in time or in position, is not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from vestige.acas_processor.checks.check import check_budget, two_sided_detection
+from vestige.acas_processor.evidence import Evidence
+from vestige.navigation.position_fix import UNKNOWNS, Fix, local_geometry
+from vestige.navigation.raim import redundancy, separation_factor, solution_separation
+from vestige.records.checks import CheckName, CheckSeries
+
+_AXES = ("east", "north", "up")
+
+
+def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
+    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite, NaN where not defined, and how many are defined."""
+    parts = redundancy(local_geometry(fix), fix.weight)
+    separation = solution_separation(parts, fix.residual_m, fix.weight)
+    sigma = separation.sigma_m[:, :3]
+    # an axis that a satellite hardly touches has a σ of rounding errors
+    touched = sigma > 1e-9
+    modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
+    return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
+
+
+def largest_separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+    """Return `separations` of the satellite that has the largest, axis by axis, and how many satellites there are."""
+    sigmas, modes = separations(fix)
+    return _largest(sigmas), modes
+
+
+def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
+    """Return the largest number of the last axis, NaN where there is none."""
+    known = np.isfinite(values)
+    found = np.max(np.where(known, values, -np.inf), axis=-1, initial=-np.inf)
+    return np.where(known.any(axis=-1), found, np.nan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolutionSeparationMonitor:
+    """Whether the position without each satellite is where the position with all is.
+
+    The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes, so its threshold is 1.
+
+    Attributes
+    ----------
+    p_fa_horizontal, p_fa_vertical
+        False-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one.
+    """
+
+    p_fa_horizontal: float = 9e-8  # LPV-200
+    p_fa_vertical: float = 3.9e-6  # LPV-200
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.SOLUTION_SEPARATION
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "thresholds"
+
+    @property
+    def p_fa(self) -> float:
+        """False-alarm probability of one epoch; a bound, as the modes depend on each other."""
+        return self.p_fa_horizontal + self.p_fa_vertical
+
+    @classmethod
+    def of_budget(cls, p_fa: float) -> SolutionSeparationMonitor:
+        """Return the monitor of one budget for all axes: half of it horizontal, half vertical."""
+        return cls(p_fa_horizontal=p_fa / 2, p_fa_vertical=p_fa / 2)
+
+    def factors(self, modes: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Return K of east, north and up, for so many satellites left out in turn."""
+        axes = (self.p_fa_horizontal / 2, self.p_fa_horizontal / 2, self.p_fa_vertical)
+        counts, place = np.unique(modes, return_inverse=True)
+        table = [[separation_factor(p_fa, max(count, 1)) for p_fa in axes] for count in counts.tolist()]
+        return np.array(table, np.float64).reshape(-1, len(axes))[place]
+
+    def ratios(self, fix: Fix) -> Float[np.ndarray, "n 3 m"]:
+        """Return |Δx_q| over its threshold for east, north, up and every satellite; NaN where not defined."""
+        sigmas, modes = separations(fix)
+        return sigmas / self.factors(modes)[..., None]
+
+    def statistic(self, fix: Fix) -> Float[np.ndarray, " n"]:
+        """Return the largest ratio of every epoch, NaN without redundancy."""
+        return self.over_threshold(*largest_separations(fix))
+
+    def over_threshold(
+        self, largest: Float[np.ndarray, "n 3"], modes: Int[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return `statistic` from what `largest_separations` found: that knows no budget, and this no fix."""
+        return _largest(largest / self.factors(modes))
+
+    def probability_of_detection(
+        self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " k"]:
+        """Return the probability that leaving out the biased satellite of a column shows it, in the first epoch.
+
+        Other satellites may show it too: a lower bound.
+        """
+        share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
+        used = int(fix.n_used[0])
+        single = min(self.p_fa_horizontal / 2, self.p_fa_vertical, key=lambda p: separation_factor(p, used)) / used
+        return two_sided_detection(bias_m * np.sqrt(fix.weight[0, column] * share), single)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        fix, svids = evidence.measured.fix, evidence.measured.snapshots.svids
+        nothing = np.full(evidence.shape[0], np.nan)
+        used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites
+        statistic = nothing if fix is None else self.over_threshold(fix.separation_sigmas, fix.separation_modes)
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if fix is None or not used[epoch]:
+                return "no position fix"
+            if used[epoch] <= UNKNOWNS:
+                return f"{used[epoch]} satellites leave nothing to compare"
+            ratios = self.ratios(fix.at(epoch))[0]
+            known = np.where(np.isfinite(ratios), ratios, -np.inf)
+            axis, column = np.unravel_index(int(np.argmax(known)), known.shape)
+            svid = svids[int(column)]
+            return f"without E{svid:02d} the position moves too far {_AXES[axis]}"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.ones(statistic.shape),
+            explain=explain,
+            exact=False,
+        )

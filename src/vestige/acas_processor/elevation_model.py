@@ -1,0 +1,43 @@
+"""What depends on the elevation of a satellite: multipath power and the way through the ionosphere.
+
+multipath    −14 dB at 5° to −18 dB at 30° in a straight line, −22 dB above; the paper's −15.8 dB stands at 16.25°
+ionosphere   M(e) = 1/√(1 − (R cos e/(R + h))²) of a thin shell at h = 350 km
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+_EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
+REFERENCE_OBLIQUITY_DEG = 17.5  # the middle of the elevations that the presets of the ionosphere are for
+LOWEST_DEG, HIGH_DEG = 5.0, 30.0
+MULTIPATH_DB = (-14.0, -18.0)  # at the two
+OPEN_SKY_DB = -22.0
+REFERENCE_MULTIPATH_DB = -15.8  # [WFO, Sec. VI-A]
+_GRID_DEG = np.arange(0.0, 90.5, 0.5)
+
+
+def multipath_power_db(elevation_deg: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return the mean power of all rays over the direct signal in dB."""
+    low_db = np.interp(elevation_deg, [LOWEST_DEG, HIGH_DEG], MULTIPATH_DB)
+    return np.where(np.asarray(elevation_deg) > HIGH_DEG, OPEN_SKY_DB, low_db)
+
+
+def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return the amplitude of rays over that at the elevation with the paper's power; 1 where it is not known."""
+    degrees = np.degrees(np.where(np.isfinite(elevation_rad), elevation_rad, 0.0))
+    power_db = multipath_power_db(np.maximum(_GRID_DEG, LOWEST_DEG))
+    place = np.clip(np.round(degrees * 2), 0, power_db.size - 1).astype(np.int64)
+    amplitude = 10 ** ((power_db[place] - REFERENCE_MULTIPATH_DB) / 20)
+    return np.where(np.isfinite(elevation_rad), amplitude, 1.0)
+
+
+def obliquity(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return M(e) over M(17.5°); below the horizon that of the horizon."""
+    return _mapping(elevation_rad) / _mapping(np.radians(np.array([REFERENCE_OBLIQUITY_DEG])))
+
+
+def _mapping(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    across = np.cos(np.maximum(elevation_rad, 0.0)) * _EARTH_M / (_EARTH_M + _SHELL_M)
+    return 1 / np.sqrt(1 - across**2)

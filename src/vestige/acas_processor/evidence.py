@@ -1,0 +1,50 @@
+"""What the checks look at: a measured block, and what the receiver remembers from before it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.baseline import Quantity, Reference
+from vestige.acas_processor.checks.osnma_subframes import Subframes
+from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.memory import ClockMemory, RateMemory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """A block as the checks see it.
+
+    Attributes
+    ----------
+    measured
+        The block.
+    time_s
+        float64[n], times of its epochs after the first epoch that the receiver ever processed.
+    elevation_rad
+        float64[n, m], seen from the last known position; NaN if there was none yet.
+    observed, references
+        What was measured of each quantity, and what is usual of it.
+    subframes
+        OSNMA of the subframes that ended in the block.
+    clock, rates
+        What is remembered of the epochs before the block.
+    """
+
+    measured: MeasurementBlock
+    time_s: Float[np.ndarray, " n"]
+    elevation_rad: Float[np.ndarray, "n m"]
+    observed: Mapping[Quantity, Float[np.ndarray, "*n"]]
+    references: Mapping[Quantity, Reference]
+    subframes: Subframes
+    clock: ClockMemory
+    rates: RateMemory | None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of epochs and satellites."""
+        epochs, satellites = self.measured.snapshots.asked.shape
+        return epochs, satellites

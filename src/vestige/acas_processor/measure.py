@@ -1,0 +1,189 @@
+"""From snapshots to measurements: heavy and pure, each epoch by itself [WFO, Sec. II-B, III].
+
+For one satellite and epoch it goes
+
+    RECS of this epoch → key validated and not yet disclosed when the samples were taken → chips
+    → hand-over from E1 → bank of correlators → threshold → detector → range offset
+
+and stops at the first step that is impossible; `Availability` says which. Nothing here knows where the snapshot came
+from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.detection_block import detect_block
+from vestige.acas_processor.handover import assisted_delay_m, hand_over
+from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
+from vestige.acas_processor.thresholds import probability_of_detection, threshold
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.disclosure import provably_before_disclosure
+from vestige.crypto.recs import decrypt
+from vestige.records import Handover
+from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
+from vestige.records.snapshot_block import BankBlock, SnapshotBlock
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+
+_CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different value would take most of the time
+
+
+def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
+    """Return what can be measured of every satellite that E1 observes.
+
+    Parameters
+    ----------
+    processor
+        With its settings.
+    snapshots
+        The block.
+    assistance
+        RECS, keys, group delays.
+    """
+    lookup = assistance.recs_of(snapshots)
+    availability = _before_samples(snapshots, lookup.block)
+    asked = availability == Availability.CORRELATED
+    handovers = _DecryptedHandovers(processor, snapshots, assistance, lookup)
+    banks = _banks(processor, snapshots, asked, handovers)
+    availability[asked & np.isnan(banks.noise_power)] = Availability.OUTSIDE
+    availability[handovers.too_late] = Availability.NOT_PROVEN
+    availability[asked & (banks.noise_power <= 0)] = Availability.ZERO
+    correlated = availability == Availability.CORRELATED
+    expected_dbhz = snapshots.e1.cn0_dbhz + processor.e6_over_e1_db
+    return MeasurementBlock(
+        snapshots=snapshots,
+        recs=lookup.block,
+        availability=availability,
+        banks=banks,
+        detected=detect(processor, banks, correlated),
+        predicted_pd=_predicted_pd(expected_dbhz, correlated, banks.integration_s, processor.p_fa),
+        expected_s=handovers.expected_s,
+        doppler_e6_hz=handovers.doppler_e6_hz,
+        fix=processor.monitoring.fix.measure(snapshots.time, snapshots.svids, snapshots.e1),
+    )
+
+
+def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
+    """Return what the processor's detector says of banks.
+
+    Parameters
+    ----------
+    processor
+        With its detector and threshold.
+    banks
+        The banks.
+    correlated
+        Which of them are there.
+    """
+    limit = float(threshold(processor.p_fa))
+    found = detect_block(
+        banks.taps[correlated],
+        banks.noise_power[correlated],
+        banks.offsets_m,
+        detector=processor.detector,
+        threshold_sigma=limit,
+    )
+    tap = np.full(correlated.shape, -1, np.int64)
+    tap[correlated] = found.tap
+    values = []
+    for one in (found.magnitude_sigma, found.phase_rad, found.range_offset_m):
+        values.append(np.full(correlated.shape, np.nan))
+        values[-1][correlated] = one
+    return DetectedBlock(
+        tap=tap,
+        magnitude_sigma=values[0],
+        phase_rad=values[1],
+        range_offset_m=values[2],
+        threshold_sigma=limit,
+    )
+
+
+def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
+    """Return how far each satellite comes before samples are looked at; the first impossible step counts."""
+    lead_s = recs.disclosed - snapshots.received_at
+    secret = provably_before_disclosure(lead_s, snapshots.time_uncertainty_s[:, None])
+    availability = np.full(snapshots.asked.shape, Availability.CORRELATED, np.int8)
+    if snapshots.e6 is None:
+        availability[:] = Availability.NO_SAMPLES
+    availability[~secret] = Availability.NOT_PROVEN
+    availability[~recs.with_key] = Availability.NO_KEY
+    availability[~recs.found] = Availability.NO_RECS
+    availability[~snapshots.e1.seen] = Availability.NOT_SEEN
+    return availability
+
+
+def _banks(
+    processor: AcasProcessor, snapshots: SnapshotBlock, asked: Bool[np.ndarray, "n m"], handovers: _DecryptedHandovers
+) -> BankBlock:
+    if snapshots.e6 is not None:
+        return snapshots.e6.correlate(asked, handovers, processor.offsets_m)
+    taps = np.full((*asked.shape, processor.n_taps), np.nan + 0j)
+    return BankBlock(
+        offsets_m=processor.offsets_m,
+        taps=taps,
+        noise_power=np.full(asked.shape, np.nan),
+        integration_s=np.full(asked.shape, np.nan),
+    )
+
+
+def _predicted_pd(
+    expected_dbhz: Float[np.ndarray, "n m"],
+    correlated: Bool[np.ndarray, "n m"],
+    integration_s: Float[np.ndarray, "n m"],
+    p_fa: float,
+) -> Float[np.ndarray, "n m"]:
+    known = correlated & ~np.isnan(expected_dbhz)
+    predicted = np.full(known.shape, np.nan)
+    if known.any():
+        for length_s in np.unique(integration_s[known]).tolist():
+            here = known & (integration_s == length_s)
+            levels, place = np.unique(np.round(expected_dbhz[here], _CN0_DECIMALS), return_inverse=True)
+            predicted[here] = probability_of_detection(levels, length_s, p_fa)[place]
+    return predicted
+
+
+@dataclass(slots=True, eq=False)
+class _DecryptedHandovers:
+    """Hand-overs of a block; chips are decrypted when a hand-over is asked for, once for each RECS."""
+
+    processor: AcasProcessor
+    snapshots: SnapshotBlock
+    assistance: AssistanceData
+    lookup: RecsLookup
+    expected_s: np.ndarray = None  # type: ignore[assignment]
+
+    doppler_e6_hz: np.ndarray = None  # type: ignore[assignment]
+    too_late: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        self.expected_s, self.doppler_e6_hz = np.full((2, *self.snapshots.asked.shape), np.nan)
+        self.too_late = np.zeros(self.snapshots.asked.shape, np.bool_)
+
+    def at(self, epoch: int, satellite: int) -> Handover | None:
+        """Return the hand-over of one satellite at one epoch.
+
+        None if the window that it asks for does not end provably before the disclosure of the key, whatever the source
+        says of the time at which it received the samples.
+        """
+        segment, key = self.lookup.segment(epoch, satellite)
+        time = self.snapshots.time.at(epoch)
+        processor = self.processor
+        delay_m = assisted_delay_m(self.assistance, segment.svid, time, processor.group_delay_convention)
+        chips = decrypt(segment, key, mode=processor.cipher_mode)
+        observation = self.snapshots.e1.observation(segment.svid, epoch, satellite)
+        handover = hand_over(observation, time, chips, delay_m=delay_m, e6_over_e1_db=processor.e6_over_e1_db)
+        self.expected_s[epoch, satellite] = handover.start_time - time
+        self.doppler_e6_hz[epoch, satellite] = handover.doppler_hz
+        duration_s = chips.chips.size / chips.chip_rate_hz
+        end = handover.start_time + (duration_s + float(processor.offsets_m[-1]) / SPEED_OF_LIGHT_MPS)
+        uncertainty_s = float(self.snapshots.time_uncertainty_s[epoch])
+        if not provably_before_disclosure(key.disclosed_at - end, uncertainty_s):
+            self.too_late[epoch, satellite] = True
+            return None
+        return handover

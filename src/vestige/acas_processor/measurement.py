@@ -1,0 +1,166 @@
+"""What was measured of n epochs and m satellites, without memory: all that the checks look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Float, Int, Int8, Int64
+
+from vestige.navigation.position_fix import Fix, Transmission
+from vestige.records.recs_block import RecsBlock
+from vestige.records.snapshot_block import BankBlock, SnapshotBlock
+
+
+class Availability(IntEnum):
+    """How far the measurement of E6 came."""
+
+    CORRELATED = 0
+    NOT_SEEN = 1
+    NO_RECS = 2
+    NO_KEY = 3
+    NOT_PROVEN = 4
+    NO_SAMPLES = 5
+    OUTSIDE = 6
+    ZERO = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DetectedBlock:
+    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected.
+
+    Attributes
+    ----------
+    tap
+        Index of the punctual correlator.
+    magnitude_sigma, phase_rad
+        Its magnitude in standard deviations of the noise per dimension, and its phase.
+    range_offset_m
+        Measured minus predicted E6 range.
+    threshold_sigma
+        What the magnitude had to exceed.
+    """
+
+    tap: Int[np.ndarray, "n m"]
+    magnitude_sigma: Float[np.ndarray, "n m"]
+    phase_rad: Float[np.ndarray, "n m"]
+    range_offset_m: Float[np.ndarray, "n m"]
+    threshold_sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FixBlock:
+    """The position fix of each epoch out of all E1 pseudoranges; NaN where there is none.
+
+    Attributes
+    ----------
+    fix, sent
+        The fix, and the satellites at transmission; NaN for satellites without an orbit.
+    sigma_m
+        float64[n, m], standard deviation of each pseudorange as the receiver assumes it.
+    range_rate_mps, static_range_rate_mps, sigma_rate_mps
+        float64[n, m]: measured rate of the pseudorange, that of a receiver and a clock that stand still, and the
+        standard deviation of the first.
+    drift_mps, sigma_drift_mps, own_sigma_clock_m
+        Rate of the receiver clock times c, and standard deviations of that and of the clock, without what satellites
+        have in common.
+    raim_statistic
+        Weighted sum of squared residuals; NaN without redundancy.
+    separation_sigmas, separation_modes
+        Largest separations east, north, up in standard deviations, and the number of satellites left out in turn.
+    """
+
+    fix: Fix
+    sent: Transmission
+    sigma_m: Float[np.ndarray, "n m"]
+    range_rate_mps: Float[np.ndarray, "n m"]
+    static_range_rate_mps: Float[np.ndarray, "n m"]
+    sigma_rate_mps: Float[np.ndarray, "n m"]
+    drift_mps: Float[np.ndarray, " n"]
+    sigma_drift_mps: Float[np.ndarray, " n"]
+    own_sigma_clock_m: Float[np.ndarray, " n"]
+    raim_statistic: Float[np.ndarray, " n"]
+    separation_sigmas: Float[np.ndarray, "n 3"]
+    separation_modes: Int64[np.ndarray, " n"]
+
+    @property
+    def satellites(self) -> Int64[np.ndarray, " n"]:
+        """Number of satellites used; 0 without a fix."""
+        return np.where(self.fix.valid, self.fix.n_used, 0).astype(np.int64)
+
+    def at(self, epoch: int) -> Fix:
+        """Return the fix of one epoch."""
+        one = slice(epoch, epoch + 1)
+        return Fix(**{item.name: getattr(self.fix, item.name)[one] for item in fields(Fix)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeasurementBlock:
+    """What was measured of n epochs and m satellites, each epoch by itself.
+
+    Attributes
+    ----------
+    snapshots
+        The block that was measured.
+    recs
+        RECS and keys.
+    availability
+        int8[n, m], values of `Availability`.
+    banks, detected
+        Correlators of E6, and what the detector says of them.
+    predicted_pd
+        Probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated.
+    expected_s, doppler_e6_hz
+        When E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing
+        was handed over one by one.
+    fix
+        Position fix; None without orbits.
+    """
+
+    snapshots: SnapshotBlock
+    recs: RecsBlock
+    availability: Int8[np.ndarray, "n m"]
+    banks: BankBlock
+    detected: DetectedBlock
+    predicted_pd: Float[np.ndarray, "n m"]
+    expected_s: Float[np.ndarray, "n m"]
+    doppler_e6_hz: Float[np.ndarray, "n m"]
+    fix: FixBlock | None = None
+
+    @property
+    def n_epochs(self) -> int:
+        """Number of epochs."""
+        return len(self.snapshots.time)
+
+    def why_unavailable(self, epoch: int, satellite: int) -> str:
+        """Return why no correlators were made of a satellite at an epoch; empty if they were."""
+        here = (epoch, satellite)
+        availability = Availability(int(self.availability[here]))
+        if availability is Availability.NO_KEY:
+            return f"no validated OSNMA key of {self.recs.key_time.at(*here)}"
+        if availability is Availability.NOT_PROVEN:
+            return self._why_not_proven(here)
+        return _WHY[availability]
+
+    def _why_not_proven(self, here: tuple[int, int]) -> str:
+        uncertainty_s = self.snapshots.time_uncertainty_s[here[0]]
+        if np.isinf(uncertainty_s):
+            return (
+                "not provably received before the key's disclosure: the upper limit of the receiver clock's error is "
+                "not known (time_uncertainty_s)"
+            )
+        return (
+            f"not provably received before the key's disclosure: samples until {self.snapshots.received_at.at(*here)} "
+            f"± {uncertainty_s:g} s, key on air from {self.recs.disclosed.at(*here)}"
+        )
+
+
+_WHY = {
+    Availability.CORRELATED: "",
+    Availability.NOT_SEEN: "not seen on E1",
+    Availability.NO_RECS: "no RECS of this satellite for this time",
+    Availability.NO_SAMPLES: "no E6 samples",
+    Availability.OUTSIDE: "the E6 samples do not hold the RECS where it is expected",
+    Availability.ZERO: "the E6 samples are all zero",
+}

@@ -1,0 +1,70 @@
+"""Which range of each satellite may be used, and the position that a snapshot authenticates [WFO, Sec. III-D, IV].
+
+What a RECS authenticates is the time since the RECS before. In epochs with RECS a range is in use
+
+1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
+   they are broadcast; that of the exhaustive search, if it was made, is the better one;
+2. where the correlators of the RECS hold two signals and the earlier one is where E1 says: that of E1;
+3. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
+
+Otherwise there is none. The position is the fix of all satellites with a range in use, four at least. It takes
+pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
+from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
+from vestige.navigation.position_fix import UNKNOWNS, position_fix
+from vestige.records import Status
+from vestige.records.checks import CheckName
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+
+
+def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock:
+    """Return verdicts with the ranges and positions that are in use."""
+    snapshots = block.measured.snapshots
+    authentic = POSITION[Status.AUTHENTIC]
+    e1_in_use = (block.status == authentic) & (block.state == authentic)
+    if CheckName.E6_SECOND_SIGNAL in block.failed:
+        earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
+        limit_m = processor.kappa * processor.budget.sigma_m
+        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & (np.abs(earlier_m) <= limit_m)
+    offset_m = np.full(block.status.shape, np.nan)
+    for search in (block.e1_search, block.exhaustive_search):  # the later one is the better one
+        offset_m = np.where(np.isfinite(search.earliest_m), search.earliest_m, offset_m)
+    earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
+    used = (e1_in_use | earlier) & snapshots.recs[:, None]
+    range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
+    block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier)
+    return replace(block, position=_positions(block, processor, range_m))
+
+
+def _positions(
+    block: VerdictBlock, processor: AcasProcessor, range_m: Float[np.ndarray, "n m"]
+) -> PositionBlock | None:
+    """Return the position of each epoch; None without orbits."""
+    measured, settings = block.measured, processor.monitoring.fix
+    if measured.fix is None:
+        return None
+    snapshots = measured.snapshots
+    if snapshots.data_authenticated is not None:
+        range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
+    n = range_m.shape[0]
+    position_m, covariance_m2 = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+    rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
+    if rows.size:
+        sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
+        found = position_fix(sent, range_m[rows], measured.fix.sigma_m[rows])
+        position_m[rows] = np.where(found.valid[:, None], found.position_m, np.nan)
+        covariance_m2[rows] = found.covariance_m2[:, :3, :3]
+    used: Bool[np.ndarray, "n m"] = np.isfinite(range_m) & np.isfinite(position_m[:, :1])
+    return PositionBlock(position_m=position_m, covariance_m2=covariance_m2, used=used)

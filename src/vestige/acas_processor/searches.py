@@ -1,0 +1,82 @@
+"""The two vestigial searches as checks: whether there is more than one signal of a satellite.
+
+Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each over to E6; step 5 of [WFO, Sec. IV-C] searches E6
+exhaustively. The statistic is the number of signals of a satellite, the threshold one. What an attacker can do against
+both: null the true signal, or bury it in noise; then the checks of E6 power and of received power see that.
+
+The search on E1 is made with every RECS, the exhaustive one as `search_schedule.py` says. Both search as far as the
+clock may be wrong (`TimeUncertainty`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int8, Int64
+
+from vestige.acas_processor.evidence import Evidence
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock
+
+NOT_DUE = SEARCH_NOT_RUN.index("not due") + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchResults:
+    """What a search said in a block of n epochs; NaN where it was not made.
+
+    Attributes
+    ----------
+    signals, carrying, earliest_m, not_run
+        As in `SearchBlock`, of every epoch.
+    """
+
+    signals: Float[np.ndarray, "n m"]
+    carrying: Float[np.ndarray, "n m"]
+    earliest_m: Float[np.ndarray, "n m"]
+    not_run: Int8[np.ndarray, "n m"]
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int]) -> SearchResults:
+        """Return results of a search that was never due."""
+        signals, carrying, earliest_m = np.full((3, *shape), np.nan)
+        not_run = np.full(shape, NOT_DUE, np.int8)
+        return cls(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run)
+
+    def put(self, epoch: Int64[np.ndarray, " k"], found: SearchBlock) -> None:
+        """Take in what was found at some epochs."""
+        for name in ("signals", "carrying", "earliest_m", "not_run"):
+            getattr(self, name)[epoch] = getattr(found, name)
+
+    @property
+    def twice(self) -> Bool[np.ndarray, "n m"]:
+        """Where more than one signal of a satellite was found."""
+        return self.signals > 1
+
+    def series(self, name: CheckName, p_fa: float, evidence: Evidence) -> CheckSeries:
+        """Return the search as a check."""
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if np.isnan(self.signals[here]):
+                if evidence.measured.snapshots.searches is None:
+                    return "no samples to search"
+                return SEARCH_NOT_RUN[max(int(self.not_run[here]), 1) - 1]
+            text = f"{self.signals[here]:.0f} signals of one satellite: "
+            if not self.carrying[here] > 1:
+                return f"{text}E6 does not say which is the true one"
+            text = f"{text}{self.carrying[here]:.0f} carry the encrypted chips; "
+            if np.isnan(self.earliest_m[here]):
+                return f"{text}all of them when their key may have been known"
+            return f"{text}the earliest, {self.earliest_m[here]:+.1f} m from where E1 puts it, is the true one"
+
+        return CheckSeries(
+            name=name,
+            unit="signals",
+            p_fa=p_fa,
+            statistic=self.signals,
+            threshold=np.where(np.isnan(self.signals), np.nan, 1.0),
+            explain=explain,
+            exact=False,
+        )

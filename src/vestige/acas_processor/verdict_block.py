@@ -1,0 +1,150 @@
+"""What the processor says of n epochs and m satellites: verdicts, states, checks, ranges and positions in use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float, Int8
+
+from vestige.acas_processor.alarm import AlarmState, StateChange, state_changes
+from vestige.acas_processor.levels import LEVELS, MINIMUM, OTHERS
+from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.searches import SearchResults
+from vestige.records import Status, Verdict
+from vestige.records.checks import CheckName, CheckSeries
+
+STATUSES = tuple(Status)
+POSITION = {status: place for place, status in enumerate(STATUSES)}  # how arrays write a status
+_NO_KEY = (Availability.NOT_SEEN, Availability.NO_RECS, Availability.NO_KEY, Availability.NOT_PROVEN)
+_NOTHING = np.zeros((0, 0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PositionBlock:
+    """The position that each epoch authenticates; NaN where there is none.
+
+    Attributes
+    ----------
+    position_m, covariance_m2
+        ECEF.
+    used
+        bool[n, m], satellites of which a range is used.
+    """
+
+    position_m: Float[np.ndarray, "n 3"]
+    covariance_m2: Float[np.ndarray, "n 3 3"]
+    used: Bool[np.ndarray, "n m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VerdictBlock:
+    """What the processor says of n epochs and m satellites at one mitigation level.
+
+    Attributes
+    ----------
+    measured
+        What was judged.
+    level
+        Mitigation level.
+    status, cause
+        int8[n, m], the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`).
+    state
+        int8[n, m], what a receiver shows its user after that epoch.
+    before
+        What it showed before the block.
+    due
+        bool[n, m], where a verdict is due.
+    checks, failed
+        Every check of the level that could be made, and where it failed, after confirmation.
+    e1_search, exhaustive_search
+        What the searches found.
+    searched
+        bool[n], epochs in which the exhaustive search was made.
+    true_offset_m
+        As in `Verdict`.
+    range_in_use_m, earlier
+        Pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1.
+    position
+        Position of each epoch; None without orbits.
+    """
+
+    measured: MeasurementBlock
+    level: int
+    status: Int8[np.ndarray, "n m"]
+    cause: Int8[np.ndarray, "n m"]
+    state: Int8[np.ndarray, "n m"]
+    before: AlarmState
+    due: Bool[np.ndarray, "n m"]
+    checks: Mapping[CheckName, CheckSeries]
+    failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]
+    e1_search: SearchResults
+    exhaustive_search: SearchResults
+    searched: Bool[np.ndarray, " n"]
+    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
+    position: PositionBlock | None = None
+
+    @property
+    def found_twice(self) -> Bool[np.ndarray, "n m"]:
+        """Where a search found more than one signal of a satellite."""
+        return self.e1_search.twice | self.exhaustive_search.twice
+
+    def verdicts(self) -> Iterator[Verdict]:
+        """Yield the verdicts that are due, epoch by epoch, satellites in ascending order."""
+        for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(self.due)), strict=True):
+            yield self.verdict(epoch, satellite)
+
+    def verdict(self, epoch: int, satellite: int) -> Verdict:
+        """Return the verdict of one satellite at one epoch, with its checks and its reason."""
+        here, snapshots = (epoch, satellite), self.measured.snapshots
+        with_key = Availability(int(self.measured.availability[here])) not in _NO_KEY
+        return Verdict(
+            index=int(snapshots.index[epoch]),
+            time=snapshots.time.at(epoch),
+            available_at=self.measured.recs.complete.at(*here) if with_key else None,
+            svid=snapshots.svids[satellite],
+            level=self.level,
+            status=STATUSES[self.status[here]],
+            checks=tuple(series.result(epoch, satellite) for series in self.checks.values()),
+            range_offset_m=float(self.measured.detected.range_offset_m[here]),
+            reason=self.reason(epoch, satellite),
+            true_offset_m=float(self.true_offset_m[here]),
+        )
+
+    def reason(self, epoch: int, satellite: int) -> str:
+        """Return in one line why a satellite has its status at an epoch."""
+        here, cause = (epoch, satellite), int(self.cause[epoch, satellite])
+        if STATUSES[self.status[here]] is Status.NOT_AVAILABLE:
+            return self._why_not_available(epoch, satellite)
+        if cause >= 0:
+            return self.checks[LEVELS[self.level][cause].name].explain(epoch, satellite)
+        if cause == OTHERS:
+            twice = np.flatnonzero(self.found_twice[epoch]).tolist()
+            names = " ".join(f"E{self.measured.snapshots.svids[column]:02d}" for column in twice)
+            return f"{names}: more than one signal"
+        missing = [name for name, one in self.checks.items() if not one.run[one.place(*here)]]
+        if missing:
+            return f"all checks that could be run passed; not run: {', '.join(missing)}"
+        return "all checks passed"
+
+    def _why_not_available(self, epoch: int, satellite: int) -> str:
+        why = self.measured.why_unavailable(epoch, satellite)
+        if why:
+            return why
+        return next((text for name in MINIMUM if (text := self.checks[name].explain(epoch, satellite))), "")
+
+    def changes(self) -> Iterator[StateChange]:
+        """Yield where the state of a satellite changes, in order of time."""
+        snapshots = self.measured.snapshots
+        for epoch, column, before, after in state_changes(snapshots.svids, self.state, self.before):
+            same = STATUSES[self.status[epoch, column]] is after
+            yield StateChange(
+                time=snapshots.time.at(epoch),
+                svid=snapshots.svids[column],
+                before=before,
+                after=after,
+                reason=self.reason(epoch, column) if same else "",
+            )

@@ -1,0 +1,1 @@
+"""What the simulated receiver hands to the processor, made from the truth of a block of epochs."""

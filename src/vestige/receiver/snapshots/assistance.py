@@ -1,0 +1,115 @@
+"""What the simulated service gives the receiver: the RECS of every satellite, made when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Int64
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.recs import CipherMode
+from vestige.receiver.simulation import KEY_ON_AIR, Simulation
+from vestige.receiver.snapshots.e6 import DrawnE6, SampledE6
+from vestige.receiver.snapshots.osnma import OsnmaReception
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.records import EncryptedSegment, GroupDelay
+from vestige.records.recs_block import RecsBlock
+from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.times import GalileoTimes
+from vestige.validated_key import ValidatedKey
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedAssistance:
+    """RECS and keys of a simulated receiver; nothing is predicted of the delay between the bands.
+
+    Which keys the receiver gets hangs on what it hears: a lookup asks the block's own E6, which knows.
+
+    Attributes
+    ----------
+    simulations
+        Of each satellite.
+    every
+        Every how many epochs there is a RECS.
+    mode
+        Cipher of the service.
+    """
+
+    simulations: tuple[Simulation, ...]
+    every: int
+    mode: CipherMode = CipherMode.CBC
+    group_delays: tuple[GroupDelay, ...] = ()
+    hardware_bias_e1_e6_s: float = 0.0
+    ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
+
+    def recs_of(self, snapshots: SnapshotBlock) -> SimulatedRecs:
+        """Return the RECS that the satellites of a block sent, with their keys."""
+        if not isinstance(snapshots.e6, DrawnE6 | SampledE6):
+            raise TypeError("the assistance of a simulation is for its own snapshots")
+        return SimulatedRecs(assistance=self, block=recs_block(snapshots.e6.of), first=snapshots.e6.of.first)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SimulatedRecs:
+    """The RECS of a block; each is encrypted when it is asked for.
+
+    Attributes
+    ----------
+    assistance
+        Of the receiver.
+    block
+        What there is.
+    first
+        Number of the first epoch.
+    """
+
+    assistance: SimulatedAssistance
+    block: RecsBlock
+    first: int
+
+    def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return the RECS of one satellite at one epoch, and its key."""
+        number = (self.first + epoch) // self.assistance.every
+        return self.assistance.simulations[satellite].segment(number, self.assistance.mode)
+
+
+def recs_block(of: ReceiverTruth) -> RecsBlock:
+    """Return the RECS of a block: of every satellite, in every epoch that has some."""
+    simulation = of.simulations[0]
+    second = simulation.start.gst_seconds + np.round(10 * of.truth[0].time_s).astype(np.int64) // 10
+    key_s = SUBFRAME_S * (second // SUBFRAME_S + simulation.key_delay)
+    found, with_key = np.zeros((2, *of.shape), np.bool_)
+    found[of.rows] = True
+    with_key[of.rows] = _keys_received(of, key_s - simulation.start.gst_seconds)[of.rows, None]
+
+    def times(later_s: int) -> GalileoTimes:
+        return GalileoTimes(np.repeat((key_s + later_s)[:, None], of.shape[1], axis=1), np.zeros(of.shape))
+
+    return RecsBlock(
+        found=found,
+        with_key=with_key,
+        key_time=times(0),
+        disclosed=times(KEY_ON_AIR.disclosure_start_s),
+        complete=times(KEY_ON_AIR.disclosure_end_s),
+    )
+
+
+def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return whether the receiver gets the key of a RECS that is sent at each epoch.
+
+    Parameters
+    ----------
+    of
+        The block.
+    key_s
+        Start of the subframe of the key, in s after the scenario's start.
+    """
+    simulation = of.simulations[0]
+    if simulation.elevation is not None:
+        return OsnmaReception(of=of).key_received
+    if not simulation.spoofer.attacks:
+        return np.ones(of.n, np.bool_)
+    each_s, place = np.unique(key_s, return_inverse=True)
+    return np.array([not simulation.withheld(float(one)) for one in each_s], np.bool_)[place]

@@ -1,0 +1,123 @@
+"""What E1 tracking says of all satellites, epoch by epoch.
+
+A pseudorange holds geometry and receiver clock, noise, multipath and what an attack made of the loop. Under a sky it
+holds the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it is common to both bands and no
+part of the range check.
+
+A satellite that is out of view, or weaker than the loop can hold, is not there. So is nothing wrong with a pseudorange
+of 0.6 million kilometres under a sky: the fix says that the receiver's clock is wrong by 2 s, and its monitor asks why.
+On a single line of sight there is no other clock: one that is wrong by more than any travel time can explain follows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.receiver.e1_loop import LOCK_DBHZ
+from vestige.receiver.e1_samples import sampled_e1_taps, sampled_power_rise_db
+from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
+from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.truth import TruthBlock
+from vestige.records.snapshot_block import E1Block, FrontEndBlock
+
+
+def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return the true C/N0 of what E1 tracks, over all noise that there is."""
+    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.view.amplitude)
+
+
+def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return the ionosphere's residual on E1 in m; none on a single line of sight."""
+    if simulation.elevation is None:
+        return np.zeros(truth.time_s.size)
+    return truth.iono_diff_m / (GAMMA_E1_E6 - 1)
+
+
+def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return by how much the receiver's clock, and every time label with it, follows the attacker, times c."""
+    return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
+
+
+def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:
+    """Return whether E1 shows each satellite."""
+    return of.in_view & (of.each(tracked_cn0_dbhz) > LOCK_DBHZ)
+
+
+def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
+    """Return what E1 tracking and the front end of E1 say; without correlators there is no power either.
+
+    Parameters
+    ----------
+    of
+        The block.
+    fidelity
+        Whether correlators and power come out of samples.
+    with_taps
+        Whether E1 is tracked between two RECS.
+    """
+    shown = is_tracked(of)
+    taps, front_end = _taps_and_power(of, fidelity) if with_taps else (None, None)
+    to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+
+    def seen(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        return np.where(shown, values, np.nan)
+
+    return E1Block(
+        pseudorange_m=seen(pseudorange_m(of)),
+        carrier_phase_cycles=seen(-to_hz * of.each(_carrier_m)),
+        doppler_hz=seen(to_hz * of.each(range_rate_mps)),
+        doppler_rate_hz_per_s=seen(to_hz * of.each(lambda _, truth: truth.acceleration_mps2)),
+        cn0_dbhz=seen(of.each(lambda simulation, truth: _estimated(simulation, truth, of.first))),
+        taps=None if taps is None else np.where(shown[..., None], taps, np.nan),
+        tap_chips=() if taps is None else TAP_CHIPS,
+    ), front_end
+
+
+def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
+    """Return the E1 pseudoranges."""
+    error_m = of.e1_error_m - of.each(clock_follows_m)
+    return of.each(lambda _, truth: truth.range_m + truth.clock_m) + of.each(ionosphere_e1_m) + error_m
+
+
+def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    error_m = truth.e1.error_m - clock_follows_m(simulation, truth) + truth.e1_phase_noise_m
+    return truth.range_m + truth.clock_m - ionosphere_e1_m(simulation, truth) + error_m
+
+
+def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)
+    """Return its rate, as the Doppler says it."""
+    return truth.rate_mps + truth.clock_drift_mps + truth.e1_rate_noise_mps + truth.e1.rate_error_mps
+
+
+def _estimated(simulation: Simulation, truth: TruthBlock, first: int) -> Float[np.ndarray, " n"]:
+    cn0_dbhz = tracked_cn0_dbhz(simulation, truth)
+    return estimated_cn0_dbhz(cn0_dbhz, seed=simulation.seed, svid=simulation.svid, first=first)
+
+
+def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, FrontEndBlock]:
+    """Return correlators behind the gain control, and what that says of itself."""
+    nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.view.amplitude))
+    heard_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
+    if fidelity == "samples":
+        rise_db = read_db = sampled_power_rise_db(of.truth, heard_dbhz, of.svids, seed=of.seed, first=of.first)
+    else:
+        rise_db = power_rise_db(of.truth, heard_dbhz)
+        read_db = rise_db + power_noise_db(of.seed, of.first, rise_db.size)
+    taps = [
+        (sampled_e1_taps if fidelity == "samples" else e1_taps)(
+            truth,
+            nominal_dbhz[:, column],
+            of.e1_multipath_m[:, column],
+            with_rays=simulation.models.e1_multipath,
+            seed=of.seed,
+            svid=simulation.svid,
+            first=of.first,
+        )
+        for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True))
+    ]
+    front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=np.zeros(read_db.size, np.bool_))
+    return np.stack(taps, axis=1) * 10 ** (-rise_db / 20)[:, None, None], front_end

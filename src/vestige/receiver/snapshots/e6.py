@@ -1,0 +1,198 @@
+"""E6 of a block at both fidelities: banks that are drawn, or samples that are made when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
+from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
+from vestige.sample_processor.correlator import correlate
+
+_LIGHT_TIME_STEPS = 4  # as the hand-over's: each gains five decimals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnE6:
+    """E6 of the fidelity `correlators`: it draws what samples would give and never asks for chips."""
+
+    of: ReceiverTruth
+
+    def correlate(
+        self,
+        asked: Bool[np.ndarray, "n m"],
+        handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
+        offsets_m: Float[np.ndarray, " n_taps"],
+    ) -> BankBlock:
+        """Return the banks that are asked for; NaN elsewhere."""
+        of = self.of
+        taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
+        if of.recs_rows.size:
+            for column, (simulation, truth, arrived) in enumerate(
+                zip(of.simulations, of.of_recs, of.arrived, strict=True)
+            ):
+                if asked[of.rows, column].any():
+                    predicted_m = truth.iono_diff_m + truth.bias_m - of.e1_error_m[of.rows, column]
+                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m)
+                    taps[of.rows, column], noise_power[of.rows, column] = drawn
+                    integration_s[of.rows, column] = simulation.integration_s
+        asked = asked & of.in_view
+        return BankBlock(
+            offsets_m=offsets_m,
+            taps=np.where(asked[..., None], taps, np.nan),
+            noise_power=np.where(asked, noise_power, np.nan),
+            integration_s=np.where(asked, integration_s, np.nan),
+        )
+
+    def front_end(self) -> FrontEndBlock:
+        """Return what the front end says: the power of the band; the banks are those before its gain."""
+        of, simulation = self.of, self.of.simulations[0]
+        power_db, gain_db = np.full((2, of.n), np.nan)
+        if of.recs_rows.size:
+            heard_dbhz = np.stack(
+                [
+                    np.where(truth.view.in_view, one.cn0_dbhz + 20 * np.log10(truth.view.amplitude), np.nan)
+                    for one, truth in zip(of.simulations, of.of_recs, strict=True)
+                ],
+                axis=1,
+            )
+            bandwidth_hz = simulation.front_end.power_bandwidth_hz
+            power_db[of.rows] = e6_power_rise_db(of.of_recs, heard_dbhz, bandwidth_hz=bandwidth_hz) + power_noise_db(
+                of.seed,
+                of.first_recs,
+                of.recs_rows.size,
+                band=Band.E6,
+                bandwidth_hz=bandwidth_hz,
+                averaging_s=simulation.integration_s,
+            )
+            gain_db[of.rows] = 0.0
+        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=np.zeros(of.n, np.bool_))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledE6:
+    """E6 of the fidelity `samples`: each satellite has samples of its own, made when they are asked for and not kept.
+
+    What the front end said of them is kept.
+    """
+
+    of: ReceiverTruth
+    _statuses: dict[tuple[int, int], FrontEndStatus] = field(default_factory=dict)
+
+    def correlate(
+        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
+    ) -> BankBlock:
+        """Return the banks that are asked for; NaN elsewhere, and where the samples do not hold them."""
+        of = self.of
+        taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
+        with_recs = np.zeros(of.shape, np.bool_)
+        with_recs[of.rows] = of.in_view[of.rows]
+        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & with_recs)), strict=True):
+            handover = handovers.at(epoch, column)
+            if handover is None:
+                continue
+            handover = self._without_delay(handover, epoch, column)
+            bank = correlate(self.samples(epoch, column), handover, offsets_m)
+            if bank is not None:
+                taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
+                integration_s[epoch, column] = of.simulations[column].integration_s
+        return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
+
+    def samples(self, epoch: int, column: int) -> SampleBatch:
+        """Return the samples of one satellite and one epoch with RECS, labelled as E1 has them.
+
+        The ionosphere's residual on E1 delays both bands; a delay of seconds is taken off (`_without_delay`).
+        """
+        of = self.of
+        simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
+        batch, status = simulation.samples(of.first_recs + row, row, truth)
+        self._statuses[epoch, column] = status
+        here = self._here(epoch, column)
+        later_m = float((ionosphere_e1_m(simulation, here) - simulation.seconds_late_m(here))[0])
+        return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
+
+    def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
+        """Return a hand-over as it would be if no meaconer were seconds late.
+
+        A hand-over carries the pseudorange on for as long as it says that the signal travels. A meaconer's seconds are
+        no travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the
+        samples. On a single line of sight the clock that follows has done that already.
+        """
+        simulation, here = self.of.simulations[column], self._here(epoch, column)
+        late_m = float(simulation.seconds_late_m(here)[0])
+        if simulation.elevation is None or not late_m:
+            return handover
+        range_m, rate_mps = float(pseudorange_m(self.of)[epoch, column]), float(range_rate_mps(simulation, here)[0])
+        acceleration_mps2 = float(here.acceleration_mps2[0])
+        with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
+        return replace(
+            handover,
+            start_time=handover.start_time + (without_s - with_s),
+            doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
+        )
+
+    def _here(self, epoch: int, column: int) -> TruthBlock:
+        """Return the truth of one satellite and one epoch."""
+        return self.of.truth[column].part(slice(epoch, epoch + 1))
+
+    def front_end(self) -> FrontEndBlock:
+        """Return what the front end said around the RECS of all satellites: mean power and gain, and if any clipped."""
+        of = self.of
+        power_db, gain_db = np.full((2, of.n), np.nan)
+        saturated = np.zeros(of.n, np.bool_)
+        for epoch in of.recs_rows.tolist():
+            own = [self._status(epoch, column) for column in np.flatnonzero(of.in_view[epoch]).tolist()]
+            if own:
+                power_db[epoch] = np.mean([one.total_power_db for one in own])
+                gain_db[epoch] = np.mean([one.agc_gain_db for one in own])
+                saturated[epoch] = any(one.saturated for one in own)
+        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=saturated)
+
+    def _status(self, epoch: int, column: int) -> FrontEndStatus:
+        if (epoch, column) not in self._statuses:
+            self.samples(epoch, column)
+        return self._statuses[epoch, column]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontEnds(Mapping[Band, FrontEndBlock]):
+    """What the front ends say, that of E6 when it is asked for."""
+
+    e1: FrontEndBlock | None
+    e6: DrawnE6 | SampledE6
+    _known: dict[Band, FrontEndBlock] = field(default_factory=dict)
+
+    def __getitem__(self, band: Band) -> FrontEndBlock:
+        if band is Band.E1 and self.e1 is None:
+            raise KeyError(band)
+        if band not in self._known:
+            self._known[band] = self.e6.front_end() if self.e1 is None or band is Band.E6 else self.e1
+        return self._known[band]
+
+    def __iter__(self) -> Iterator[Band]:
+        return iter((Band.E6,) if self.e1 is None else (Band.E1, Band.E6))
+
+    def __len__(self) -> int:
+        return len(tuple(iter(self)))
+
+
+def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
+    """Return when a signal arrives that is sent now, as long as the pseudorange goes on as it does now."""
+    travel_s = 0.0
+    for _ in range(_LIGHT_TIME_STEPS):
+        travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
+    return travel_s
+
+
+def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return taps, noise power and integration time of a block in which nothing was correlated."""
+    noise_power, integration_s = np.full((2, *shape), np.nan)
+    return np.full((*shape, n_taps), np.nan + 0j), noise_power, integration_s

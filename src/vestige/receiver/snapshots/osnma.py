@@ -1,0 +1,161 @@
+"""OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is.
+
+A page is lost with the probability that belongs to the C/N0 of what E1 tracks at the epoch, changed by what the noise
+of an attack is at the time of the page: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
+breaks every page that is on air with it.
+
+An E1 loop on a counterfeit with data of the attacker's own demodulates those, with good checksums: no key among them
+validates, and no tag is over them. On a counterfeit that repeats the satellite's data it has the true ones. Of a key
+that comes later the loop of the epoch is asked, as it is for the C/N0.
+
+Data count as authenticated by the key that opens the RECS. That a receiver may still have those of half an hour ago is
+left out: a satellite whose pages are lost is left out of the authenticated fix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.inav import PAGE_S
+from vestige.receiver.osnma_reception import (
+    PAGES,
+    data_pages,
+    demodulated,
+    key_pages,
+    page_end_s,
+    page_loss,
+    pages_due,
+)
+from vestige.receiver.simulation import Simulation
+from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band
+from vestige.records.snapshot_block import OsnmaBlock
+
+
+@dataclass(frozen=True, kw_only=True)
+class OsnmaReception:
+    """OSNMA of a block of epochs of a sky.
+
+    Attributes
+    ----------
+    of
+        The block.
+    """
+
+    of: ReceiverTruth
+
+    @property
+    def week_s(self) -> Float[np.ndarray, " n"]:
+        """Epochs in s after the start of the week in which the scenario starts."""
+        return self.of.simulations[0].start.second + self.of.truth[0].time_s
+
+    @cached_property
+    def key_received(self) -> Bool[np.ndarray, " n"]:
+        """Whether the key of a RECS that is sent at each epoch is received: whole, from one satellite at least."""
+        pages = key_pages(self.week_s, self.of.simulations[0].key_delay)
+        return np.any(self._whole(pages), axis=0)
+
+    @property
+    def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
+        """Whether data and tag of each satellite are received that the key of a RECS of the epoch authenticates."""
+        pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
+        return np.stack(self._whole(pages), axis=1)
+
+    def block(self, interval_s: float) -> OsnmaBlock:
+        """Return the pages beside those of a second channel, which knows what every satellite in view sent.
+
+        Parameters
+        ----------
+        interval_s
+            Between epochs.
+        """
+        start = self.of.simulations[0].start
+        page = pages_due(self.week_s, interval_s)
+        received = np.stack(self._received(page), axis=2)
+        row, place = np.nonzero(page >= 0)
+        number = page[row, place] // PAGES
+        pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
+        epoch, subframe = pieces.T
+        due, came = np.zeros((2, epoch.size, self.of.shape[1]), np.int64)
+        bit = (np.int64(1) << place)[:, None]
+        np.bitwise_or.at(due, piece.ravel(), np.where(self.of.in_view[row], bit, 0))
+        np.bitwise_or.at(came, piece.ravel(), np.where(received[row, place], bit, 0))
+        forged = ~np.stack(self._true, axis=1)[epoch]
+        return OsnmaBlock(
+            epoch=epoch,
+            subframe=start.gst_seconds - start.second + SUBFRAME_S * subframe,
+            due=due,
+            received=came & due,
+            differs=np.where(forged, came & due, 0),
+            last=_ends(page[epoch], subframe, begun_s=start.second - interval_s, interval_s=interval_s),
+        )
+
+    def _whole(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, " n"]]:
+        """Return for each satellite whether all of some pages are received, and are its own."""
+        return [came.all(axis=1) & true for came, true in zip(self._received(pages), self._true, strict=True)]
+
+    @property
+    def _true(self) -> list[Bool[np.ndarray, " n"]]:
+        """Whether the data that are demodulated of each satellite are not the attacker's own."""
+        return [~one.e1.own_data for one in self.of.truth]
+
+    def _received(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, "n k"]]:
+        """Return for each satellite which pages are received."""
+        simulation = self.of.simulations[0]
+        end_s = page_end_s(pages) - simulation.start.second
+        jammed = _withheld(simulation, end_s)
+        return [
+            demodulated(
+                pages,
+                page_loss(_cn0_of_pages(one, truth, end_s - PAGE_S / 2), one.models.e1_tracking),
+                seed=self.of.seed,
+                svid=one.svid,
+            )
+            & ~jammed
+            for one, truth in zip(self.of.simulations, self.of.truth, strict=True)
+        ]
+
+
+def _ends(
+    page: Int64[np.ndarray, "k 15"], subframe: Int64[np.ndarray, " k"], *, begun_s: float, interval_s: float
+) -> Bool[np.ndarray, " k"]:
+    """Return which pieces have the end of a subframe that the run holds from its first page on.
+
+    Parameters
+    ----------
+    page, subframe
+        Pages that were due at the epoch of each piece, and the number of its subframe.
+    begun_s, interval_s
+        When the first epoch began to look, in s after the start of the week, and how long an epoch looks.
+    """
+    looks_at_all = interval_s >= SUBFRAME_S
+    whole = looks_at_all | (page_end_s(subframe * PAGES) > begun_s)
+    return whole & np.any(page == (subframe * PAGES + PAGES - 1)[:, None], axis=1)
+
+
+def _cn0_of_pages(
+    simulation: Simulation, truth: TruthBlock, middle_s: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "n k"]:
+    """Return the C/N0 while pages are on air, −∞ while the satellite is not in view."""
+    at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
+    seen = np.where(truth.view.in_view, at_epoch, -np.inf)[:, None]
+    if not simulation.spoofer.attacks:
+        return np.broadcast_to(seen, middle_s.shape)
+    effects = simulation.spoofer.effects(Band.E1, simulation.svid, np.maximum(middle_s, 0.0).ravel())
+    return seen - 10 * np.log10(1 + effects.rise(Band.E1)).reshape(middle_s.shape)
+
+
+def _withheld(simulation: Simulation, end_s: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, "n k"]:
+    """Return whether an attack breaks pages, whatever the C/N0."""
+    if not simulation.spoofer.attacks:
+        return np.zeros(end_s.shape, bool)
+    ends_s, place = np.unique(end_s, return_inverse=True)
+    broken = [simulation.spoofer.withholds_osnma(float(one) - PAGE_S, float(one)) for one in ends_s]
+    return np.array(broken)[place].reshape(end_s.shape)

@@ -1,0 +1,104 @@
+"""The truth of a block of epochs for all satellites of a receiver, and which of its epochs have RECS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+
+from vestige.receiver.sampled_epoch import Arrival
+from vestige.receiver.simulation import Simulation, e1_error_m
+from vestige.receiver.truth import TruthBlock
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverTruth:
+    """What is true of n epochs and m satellites.
+
+    Attributes
+    ----------
+    simulations, truth
+        Of each satellite.
+    first
+        Number of the first epoch.
+    every
+        Every how many epochs there is a RECS.
+    """
+
+    simulations: tuple[Simulation, ...]
+    truth: tuple[TruthBlock, ...]
+    first: int
+    every: int
+
+    @property
+    def n(self) -> int:
+        """Number of epochs."""
+        return self.truth[0].time_s.size
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of epochs and satellites."""
+        return self.n, len(self.simulations)
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        return self.simulations[0].seed
+
+    @property
+    def svids(self) -> tuple[int, ...]:
+        """The satellites."""
+        return tuple(one.svid for one in self.simulations)
+
+    @cached_property
+    def in_view(self) -> Bool[np.ndarray, "n m"]:
+        """Whether each satellite is above the mask."""
+        return np.stack([one.view.in_view for one in self.truth], axis=1)
+
+    @property
+    def rows(self) -> slice:
+        """Rows of the epochs with RECS."""
+        return slice(min(-self.first % self.every, self.n), self.n, self.every)
+
+    @property
+    def recs_rows(self) -> Int64[np.ndarray, " k"]:
+        """The same as numbers."""
+        return np.arange(self.n, dtype=np.int64)[self.rows]
+
+    @property
+    def first_recs(self) -> int:
+        """Number of the first RECS of the block, or of the next one."""
+        return -(-self.first // self.every)
+
+    @cached_property
+    def of_recs(self) -> tuple[TruthBlock, ...]:
+        """The truth of the epochs with RECS."""
+        return self.truth if self.every == 1 else tuple(one.part(self.rows) for one in self.truth)
+
+    @cached_property
+    def arrived(self) -> tuple[Arrival, ...]:
+        """How the RECS of each satellite arrive in E6."""
+        return tuple(
+            simulation.arrival(truth) for simulation, truth in zip(self.simulations, self.of_recs, strict=True)
+        )
+
+    @cached_property
+    def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
+        """What rays make of each pseudorange on E1."""
+        return self.each(Simulation.e1_multipath_m)
+
+    @cached_property
+    def e1_error_m(self) -> Float[np.ndarray, "n m"]:
+        """Error of each pseudorange on E1 that E6 does not share."""
+        each = [e1_error_m(truth, own) for truth, own in zip(self.truth, self.e1_multipath_m.T, strict=True)]
+        return np.stack(each, axis=1)
+
+    def each(self, quantity: Callable[[Simulation, TruthBlock], np.ndarray]) -> Float[np.ndarray, "n m"]:
+        """Return a quantity of all epochs and satellites."""
+        return np.stack(
+            [quantity(simulation, truth) for simulation, truth in zip(self.simulations, self.truth, strict=True)],
+            axis=1,
+        )

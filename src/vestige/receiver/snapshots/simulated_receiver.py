@@ -1,0 +1,126 @@
+"""The simulated receiver: from the truth of a block of epochs to what it hands to the processor.
+
+A block is a pure function of the truth, of the number of its first epoch and of the seed: any worker can make it, and
+how the epochs are cut into blocks changes no bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.crypto.recs import CipherMode
+from vestige.receiver.accelerometer import Accelerometers
+from vestige.receiver.elevation import ElevationEffects
+from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.snapshots.assistance import SimulatedAssistance
+from vestige.receiver.snapshots.e1 import e1_block
+from vestige.receiver.snapshots.e6 import DrawnE6, FrontEnds, SampledE6
+from vestige.receiver.snapshots.osnma import OsnmaReception
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.snapshots.searches import DrawnSearches
+from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.records.snapshot_block import SnapshotBlock, VelocityIncrements
+from vestige.records.times import GalileoTimes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedReceiver:
+    """A receiver on one line of sight or under a sky.
+
+    Attributes
+    ----------
+    simulations
+        Of each satellite, by ascending SVID.
+    fidelity
+        Whether E6 is drawn, or made as samples; E1's correlators and power as well.
+    interval_s
+        Time between epochs.
+    every
+        Every how many of them there is a RECS.
+    accelerometers
+        None without; only under a sky.
+    with_taps
+        Whether E1 is tracked between RECS: its correlators and the power of its band.
+    mode
+        Cipher of the service.
+    """
+
+    simulations: tuple[Simulation, ...]
+    fidelity: Fidelity
+    interval_s: float
+    every: int = 1
+    accelerometers: Accelerometers | None = None
+    with_taps: bool = True
+    mode: CipherMode = CipherMode.CBC
+
+    @property
+    def assistance(self) -> SimulatedAssistance:
+        """What the service gives it."""
+        return SimulatedAssistance(simulations=self.simulations, every=self.every, mode=self.mode)
+
+    def truth(self) -> tuple[TruthProcess, ...]:
+        """Return the truth of each satellite at its beginning."""
+        return tuple(one.truth() for one in self.simulations)
+
+    def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
+        """Return what the receiver hands over for the epochs from `first` on.
+
+        Parameters
+        ----------
+        first
+            Number of the first epoch.
+        truth
+            What `truth()` gave of each satellite for these epochs.
+        """
+        of = ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
+        e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
+        e6 = DrawnE6(of) if self.fidelity == "correlators" else SampledE6(of)
+        time, received_at, elevation = self._times(of), self._received_at(of), self.simulations[0].elevation
+        osnma = None if elevation is None else OsnmaReception(of=of)
+        recs = np.zeros(of.n, np.bool_)
+        recs[of.rows] = True
+        return SnapshotBlock(
+            index=first + np.arange(of.n, dtype=np.int64),
+            time=time,
+            received_at=received_at,
+            time_uncertainty_s=np.full(of.n, self.simulations[0].time_uncertainty_s, np.float64),
+            svids=of.svids,
+            asked=np.ones(of.shape, np.bool_),
+            recs=recs,
+            e1=e1,
+            front_end=FrontEnds(power, e6),
+            e6=e6,
+            searches=DrawnSearches(of, received_at),
+            osnma=None if osnma is None else osnma.block(self.interval_s),
+            increments=self._increments(of, time, elevation),
+            data_authenticated=None if osnma is None else osnma.data_authenticated,
+        )
+
+    def _times(self, of: ReceiverTruth) -> GalileoTimes:
+        """Return the epochs on the receiver's clock, times of transmission, exact in deciseconds."""
+        deciseconds = (of.first + np.arange(of.n, dtype=np.int64)) * round(10 * self.interval_s)
+        return GalileoTimes(self.simulations[0].start.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
+
+    def _received_at(self, of: ReceiverTruth) -> GalileoTimes:
+        """Return when the last sample of each RECS is received, that of the epoch itself without one."""
+        elapsed_s = np.repeat(of.truth[0].time_s[:, None], of.shape[1], axis=1)
+        for column, (simulation, truth) in enumerate(zip(self.simulations, of.of_recs, strict=True)):
+            if of.recs_rows.size:
+                elapsed_s[of.rows, column] = simulation.received_s(truth, of.arrived[column])
+        return GalileoTimes.after(self.simulations[0].start, elapsed_s)
+
+    def _increments(
+        self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
+    ) -> VelocityIncrements | None:
+        """Return the velocity that accelerometers say was gained since the epoch before; nothing at the first one."""
+        if self.accelerometers is None or elevation is None:
+            return None
+        gained_mps = self.accelerometers.gained_mps(
+            elevation.path.trajectory, of.truth[0].time_s, self.interval_s, seed=of.seed, first=of.first
+        )
+        rows = np.flatnonzero(np.isfinite(gained_mps[:, 0]))
+        return VelocityIncrements(
+            epoch=rows, time=time[rows], delta_velocity_mps=gained_mps[rows], covered=np.ones(of.n, np.bool_)
+        )

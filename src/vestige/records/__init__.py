@@ -1,0 +1,364 @@
+"""The records that cross borders between the parts of vestige.
+
+Frozen, keyword-only, units in the names. One sign convention everywhere: **a positive offset is later**. `Snapshot`
+and `Assistance` are the only things that the processor sees; it cannot tell a simulation from a recording.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Complex64, Complex128, Float, Int8
+
+from vestige.errors import VestigeError
+from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
+from vestige.validated_key import ValidatedKey
+
+_ROUNDING_S = 1e-6  # between two ways to compute the end of samples
+
+if TYPE_CHECKING:
+    from vestige.records.recs_block import RecsLookup
+    from vestige.records.snapshot_block import SnapshotBlock
+
+
+class Band(Enum):
+    """A frequency band with a front end of its own."""
+
+    E1 = "E1"
+    E6 = "E6"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Observation:
+    """What E1 tracking says of one satellite at the time of its snapshot.
+
+    Attributes
+    ----------
+    pseudorange_m
+        c · (reception time on the receiver's clock − transmission time on the satellite's clock), in m.
+    carrier_phase_cycles
+        Accumulated carrier phase in cycles, growing when the range grows (RINEX convention); NaN if not measured.
+    doppler_hz
+        Carrier Doppler in Hz, positive when the satellite approaches.
+    doppler_rate_hz_per_s
+        Its rate of change in Hz/s.
+    cn0_dbhz
+        C/N0 of E1-C alone (per component) in dBHz.
+    """
+
+    svid: int
+    pseudorange_m: float
+    carrier_phase_cycles: float
+    doppler_hz: float
+    doppler_rate_hz_per_s: float
+    cn0_dbhz: float
+
+    def __post_init__(self) -> None:
+        require_finite(f"E1 of E{self.svid:02d}", pseudorange_m=self.pseudorange_m)
+        require_finite_if_known(
+            f"E1 of E{self.svid:02d}", carrier_phase_cycles=self.carrier_phase_cycles, doppler_hz=self.doppler_hz,
+            doppler_rate_hz_per_s=self.doppler_rate_hz_per_s, cn0_dbhz=self.cn0_dbhz,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleBatch:
+    """A stretch of front-end samples.
+
+    Attributes
+    ----------
+    samples
+        complex64[n_samples]. A real (IF-sampled) recording has zero imaginary parts; spectral inversion is undone.
+    center_frequency_hz
+        Radio frequency in Hz that stands at 0 Hz in the samples.
+    first_sample
+        Number of the first sample on the counter that both front ends share.
+    start
+        Time of the first sample on the receiver's clock.
+    """
+
+    band: Band
+    samples: Complex64[np.ndarray, " n_samples"]
+    sample_rate_hz: float
+    center_frequency_hz: float
+    first_sample: int
+    start: GalileoTime
+
+    @property
+    def end(self) -> GalileoTime:
+        """Time at which the last sample ends, on the receiver's clock."""
+        return self.start + self.samples.size / self.sample_rate_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontEndStatus:
+    """What one front end says of itself over one snapshot; powers in dB relative to its own reference."""
+
+    agc_gain_db: float
+    total_power_db: float
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChipSequence:
+    """The E6-C chips of one decrypted RECS.
+
+    Attributes
+    ----------
+    transmit_time
+        Satellite time at which the first chip leaves the satellite.
+    chips
+        int8[n_chips] of ±1: logic 0 is +1, logic 1 is −1.
+    """
+
+    svid: int
+    transmit_time: GalileoTime
+    chip_rate_hz: float
+    chips: Int8[np.ndarray, " n_chips"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handover:
+    """Where and how E6 is expected from what E1 says [WFO, Sec. II-B].
+
+    Attributes
+    ----------
+    start_time
+        Receiver-clock time at which the first chip is expected in the E6 samples.
+    doppler_hz
+        Expected carrier Doppler on E6 at `start_time`, in Hz.
+    doppler_rate_hz_per_s
+        Its rate of change in Hz/s.
+    expected_cn0_dbhz
+        Expected C/N0 of E6-C alone in dBHz.
+    """
+
+    svid: int
+    chips: ChipSequence
+    start_time: GalileoTime
+    doppler_hz: float
+    doppler_rate_hz_per_s: float
+    expected_cn0_dbhz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelatorBank:
+    """The correlators of one satellite and one snapshot.
+
+    Attributes
+    ----------
+    offsets_m
+        float64[n_taps], offset of each tap from the hand-over's prediction in m; positive is later.
+    taps
+        complex128[n_taps].
+    noise_power
+        Mean of |tap|² when the replica is a code that is not in the signal (both dimensions together).
+    integration_s
+        Coherent integration time in s.
+    """
+
+    offsets_m: Float[np.ndarray, " n_taps"]
+    taps: Complex128[np.ndarray, " n_taps"]
+    noise_power: float
+    integration_s: float
+
+
+@runtime_checkable
+class Correlatable(Protocol):
+    """E6 as the processor knows it: something that can be correlated, be it samples or a model of them."""
+
+    @property
+    def received_until(self) -> GalileoTime:
+        """Time label of the end of what can be correlated."""
+        ...
+
+    def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
+        """Return the bank of correlators at `offsets_m` around the hand-over, or None if it lies outside."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What a receiver hands to the processor for one RECS epoch.
+
+    Attributes
+    ----------
+    index
+        Running number in its source.
+    time
+        Receiver-clock time to which the observations refer.
+    received_at
+        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time label; the
+        delayed-disclosure rule looks at this and at the window that is correlated.
+    time_uncertainty_s
+        Bound on the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
+    observations
+        E1 observations by SVID, with Doppler and its rate.
+    recs
+        Satellites whose RECS it was cut for, whether E1 shows them or not; empty if the source does not say.
+    """
+
+    index: int
+    time: GalileoTime
+    received_at: GalileoTime
+    time_uncertainty_s: float
+    observations: Mapping[int, E1Observation]
+    e6: Correlatable | None
+    e1: SampleBatch | None = None
+    front_end: Mapping[Band, FrontEndStatus] = field(default_factory=dict)
+    recs: frozenset[int] = frozenset()
+
+    def __post_init__(self) -> None:
+        require_time_uncertainty(self.time_uncertainty_s)
+        for svid, one in self.observations.items():
+            require_finite(
+                f"E1 of E{svid:02d}", doppler_hz=one.doppler_hz, doppler_rate_hz_per_s=one.doppler_rate_hz_per_s
+            )
+        if self.e6 is not None and self.e6.received_until - self.received_at > _ROUNDING_S:
+            raise VestigeError(
+                f"snapshot {self.index}: received_at: found {self.received_at}, expected the end of the E6 samples or "
+                f"later, {self.e6.received_until}"
+            )
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """Satellites of the RECS that E1 does not show."""
+        return self.recs.difference(self.observations)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncryptedSegment:
+    """One RECS: chips of E6-C, encrypted again under a future OSNMA key.
+
+    Attributes
+    ----------
+    transmit_time
+        Satellite time at which the first chip leaves the satellite; RECS files count it in deciseconds.
+    n_chips
+        Chips to correlate. The body may hold more (the filling of the last AES block).
+    cipher
+        The RECS body.
+    key_time
+        Start of the 30 s subframe in which the key that decrypts it is transmitted.
+    key_delay
+        KDI of the file: 0 the key of the RECS's own subframe, 1 that of the next.
+    random_offset
+        RAND of the file; part of the IV.
+    """
+
+    svid: int
+    transmit_time: GalileoTime
+    n_chips: int
+    cipher: bytes
+    key_time: GalileoTime
+    key_delay: int
+    random_offset: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivedOsnma:
+    """The OSNMA of one satellite and subframe as it was demodulated: not validated, good for comparison alone."""
+
+    svid: int | None  # None where a file of keys does not tell
+    time: GalileoTime  # start of the subframe (GST_SF)
+    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost, a dummy, or without OSNMA
+    key: bytes | None = None  # None where no chain says where it is
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupDelay:
+    """Broadcast group delay BGD(E1,E6) of one satellite in s, in the definition of [OS-ICD, 5.1.5]."""
+
+    svid: int
+    bgd_e1_e6_s: float
+    valid_from: GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assistance:
+    """All that the processor knows beside its snapshots.
+
+    Attributes
+    ----------
+    hardware_bias_e1_e6_s
+        Calibrated delay of the E6 front end minus that of E1, in s.
+    ionosphere_e1_m
+        Predicted slant ionospheric delay on E1 by SVID, in m; a missing satellite means no prediction (0).
+    """
+
+    segments: tuple[EncryptedSegment, ...] = ()  # in order of transmission
+    group_delays: tuple[GroupDelay, ...] = ()
+    keys: tuple[ValidatedKey, ...] = ()
+    received: tuple[ReceivedOsnma, ...] = ()  # valid or not, in order of time; empty if nobody kept it
+    hardware_bias_e1_e6_s: float = 0.0
+    ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
+
+    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
+        """Return the RECS that the satellites of a block sent, with their keys."""
+        from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
+
+        return find_recs(snapshots, self)
+
+
+class Outcome(Enum):
+    """Result of one check."""
+
+    PASS = "pass"  # noqa: S105  (not a password)
+    FAIL = "fail"
+    NOT_RUN = "not run"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckResult:
+    """One check: its statistic against its threshold; `reason` says why it failed or was not run."""
+
+    name: str
+    outcome: Outcome
+    statistic: float = float("nan")
+    threshold: float = float("nan")
+    unit: str = ""
+    reason: str = ""
+
+
+class Status(Enum):
+    """What the receiver may conclude of a satellite."""
+
+    AUTHENTIC = "authentic"
+    SUSPECT = "suspect"
+    SPOOFED = "spoofed"
+    NOT_DETECTED = "not detected"
+    NOT_AVAILABLE = "not available"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The answer for one satellite and one snapshot, with every check behind it.
+
+    Attributes
+    ----------
+    available_at
+        Earliest time at which a receiver can know it: the key has been received. None if no key was involved.
+    range_offset_m
+        Measured minus predicted E6 range in m; NaN if nothing was detected.
+    reason
+        One line for a person.
+    true_offset_m
+        Where a search found more than one signal: the range of the earliest minus that of E1, in m. NaN otherwise.
+    """
+
+    index: int
+    time: GalileoTime
+    available_at: GalileoTime | None
+    svid: int
+    level: int
+    status: Status
+    checks: tuple[CheckResult, ...]
+    range_offset_m: float
+    reason: str
+    true_offset_m: float = math.nan

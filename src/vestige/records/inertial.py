@@ -1,0 +1,74 @@
+"""What inertial sensors say of the antenna between two epochs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.records.snapshot_block import VelocityIncrements
+from vestige.records.times import GalileoTimes
+from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
+
+LONGEST_STEP_S = 1.5  # between two samples; what a receiver does in a longer one, a straight line does not tell
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Accelerations:
+    """Samples of inertial sensors: kinematic acceleration of the antenna against the Earth.
+
+    Attributes
+    ----------
+    start, elapsed_s
+        Ascending times of the samples, `start` + `elapsed_s` on the receiver's clock.
+    acceleration_mps2
+        East, north, up where the receiver is at that time; gravity is taken off.
+    """
+
+    start: GalileoTime
+    elapsed_s: Float[np.ndarray, " n"]
+    acceleration_mps2: Float[np.ndarray, "n 3"]
+
+    def __post_init__(self) -> None:
+        for name, values in (("elapsed_s", self.elapsed_s), ("acceleration_mps2", self.acceleration_mps2)):
+            require_finite("accelerations", **{name: float(np.abs(values).sum())})
+
+    def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
+        """Return ∫ a dt from one epoch to the next, sample by sample, a linear between samples.
+
+        Parameters
+        ----------
+        first, last
+            Begin and end; None for no begin, and so nothing to integrate.
+        """
+        found = None if first is None or not last - first > 0 else self._between(first, last)
+        if found is None:
+            return VelocityIncrements(
+                epoch=np.zeros(0, np.int64),
+                time=GalileoTimes.of(()),
+                delta_velocity_mps=np.zeros((0, 3)),
+                covered=np.zeros(1, np.bool_),
+            )
+        knots_s, delta_mps = found
+        return VelocityIncrements(
+            epoch=np.zeros(len(delta_mps), np.int64),
+            time=GalileoTimes.after(self.start, knots_s),
+            delta_velocity_mps=delta_mps,
+            covered=np.ones(1, np.bool_),
+        )
+
+    def _between(
+        self, first: GalileoTime, last: GalileoTime
+    ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]] | None:
+        """Return the ends of the increments in s after `start`, and the increments; None if samples do not cover it."""
+        begin, end = first - self.start, last - self.start
+        low = int(np.searchsorted(self.elapsed_s, begin, side="right")) - 1
+        high = int(np.searchsorted(self.elapsed_s, end)) + 1
+        time_s = self.elapsed_s[max(low, 0) : high]
+        if low < 0 or high > self.elapsed_s.size or np.max(np.diff(time_s)) > LONGEST_STEP_S:
+            return None
+        knots = np.clip(time_s, begin, end)
+        values = np.stack([np.interp(knots, time_s, axis) for axis in self.acceleration_mps2[low:high].T], axis=1)
+        return knots[1:], (values[1:] + values[:-1]) / 2 * np.diff(knots)[:, None]

@@ -1,0 +1,160 @@
+"""Which RECS each satellite of a block sent, and with which key."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Assistance, EncryptedSegment, GroupDelay
+from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.times import GalileoTimes
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
+_NEVER = GalileoTime(0, 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecsBlock:
+    """The RECS of n epochs and m satellites, and when their keys are on air.
+
+    Attributes
+    ----------
+    found, with_key
+        Whether there is a RECS, and a validated key for it.
+    key_time, disclosed, complete
+        Start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS.
+    """
+
+    found: Bool[np.ndarray, "n m"]
+    with_key: Bool[np.ndarray, "n m"]
+    key_time: GalileoTimes
+    disclosed: GalileoTimes
+    complete: GalileoTimes
+
+
+@runtime_checkable
+class RecsLookup(Protocol):
+    """The RECS of a block: arrays, and each segment with its key when it is asked for."""
+
+    @property
+    def block(self) -> RecsBlock:
+        """What there is, and when keys are on air."""
+        ...
+
+    def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return the RECS of one satellite at one epoch, and its key."""
+        ...
+
+
+@runtime_checkable
+class AssistanceData(Protocol):
+    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+
+    @property
+    def group_delays(self) -> tuple[GroupDelay, ...]:
+        """Broadcast group delays."""
+        ...
+
+    @property
+    def hardware_bias_e1_e6_s(self) -> float:
+        """Calibrated delay of the E6 front end minus that of E1, in s."""
+        ...
+
+    @property
+    def ionosphere_e1_m(self) -> Mapping[int, float]:
+        """Predicted slant ionospheric delay on E1 by SVID, in m."""
+        ...
+
+    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
+        """Return the RECS that the satellites of a block sent, with their keys."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoundRecs:
+    """The RECS of a block, found one by one."""
+
+    block: RecsBlock
+    segments: dict[tuple[int, int], tuple[EncryptedSegment, ValidatedKey]]
+
+    def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return the RECS of one satellite at one epoch, and its key."""
+        return self.segments[epoch, satellite]
+
+
+def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
+    """Return the RECS that the satellites of a block sent."""
+    shape = snapshots.asked.shape
+    found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    times = [[[_NEVER] * shape[1] for _ in range(shape[0])] for _ in range(3)]
+    segments = {}
+    keys = {key.time: key for key in reversed(assistance.keys)}
+    for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(snapshots.e1.seen)), strict=True):
+        svid, travel_m = snapshots.svids[column], float(snapshots.e1.pseudorange_m[epoch, column])
+        sent = snapshots.time.at(epoch) + -travel_m / SPEED_OF_LIGHT_MPS
+        segment = segment_at(assistance, svid, sent)
+        if segment is None:
+            continue
+        found[epoch, column] = True
+        times[0][epoch][column] = segment.key_time
+        key = keys.get(segment.key_time)
+        if key is not None:
+            with_key[epoch, column] = True
+            times[1][epoch][column], times[2][epoch][column] = key.disclosed_at, key.complete_at
+            segments[epoch, column] = (segment, key)
+    key_time, disclosed, complete = (_times(rows, shape) for rows in times)
+    block = RecsBlock(found=found, with_key=with_key, key_time=key_time, disclosed=disclosed, complete=complete)
+    return FoundRecs(block=block, segments=segments)
+
+
+def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS that are sent from the first to the last time, give or take `SEGMENT_WINDOW_S`."""
+    segments = assistance.segments
+    low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
+    return segments[low:high]
+
+
+def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
+    """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
+    own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
+    return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
+
+
+def _times(rows: list[list[GalileoTime]], shape: tuple[int, int]) -> GalileoTimes:
+    flat = GalileoTimes.of(time for row in rows for time in row)
+    return GalileoTimes(flat.second.reshape(shape), flat.fraction.reshape(shape))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DownloadedAssistance:
+    """Assistance that was downloaded, as the block processor asks for it."""
+
+    assistance: Assistance
+
+    @property
+    def group_delays(self) -> tuple[GroupDelay, ...]:
+        """Broadcast group delays."""
+        return self.assistance.group_delays
+
+    @property
+    def hardware_bias_e1_e6_s(self) -> float:
+        """Calibrated delay of the E6 front end minus that of E1, in s."""
+        return self.assistance.hardware_bias_e1_e6_s
+
+    @property
+    def ionosphere_e1_m(self) -> Mapping[int, float]:
+        """Predicted slant ionospheric delay on E1 by SVID, in m."""
+        return self.assistance.ionosphere_e1_m
+
+    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
+        """Return the RECS that the satellites of a block sent, with their keys."""
+        return find_recs(snapshots, self.assistance)

@@ -1,0 +1,288 @@
+"""What a receiver hands to the processor for n epochs of m satellites; one snapshot is a block of one epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float, Int8, Int64
+
+from vestige.records import Band, E1Observation, Handover
+from vestige.records.times import GalileoTimes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class E1Block:
+    """What E1 tracking says; arrays [epoch, satellite], NaN where a satellite is not tracked.
+
+    Attributes
+    ----------
+    pseudorange_m, carrier_phase_cycles, doppler_hz, doppler_rate_hz_per_s, cn0_dbhz
+        As in `E1Observation`; the C/N0 is the receiver's estimate.
+    taps
+        complex128[n, m, k]: E1 correlators around the prompt, in standard deviations of the noise per dimension without
+        interference, behind the gain control; None if E1 is not tracked between two RECS.
+    tap_chips
+        Their offsets from the prompt in chips.
+    """
+
+    pseudorange_m: Float[np.ndarray, "n m"]
+    carrier_phase_cycles: Float[np.ndarray, "n m"]
+    doppler_hz: Float[np.ndarray, "n m"]
+    doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
+    cn0_dbhz: Float[np.ndarray, "n m"]
+    taps: Complex128[np.ndarray, "n m k"] | None = None
+    tap_chips: tuple[float, ...] = ()
+
+    @property
+    def seen(self) -> Bool[np.ndarray, "n m"]:
+        """Whether E1 shows a satellite."""
+        return np.isfinite(self.pseudorange_m)
+
+    def observation(self, svid: int, epoch: int, satellite: int) -> E1Observation:
+        """Return the observation of one satellite at one epoch."""
+        here = (epoch, satellite)
+        return E1Observation(
+            svid=svid,
+            pseudorange_m=float(self.pseudorange_m[here]),
+            carrier_phase_cycles=float(self.carrier_phase_cycles[here]),
+            doppler_hz=float(self.doppler_hz[here]),
+            doppler_rate_hz_per_s=float(self.doppler_rate_hz_per_s[here]),
+            cn0_dbhz=float(self.cn0_dbhz[here]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontEndBlock:
+    """What one front end says of itself; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
+
+    agc_gain_db: Float[np.ndarray, " n"]
+    total_power_db: Float[np.ndarray, " n"]
+    saturated: Bool[np.ndarray, " n"]
+
+    @property
+    def power_db(self) -> Float[np.ndarray, " n"]:
+        """Power of the band, or the negative of the gain where only that is known."""
+        return np.where(np.isfinite(self.total_power_db), self.total_power_db, -self.agc_gain_db)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OsnmaBlock:
+    """OSNMA as received beside what a second channel has, in pieces of k subframes that ended up to an epoch.
+
+    A subframe may come in several pieces, epoch by epoch. Each piece has a bit for every page of the subframe (bit 0:
+    the first page) and one, `KEY_BIT`, for a key that is compared as a whole because its pages are not known.
+
+    Attributes
+    ----------
+    epoch
+        Row of the block in which the piece is known.
+    subframe
+        Start of the subframe in s since the GST epoch.
+    due
+        int64[k, m]: pages that the second channel knows to have been sent.
+    received, differs
+        int64[k, m]: those of them that were demodulated, and those that are not what the second channel has.
+    last
+        bool[k]: whether the piece ends its subframe, and all of the subframe was looked at.
+    """
+
+    epoch: Int64[np.ndarray, " k"]
+    subframe: Int64[np.ndarray, " k"]
+    due: Int64[np.ndarray, "k m"]
+    received: Int64[np.ndarray, "k m"]
+    differs: Int64[np.ndarray, "k m"]
+    last: Bool[np.ndarray, " k"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VelocityIncrements:
+    """What inertial sensors integrated: kinematic, against the Earth, gravity taken off.
+
+    Attributes
+    ----------
+    epoch
+        Row of the block up to which the increment counts.
+    time
+        End of each increment on the receiver's clock.
+    delta_velocity_mps
+        float64[k, 3], east, north, up where the receiver is at that time, since the increment before.
+    covered
+        bool[n]: whether the increments up to an epoch leave no gap since the epoch before.
+    """
+
+    epoch: Int64[np.ndarray, " k"]
+    time: GalileoTimes
+    delta_velocity_mps: Float[np.ndarray, "k 3"]
+    covered: Bool[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BankBlock:
+    """Correlator banks of n epochs and m satellites.
+
+    Attributes
+    ----------
+    offsets_m
+        Offset of each tap from the hand-over's prediction in m; positive is later.
+    taps
+        complex128[n, m, n_taps]; NaN where nothing was correlated.
+    noise_power
+        As in `CorrelatorBank`; NaN where nothing was correlated.
+    integration_s
+        float64[n, m], coherent integration time in s; NaN where nothing was correlated.
+    """
+
+    offsets_m: Float[np.ndarray, " n_taps"]
+    taps: Complex128[np.ndarray, "n m n_taps"]
+    noise_power: Float[np.ndarray, "n m"]
+    integration_s: Float[np.ndarray, "n m"]
+
+
+@runtime_checkable
+class Handovers(Protocol):
+    """The hand-overs of a block, made one by one because each decrypts its chips when it is asked for."""
+
+    def at(self, epoch: int, satellite: int) -> Handover | None:
+        """Return the hand-over of one satellite at one epoch; None if its window is too late to prove anything."""
+        ...
+
+
+@runtime_checkable
+class E6(Protocol):
+    """E6 of a block as the processor knows it: samples, or a model that draws what they would give."""
+
+    def correlate(
+        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
+    ) -> BankBlock:
+        """Return the banks at `offsets_m` around the hand-overs that are asked for, NaN where E6 does not hold them."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchBlock:
+    """What a search says of k epochs and m satellites.
+
+    Attributes
+    ----------
+    signals
+        Number of signals of a satellite; NaN where the search was not run.
+    carrying
+        Number of those that carry the encrypted chips.
+    earliest_m
+        How much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only or its chips
+        may have been known by then.
+    not_run
+        0 where it was run, else 1 + the place in `SEARCH_NOT_RUN`.
+    """
+
+    signals: Float[np.ndarray, "k m"]
+    carrying: Float[np.ndarray, "k m"]
+    earliest_m: Float[np.ndarray, "k m"]
+    not_run: Int8[np.ndarray, "k m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchRequest:
+    """Which epochs are to be searched, and what is known of the clock in each.
+
+    Attributes
+    ----------
+    epoch
+        Rows of the block.
+    uncertainty
+        What is known of the clock before each epoch: a `TimeUncertainty`.
+    p_fa
+        False-alarm probability of one search.
+    expected_s
+        float64[k, m], when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not.
+    assistance, processor
+        To decrypt and to hand over, with the settings of the searches.
+    """
+
+    epoch: Int64[np.ndarray, " k"]
+    uncertainty: tuple[Any, ...]
+    p_fa: float
+    expected_s: Float[np.ndarray, "k m"]
+    assistance: Any = None
+    processor: Any = None
+
+
+@runtime_checkable
+class Searches(Protocol):
+    """The searches of a block: made in samples, or drawn by a model of their detection."""
+
+    def e1(self, request: SearchRequest) -> SearchBlock:
+        """Return what the search of E1 with hand-over to E6 finds [WFO, Sec. IV-B, step 4]."""
+        ...
+
+    def exhaustive(self, request: SearchRequest) -> SearchBlock:
+        """Return what the exhaustive search of E6 finds [WFO, Sec. IV-C, step 5]."""
+        ...
+
+
+SEARCH_NOT_RUN = (
+    "no E1 samples",
+    "no signal of this satellite on E1",
+    "no E6 samples",
+    "no RECS of this satellite, or no key that proves anything",
+    "the E6 samples do not hold the RECS anywhere in the time uncertainty",
+    "the RECS was not found in E6",
+    "the RECS was found when its key may have been known",
+    "not due",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SnapshotBlock:
+    """What a receiver hands to the processor for n epochs of m satellites.
+
+    Attributes
+    ----------
+    index
+        Running number of each epoch in its source.
+    time
+        Receiver-clock times to which the observations refer.
+    received_at
+        [n, m], receiver-clock times of the last E6 sample that a satellite is looked for in; the disclosure rule looks
+        at these.
+    time_uncertainty_s
+        Upper limit of the error of the receiver's clock against Galileo System Time, in s.
+    svids
+        The satellites, in ascending order: the second axis.
+    asked
+        bool[n, m]: satellites whose verdict is due, whether E1 shows them or not.
+    recs
+        bool[n]: epochs with RECS.
+    e1
+        What E1 tracking says.
+    front_end
+        What the front ends say of themselves.
+    e6
+        Answers `correlate`; None without E6.
+    searches
+        Answers both searches; None where nothing can be searched.
+    osnma
+        OSNMA beside that of a second channel; None without one.
+    increments
+        Of inertial sensors; None without any.
+    data_authenticated
+        bool[n, m], whether OSNMA authenticates the navigation data of a satellite; None if nobody looked.
+    """
+
+    index: Int64[np.ndarray, " n"]
+    time: GalileoTimes
+    received_at: GalileoTimes
+    time_uncertainty_s: Float[np.ndarray, " n"]
+    svids: tuple[int, ...]
+    asked: Bool[np.ndarray, "n m"]
+    recs: Bool[np.ndarray, " n"]
+    e1: E1Block
+    front_end: Mapping[Band, FrontEndBlock] = field(default_factory=dict)
+    e6: E6 | None = None
+    searches: Searches | None = None
+    osnma: OsnmaBlock | None = None
+    increments: VelocityIncrements | None = None
+    data_authenticated: Bool[np.ndarray, "n m"] | None = None

@@ -1,0 +1,79 @@
+"""Many Galileo times at once, as exact as one: whole seconds and fractions in two arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GalileoTimes:
+    """An array of points in Galileo System Time.
+
+    Attributes
+    ----------
+    second
+        int64, whole seconds since the GST epoch (`GalileoTime.gst_seconds`).
+    fraction
+        float64 of the same shape, fraction of the second, [0, 1), in s.
+    """
+
+    second: Int64[np.ndarray, "*n"]
+    fraction: Float[np.ndarray, "*n"]
+
+    @classmethod
+    def of(cls, times: Iterable[GalileoTime]) -> GalileoTimes:
+        """Return the array of some times."""
+        times = tuple(times)
+        return cls(
+            np.array([time.gst_seconds for time in times], np.int64),
+            np.array([time.fraction for time in times], np.float64),
+        )
+
+    @classmethod
+    def after(cls, start: GalileoTime, elapsed_s: Float[np.ndarray, "*n"]) -> GalileoTimes:
+        """Return the times `elapsed_s` after a start; the same bits as `start + elapsed_s` one by one."""
+        whole = np.floor(elapsed_s)
+        return cls(start.gst_seconds + whole.astype(np.int64), start.fraction + (elapsed_s - whole))._carried()
+
+    def __len__(self) -> int:
+        return len(self.second)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the array."""
+        return self.second.shape
+
+    def at(self, *place: int) -> GalileoTime:
+        """Return the time at a place."""
+        whole = GalileoTime.from_gst_seconds(int(self.second[place]))
+        return GalileoTime(whole.week, whole.second, float(self.fraction[place]))
+
+    def __getitem__(self, part: slice | np.ndarray) -> GalileoTimes:
+        """Return a part of the array, cut along the first axis."""
+        return GalileoTimes(self.second[part], self.fraction[part])
+
+    def since(self, origin: GalileoTime) -> Float[np.ndarray, "*n"]:
+        """Return the times in s after an origin; the same bits as `time - origin` one by one."""
+        return (self.second - origin.gst_seconds) + (self.fraction - origin.fraction)
+
+    def __sub__(self, other: GalileoTimes) -> Float[np.ndarray, "*n"]:
+        """Return self - other in s."""
+        return (self.second - other.second) + (self.fraction - other.fraction)
+
+    def __add__(self, seconds: Float[np.ndarray, "*n"]) -> GalileoTimes:
+        """Return the times `seconds` later."""
+        whole = np.floor(seconds)
+        return GalileoTimes(self.second + whole.astype(np.int64), self.fraction + (seconds - whole))._carried()
+
+    def _carried(self) -> GalileoTimes:
+        """Return the same times with the fraction carried into range, as `GalileoTime.normalized` does."""
+        whole = np.floor(self.fraction)
+        fraction = self.fraction - whole
+        rounded = fraction >= 1.0  # a tiny negative fraction rounds up to 1.0
+        return GalileoTimes(self.second + whole.astype(np.int64) + rounded, np.where(rounded, 0.0, fraction))

@@ -1,0 +1,125 @@
+"""The processor of a campaign: what the receiver of a scenario knows beforehand, and nothing of what is true.
+
+It knows its antenna (C/N0 against elevation), the power of its bands without interference, its front ends, the data
+sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]`
+says of its pseudoranges. How many satellites are in view, and how strong they are on average, follows from the orbits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from vestige.acas_processor.alarm_budget import Cadence
+from vestige.acas_processor.baseline import Antenna, ReferenceLevels
+from vestige.acas_processor.checks.clock import ClockDriftMonitor
+from vestige.acas_processor.checks.decision_map import Hypotheses, PowerDistortionMonitor
+from vestige.acas_processor.checks.inertial import InertialMonitor
+from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
+from vestige.acas_processor.fix_measurement import FixSettings
+from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.pseudorange_errors import LoopNoise, PseudorangeErrors
+from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.records import Band
+from vestige.signals.definitions import E1C
+from vestige.signals.pulse import BOC11
+
+if TYPE_CHECKING:
+    from vestige.scenario.campaign import CampaignScenario
+
+_POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
+_GRID_S = 60.0  # how often the orbits are looked at
+_MOST_TIMES = 500
+
+
+class _Overhead(NamedTuple):
+    """Mean number of satellites in view, and their mean C/N0 on E1."""
+
+    satellites: int
+    cn0_e1_dbhz: float
+
+
+def processor_of(scenario: CampaignScenario) -> AcasProcessor:
+    """Return the processor of a campaign's receiver."""
+    return scenario.processor.processor(_monitoring(scenario))
+
+
+def _monitoring(scenario: CampaignScenario) -> MonitoringSettings:
+    receiver, table = scenario.receiver, scenario.processor
+    front_end, integration_s = scenario.simulations[0].front_end, scenario.simulations[0].integration_s
+    antenna = Antenna(
+        e1_dbhz=receiver.cn0_e1_dbhz,
+        e6_dbhz=receiver.cn0_dbhz,
+        fall_db=0.0 if scenario.constellation is None else scenario.constellation.cn0_fall_db,
+    )
+    overhead = _overhead(scenario, antenna)
+    oscillator = TwoStateClock(h0_s=table.oscillator.h0_s, h_minus_2_hz=table.oscillator.h_minus_2_hz)
+    return MonitoringSettings(
+        cadence=Cadence(
+            satellites=overhead.satellites,
+            observation_s=scenario.interval_s,
+            recs_s=scenario.interval_s * scenario.recs.every,
+            search_s=table.search_s,
+        ),
+        levels=ReferenceLevels(e1_power_db=0.0, e6_power_db=0.0, antenna=antenna),
+        fix=_fix(scenario),
+        e1_power=ReceivedPowerMonitor(band=Band.E1, bandwidth_hz=POWER_BANDWIDTH_HZ, averaging_s=POWER_AVERAGING_S),
+        e6_power=ReceivedPowerMonitor(
+            band=Band.E6, bandwidth_hz=front_end.power_bandwidth_hz, averaging_s=integration_s
+        ),
+        second_signal=SecondSignalMonitor(ray_power_db=table.ray_power_db),
+        second_signal_filtered=front_end.bandwidth_hz is not None,
+        clock=ClockDriftMonitor(white_s=oscillator.white_s, walk_hz=oscillator.walk_hz),
+        power_distortion=PowerDistortionMonitor(
+            hypotheses=Hypotheses(
+                pulse=BOC11,
+                chip_rate_hz=E1C.chip_rate_hz,
+                half_spacing_chips=max(TAP_CHIPS),
+                sky_cn0_dbhz=overhead.cn0_e1_dbhz,
+                integration_s=INTEGRATION_S,
+                bandwidth_hz=POWER_BANDWIDTH_HZ,
+                n_satellites=overhead.satellites,
+                sigma_power_db=_POWER_SIGMA_DB,
+            )
+        ),
+        inertial=InertialMonitor(
+            sigma_bias_mps2=table.inertial.sigma_bias_mps2,
+            walk_mps_per_sqrt_s=table.inertial.walk_mps_per_sqrt_s,
+            clock_walk_hz=oscillator.walk_hz,
+        ),
+        exhaustive_period_s=table.search_s,
+    )
+
+
+def _fix(scenario: CampaignScenario) -> FixSettings:
+    """Return the orbits, which are used for as long as the run is, and what is assumed of pseudoranges."""
+    table, loops = scenario.position, scenario.receiver.e1_tracking
+    return FixSettings(
+        ephemerides=tuple(one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None),
+        errors=PseudorangeErrors(
+            floor_m=table.floor_sigma_m,
+            ionosphere_m=table.ionosphere_sigma_m,
+            ionosphere_common=table.ionosphere_common,
+            multipath_m=table.multipath_sigma_m,
+            loops=None if loops is None else LoopNoise(code_m=loops.code_sigma_m, doppler_hz=loops.doppler_sigma_hz),
+        ),
+        fit_interval_s=math.inf,
+    )
+
+
+def _overhead(scenario: CampaignScenario, antenna: Antenna) -> _Overhead:
+    effects = [one.elevation for one in scenario.simulations if one.elevation is not None]
+    if not effects:
+        return _Overhead(1, antenna.e1_dbhz)
+    duration_s = scenario.epochs * scenario.interval_s
+    times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
+    elevation_rad = np.stack([one.path.sight(times_s).elevation_rad for one in effects], axis=1)
+    in_view = elevation_rad >= np.radians([one.mask_deg for one in effects])
+    expected_dbhz = antenna.expected_dbhz(antenna.e1_dbhz, elevation_rad)
+    mean_in_view = float(np.mean(np.count_nonzero(in_view, axis=1)))
+    return _Overhead(max(1, round(mean_in_view)), float(np.mean(expected_dbhz[in_view])))

@@ -1,0 +1,71 @@
+"""A campaign as a source of snapshots, like a recording: `processor.run(simulate("scenarios/sky.toml"))`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.errors import VestigeError
+from vestige.receiver.snapshots.assistance import SimulatedAssistance
+from vestige.records.snapshot_block import SnapshotBlock
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+
+BLOCK_EPOCHS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedSource:
+    """The snapshots of a campaign, in order of time; each iteration begins anew.
+
+    Attributes
+    ----------
+    scenario
+        The campaign.
+    block_epochs
+        Epochs in a block; it changes no bit of what the processor says.
+    """
+
+    scenario: CampaignScenario
+    block_epochs: int = BLOCK_EPOCHS
+
+    @property
+    def assistance(self) -> SimulatedAssistance:
+        """RECS and keys for these snapshots."""
+        return self.scenario.simulated_receiver.assistance
+
+    def __iter__(self) -> Iterator[SnapshotBlock]:
+        """Yield the blocks."""
+        receiver = self.scenario.simulated_receiver
+        processes = receiver.truth()
+        for first in range(0, self.scenario.epochs, self.block_epochs):
+            count = min(self.block_epochs, self.scenario.epochs - first)
+            yield receiver.snapshots(first, tuple(one.advance(first, count) for one in processes))
+
+
+def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLOCK_EPOCHS) -> SimulatedSource:
+    """Return the snapshots of a campaign, at its fidelity, of one line of sight or of a sky.
+
+    Parameters
+    ----------
+    scenario
+        A campaign, or its file.
+    block_epochs
+        Epochs in a block, one or more.
+
+    Raises
+    ------
+    InputFileError
+        If the file describes no scenario.
+    VestigeError
+        If it describes something else than a campaign.
+    """
+    if block_epochs < 1:
+        raise ValueError(f"a block has one epoch at least, found {block_epochs}")
+    if not isinstance(scenario, CampaignScenario):
+        loaded = load_scenario(scenario)
+        if not isinstance(loaded, CampaignScenario):
+            raise VestigeError(f'{scenario}: found kind = "{loaded.kind}", expected "campaign"')
+        scenario = loaded
+    return SimulatedSource(scenario=scenario, block_epochs=block_epochs)

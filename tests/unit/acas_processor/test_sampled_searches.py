@@ -1,0 +1,148 @@
+"""The vestigial searches in samples: simulated recordings with and without a meaconer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from vestige.records.snapshot_block import SEARCH_NOT_RUN
+from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
+from vestige.acas_processor.state import TimeUncertainty
+from vestige.records import Assistance, Band, Snapshot
+from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+from vestige.sample_processor.search.sample_source import BatchSource
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.test_case import AcasTestCase
+from vestige.scenario.test_case_folder import simulated
+from vestige.time import GalileoTime
+
+SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
+DELAY_S = 0.0237
+FROM_S, TO_S = 0.07, 0.13
+EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0))
+
+
+@cache
+def _received(attacked: bool) -> tuple[Snapshot, Assistance, float]:
+    """A snapshot with 0.11 s of E1 and 60 ms of E6, its assistance, and when the RECS arrives."""
+    attack = f"attack.0.delay_s={DELAY_S}" if attacked else "attack=none"
+    scenario = load_scenario(SCENARIO, ("receiver.sample_rate_hz=6.2e6", attack, "receiver.cn0_dbhz=43"))
+    assert isinstance(scenario, CampaignScenario)
+    case = AcasTestCase(scenario=scenario, first=0, end=1)
+    recording = simulated(case)
+    e1, e6 = recording.window(Band.E1, 0.03, 0.14), recording.window(Band.E6, FROM_S, TO_S)
+    snapshot = Snapshot(
+        index=0,
+        time=recording.reference + 0.1,
+        received_at=recording.reference + TO_S,
+        time_uncertainty_s=15.0,
+        observations={},
+        e6=CorrelatableSamples(e6),
+        e1=e1,
+    )
+    return snapshot, case.assistance()[0], float(case.received_s[0])
+
+
+@pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])
+def test_a_second_signal_fails_the_check_and_the_earlier_is_the_true_one(
+    search: E1VestigialSearch | E6ExhaustiveSearch,
+) -> None:
+    snapshot, assistance, true_s = _received(True)
+    (found,) = search.search(snapshot, assistance, TimeUncertainty())
+    assert found.svid == 11
+    assert (found.count, found.carrying, found.not_run) == (2.0, 2, 0)
+    assert [peak.start_time - (snapshot.time + -0.1) for peak in found.peaks] == pytest.approx(
+        [true_s, true_s + DELAY_S], abs=0.1e-6
+    )
+
+
+@pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])
+def test_one_signal_passes(search: E1VestigialSearch | E6ExhaustiveSearch) -> None:
+    snapshot, assistance, _ = _received(False)
+    (found,) = search.search(snapshot, assistance, TimeUncertainty())
+    assert (found.count, len(found.peaks)) == (1.0, 1)
+    (elsewhere,) = EXHAUSTIVE.search(
+        replace(snapshot, e6=None),
+        assistance,
+        TimeUncertainty(),
+        BatchSource(snapshot.e6.batch),  # type: ignore[union-attr]
+    )
+    assert len(elsewhere.peaks) == 1
+
+
+def _why(found: SatelliteSearch) -> str:
+    return SEARCH_NOT_RUN[found.not_run - 1] if found.not_run else ""
+
+
+def _disclosed_at(assistance: Assistance) -> GalileoTime:
+    (segment,) = assistance.segments
+    return next(key.disclosed_at for key in assistance.keys if key.time == segment.key_time)
+
+
+@pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])
+@pytest.mark.parametrize("clock_late_s", [0.0, 3.0])
+def test_what_comes_when_the_key_may_be_known_counts_and_is_never_the_true_one(
+    search: E1VestigialSearch | E6ExhaustiveSearch, clock_late_s: float
+) -> None:
+    """The bound on the clock puts the disclosure between both signals, then in front of them.
+
+    The labels may be late with E1's clock: what counts is when the samples were received.
+    """
+    snapshot, assistance, true_s = _received(True)
+    reference = snapshot.time + -0.1
+    received = replace(snapshot, received_at=snapshot.received_at + clock_late_s)
+    disclosed_at = _disclosed_at(assistance)
+
+    def bound(start_s: float) -> TimeUncertainty:
+        """That with which a RECS that begins so late ends when its key may be known."""
+        return TimeUncertainty(initial_s=disclosed_at - reference - start_s - clock_late_s - 16e-3)
+
+    (between,) = search.search(received, assistance, bound(true_s + 1e-3))
+    assert (between.count, len(between.peaks)) == (2.0, 2)
+    (before,) = search.search(received, assistance, bound(true_s - 1e-3))
+    assert (before.count, before.carrying, before.peaks) == (2.0, 2, ())
+
+
+def test_a_single_signal_from_after_the_disclosure_proves_nothing() -> None:
+    snapshot, assistance, true_s = _received(False)
+    late_s = _disclosed_at(assistance) - (snapshot.time + -0.1) - true_s - 15e-3
+    (found,) = EXHAUSTIVE.search(snapshot, assistance, TimeUncertainty(initial_s=late_s))
+    assert (found.peaks, _why(found)) == ((), "the RECS was found when its key may have been known")
+
+
+def test_what_is_missing_is_said() -> None:
+    snapshot, assistance, _ = _received(False)
+    now = TimeUncertainty()
+
+    def reasons(snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty = now) -> tuple[str, str]:
+        (one,) = E1VestigialSearch().search(snapshot, assistance, uncertainty)
+        (other,) = EXHAUSTIVE.search(snapshot, assistance, uncertainty)
+        assert other.not_run
+        return _why(one), _why(other)
+
+    nothing = replace(snapshot, e1=None, e6=None)
+    assert reasons(nothing, assistance) == ("no E1 samples", "no E6 samples")
+    assert reasons(snapshot, replace(assistance, keys=())) == (
+        "",
+        "no RECS of this satellite, or no key that proves anything",
+    )
+    late = reasons(snapshot, assistance, replace(now, initial_s=100.0))
+    assert late[1] == "no RECS of this satellite, or no key that proves anything"
+    elsewhere = CorrelatableSamples(replace(snapshot.e6.batch, start=snapshot.time + -20.0))  # type: ignore[union-attr]
+    assert "anywhere in the time uncertainty" in reasons(replace(snapshot, e6=elsewhere), assistance)[1]
+
+
+def test_the_uncertainty_shrinks_with_a_fix_and_grows_with_the_clock() -> None:
+    snapshot, _, _ = _received(False)
+    before = TimeUncertainty(initial_s=15.0, frequency_error=1e-6)
+    assert before.at(snapshot.time) == 15.0
+    after = before.after_fix(snapshot.time, 2e-6)
+    assert after.at(snapshot.time) == 2e-6
+    assert after.at(snapshot.time + 30.0) == pytest.approx(32e-6)
+    assert after.at(snapshot.time + 1e9) == 15.0
+    assert before.fixed_at is None

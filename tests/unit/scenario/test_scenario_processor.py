@@ -1,0 +1,92 @@
+"""What the receiver of a campaign knows beforehand: its configuration, not the truth."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.sky_builder import sky_scenario
+
+from vestige.acas_processor.alarm_budget import Cadence
+from vestige.acas_processor.baseline import Antenna
+from vestige.records import Band
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.scenario_processor import processor_of
+
+QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
+TRUTH = (
+    'receiver.clock={kind="two-state", h0_s=1e-20, h_minus_2_hz=1e-19}',
+    'receiver.accelerometers={kind="bias-and-walk", sigma_bias_mps2=1.0, walk_mps_per_sqrt_s=1.0}',
+    'receiver.multipath={kind="lms-lite", power_db=-3.0, mean_excess_m=20.0}',
+    'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=9.0, tail_start_m=20.0, tail_scale_m=9.0}',
+    'receiver.bias={kind="bias", bgd_sigma_m=9.0}',
+    'attack=[{kind="jamming", j_over_n_db=20.0}]',
+    "receiver.signal=false",
+    "seed=99",
+)
+
+
+def _quick(*settings: str) -> CampaignScenario:
+    scenario = load_scenario(QUICK, settings)
+    assert isinstance(scenario, CampaignScenario)
+    return scenario
+
+
+@pytest.mark.parametrize("setting", TRUTH)
+def test_what_is_true_does_not_reach_the_processor(setting: str) -> None:
+    assert repr(processor_of(sky_scenario("processor.level=3", setting))) == repr(
+        processor_of(sky_scenario("processor.level=3"))
+    )
+
+
+def test_a_receiver_under_a_sky_knows_antenna_orbits_and_cadence() -> None:
+    settings = processor_of(sky_scenario("processor.level=3", "processor.search_s=600")).monitoring
+    assert settings.cadence == Cadence(satellites=8, observation_s=1.0, recs_s=30.0, search_s=600.0)
+    assert settings.exhaustive_period_s == 600.0
+    assert settings.levels.antenna == Antenna(e1_dbhz=45.0, e6_dbhz=45.0, fall_db=9.0)
+    assert (settings.levels.e1_power_db, settings.levels.e6_power_db) == (0.0, 0.0)
+    assert {one.svid for one in settings.fix.ephemerides} == {6, 7, 8, 12, 13, 14, 23, 24}
+    assert math.isinf(settings.fix.fit_interval_s)
+    errors = settings.fix.errors
+    assert (errors.ionosphere_m, errors.multipath_m, errors.floor_m, errors.ionosphere_common) == (2.0, 1.8, 0.1, 0.5)
+    # 9 dB from zenith to horizon: eight satellites in view are all between 36 and 45 dBHz
+    assert 37.0 < settings.power_distortion.hypotheses.sky_cn0_dbhz < 44.0
+
+
+def test_the_cadence_counts_satellites_in_view() -> None:
+    """Eight satellites, of which some set within the four hours: the nearest whole number of the mean."""
+    scenario = sky_scenario("epochs=241", "interval_s=60.0", "recs.every=1")
+    views = [one.truth().advance(0, 241).view.in_view for one in scenario.simulations]
+    mean = float(np.mean(np.sum(views, axis=0)))
+    assert 4 < mean < 7.4
+    assert processor_of(scenario).monitoring.cadence.satellites == round(mean)
+
+
+def test_a_receiver_on_one_line_of_sight_knows_no_elevation() -> None:
+    settings = processor_of(_quick("receiver.cn0_dbhz=37")).monitoring
+    assert settings.levels.antenna == Antenna(e1_dbhz=35.0, e6_dbhz=37.0, fall_db=0.0)
+    assert settings.fix.ephemerides == ()
+    assert settings.cadence.satellites == 1
+
+
+def test_front_end_and_data_sheets_are_the_processors() -> None:
+    scenario = _quick(
+        "receiver.front_end={bandwidth_hz=8e6}",
+        "recs.duration_ms=8",
+        "processor.oscillator={h0_s=2e-21, h_minus_2_hz=3e-20}",
+        "processor.inertial.sigma_bias_mps2=0.5",
+        "processor.ray_power_db=-20",
+    )
+    settings = processor_of(scenario).monitoring
+    assert settings.second_signal_filtered
+    assert settings.e6_power.band is Band.E6
+    assert settings.e6_power.bandwidth_hz * settings.e6_power.averaging_s == pytest.approx(8e6 * 0.008)
+    assert settings.clock.white_s == pytest.approx(1e-21)
+    assert settings.clock.walk_hz == pytest.approx(2 * math.pi**2 * 3e-20)
+    assert settings.inertial.clock_walk_hz == settings.clock.walk_hz
+    assert settings.inertial.sigma_bias_mps2 == 0.5
+    assert settings.second_signal.ray_power_db == -20
+    assert not processor_of(_quick()).monitoring.second_signal_filtered
