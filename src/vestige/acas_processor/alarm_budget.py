@@ -26,8 +26,8 @@ from vestige.records.checks import CheckName
 
 DAY_S = 86_400.0
 SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
-RANGE = "E1-E6 range"
-EXACT = frozenset({"clock innovation", "clock consistency", "clock slope", "RAIM"})
+RANGE = CheckName.E1_E6_RANGE
+EXACT = frozenset({CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE, CheckName.RAIM})
 ALARMS_A_DAY = 1.0  # for what can be chosen
 
 

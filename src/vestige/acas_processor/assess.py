@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.alarm_budget import false_alarm_budget
 from vestige.acas_processor.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import remembered_clock
@@ -34,7 +33,7 @@ from vestige.acas_processor.fix_measurement import elevations_from
 from vestige.acas_processor.inertial_bridging import remembered_rates
 from vestige.acas_processor.levels import LEVELS, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.acas_processor.monitoring_settings import checks_of
+from vestige.acas_processor.monitoring_settings import checks_of, shares_of
 from vestige.acas_processor.range_in_use import ranges_in_use
 from vestige.acas_processor.search_schedule import search_due
 from vestige.acas_processor.searches import SearchResults
@@ -97,7 +96,7 @@ def assess(
     if state is None:
         uncertainty = TimeUncertainty(initial_s=float(measured.snapshots.time_uncertainty_s[0]))
         state = ReceiverState(origin=times.at(0), last=times.at(0), uncertainty=uncertainty)
-    work = _Assessment(processor, state, measured, assistance)
+    work = _Assessment(processor, state, measured.single_precision(), assistance)
     return work.verdicts, work.after()
 
 
@@ -109,10 +108,7 @@ class _Assessment:
     ) -> None:
         self._processor, self._state, self._measured, self._assistance = processor, state, measured, assistance
         self._specs = {spec.name: spec for spec in LEVELS[processor.level]}
-        shares = false_alarm_budget(
-            processor.level, processor.monitoring.cadence, alarms_a_day=processor.monitoring.alarms_a_day
-        )
-        self._p_fa = {name: shares[name].p_fa for name in self._specs}
+        self._p_fa = shares_of(processor)
         snapshots = measured.snapshots
         self._time_s = snapshots.time.since(state.origin)
         self._seen = snapshots.e1.seen
@@ -310,6 +306,7 @@ class _Assessment:
                 e1_search=self._e1_search,
                 exhaustive_search=self._exhaustive,
                 searched=self._searched,
+                evidence=self._evidence(self._references()),
             ),
             self._processor,
         )

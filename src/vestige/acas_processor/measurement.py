@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 
 import numpy as np
@@ -57,8 +57,9 @@ class FixBlock:
     ----------
     fix, sent
         The fix, and the satellites at transmission; NaN for satellites without an orbit.
-    sigma_m
-        float64[n, m], standard deviation of each pseudorange as the receiver assumes it.
+    sigma_m, common_m
+        float64[n, m], standard deviation of each pseudorange as the receiver assumes it, and the part of it that the
+        ionosphere makes in all satellites at once; None if that is not modelled.
     range_rate_mps, static_range_rate_mps, sigma_rate_mps
         float64[n, m]: measured rate of the pseudorange, that of a receiver and a clock that stand still, and the
         standard deviation of the first.
@@ -74,6 +75,7 @@ class FixBlock:
     fix: Fix
     sent: Transmission
     sigma_m: Float[np.ndarray, "n m"]
+    common_m: Float[np.ndarray, "n m"] | None
     range_rate_mps: Float[np.ndarray, "n m"]
     static_range_rate_mps: Float[np.ndarray, "n m"]
     sigma_rate_mps: Float[np.ndarray, "n m"]
@@ -133,6 +135,28 @@ class MeasurementBlock:
         """Number of epochs."""
         return len(self.snapshots.time)
 
+    def single_precision(self) -> MeasurementBlock:
+        """Return the block with what was measured of E6 in single precision, as results keep it.
+
+        The checks look at nothing finer, so that what stored results say is what was said at once, to the bit.
+        """
+        banks, detected = self.banks, self.detected
+        return replace(
+            self,
+            banks=replace(
+                banks,
+                taps=banks.taps.astype(np.complex64).astype(np.complex128),
+                noise_power=_single(banks.noise_power),
+            ),
+            detected=replace(
+                detected,
+                magnitude_sigma=_single(detected.magnitude_sigma),
+                phase_rad=_single(detected.phase_rad),
+                range_offset_m=_single(detected.range_offset_m),
+            ),
+            predicted_pd=_single(self.predicted_pd),
+        )
+
     def why_unavailable(self, epoch: int, satellite: int) -> str:
         """Return why no correlators were made of a satellite at an epoch; empty if they were."""
         here = (epoch, satellite)
@@ -154,6 +178,10 @@ class MeasurementBlock:
             f"not provably received before the key's disclosure: samples until {self.snapshots.received_at.at(*here)} "
             f"± {uncertainty_s:g} s, key on air from {self.recs.disclosed.at(*here)}"
         )
+
+
+def _single(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    return values.astype(np.float32).astype(np.float64)
 
 
 _WHY = {

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence
+from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, false_alarm_budget
 from vestige.acas_processor.baseline import ReferenceLevels
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor
@@ -27,6 +27,7 @@ from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.acas_processor.fix_measurement import FixSettings
+from vestige.acas_processor.levels import LEVELS
 from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.records import Band
 from vestige.records.checks import CheckName
@@ -34,6 +35,7 @@ from vestige.records.checks import CheckName
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
+_CLOCK = (CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE)
 SEARCH_P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 
 
@@ -45,6 +47,9 @@ class MonitoringSettings:
     ----------
     cadence, alarms_a_day
         How often epochs come, and how many false alarms a day they may bring: thresholds follow.
+    test_p_fa
+        If given, the false-alarm probability of one test of every check, of the three of the clock together, in place
+        of the shares of the budget: to measure detection curves.
     levels
         Reference levels that are known beforehand; the others are learned.
     fix
@@ -65,6 +70,7 @@ class MonitoringSettings:
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
     alarms_a_day: float = ALARMS_A_DAY
+    test_p_fa: float | None = None
     levels: ReferenceLevels = field(default_factory=ReferenceLevels)
     fix: FixSettings = field(default_factory=FixSettings)
     e1_power: ReceivedPowerMonitor = field(default_factory=lambda: ReceivedPowerMonitor(band=Band.E1))
@@ -83,6 +89,15 @@ class MonitoringSettings:
     exhaustive_search: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
     search_p_fa: float = SEARCH_P_FA
     exhaustive_period_s: float = 3600.0
+
+
+def shares_of(processor: AcasProcessor) -> dict[CheckName, float]:
+    """Return the false-alarm probability of one test of each check of a processor's level."""
+    settings, names = processor.monitoring, [spec.name for spec in LEVELS[processor.level]]
+    if settings.test_p_fa is not None:
+        return {name: settings.test_p_fa / (3 if name in _CLOCK else 1) for name in names}
+    shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day)
+    return {name: shares[name].p_fa for name in names}
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName, float]) -> dict[CheckName, Check]:

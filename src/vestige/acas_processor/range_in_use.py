@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
 from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
@@ -58,13 +58,10 @@ def _positions(
     snapshots = measured.snapshots
     if snapshots.data_authenticated is not None:
         range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
-    n = range_m.shape[0]
-    position_m, covariance_m2 = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
-    if rows.size:
-        sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
-        found = position_fix(sent, range_m[rows], measured.fix.sigma_m[rows])
-        position_m[rows] = np.where(found.valid[:, None], found.position_m, np.nan)
-        covariance_m2[rows] = found.covariance_m2[:, :3, :3]
-    used: Bool[np.ndarray, "n m"] = np.isfinite(range_m) & np.isfinite(position_m[:, :1])
-    return PositionBlock(position_m=position_m, covariance_m2=covariance_m2, used=used)
+    sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
+    common_m = None if measured.fix.common_m is None else measured.fix.common_m[rows]
+    fix = position_fix(sent, range_m[rows], measured.fix.sigma_m[rows], common_m=common_m)
+    used = np.zeros(range_m.shape, np.bool_)
+    used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
+    return PositionBlock(rows=rows, fix=fix, sent=sent, used=used)

@@ -6,12 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float, Int8
+from jaxtyping import Bool, Float, Int8, Int64
 
 from vestige.acas_processor.alarm import AlarmState, StateChange, state_changes
+from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, MINIMUM, OTHERS
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.searches import SearchResults
+from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -23,19 +25,37 @@ _NOTHING = np.zeros((0, 0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionBlock:
-    """The position that each epoch authenticates; NaN where there is none.
+    """The positions that n epochs authenticate.
 
     Attributes
     ----------
-    position_m, covariance_m2
-        ECEF.
+    rows
+        Epochs with enough ranges in use.
+    fix, sent
+        The fix of each of them, and the satellites at transmission.
     used
         bool[n, m], satellites of which a range is used.
     """
 
-    position_m: Float[np.ndarray, "n 3"]
-    covariance_m2: Float[np.ndarray, "n 3 3"]
+    rows: Int64[np.ndarray, " k"]
+    fix: Fix
+    sent: Transmission
     used: Bool[np.ndarray, "n m"]
+
+    @property
+    def position_m(self) -> Float[np.ndarray, "n 3"]:
+        """ECEF positions, NaN where there is none."""
+        return self._of_epochs(np.where(self.fix.valid[:, None], self.fix.position_m, np.nan))
+
+    @property
+    def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
+        """Their covariances."""
+        return self._of_epochs(self.fix.covariance_m2[:, :3, :3])
+
+    def _of_epochs(self, values: np.ndarray) -> np.ndarray:
+        found = np.full((self.used.shape[0], *values.shape[1:]), np.nan)
+        found[self.rows] = values
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,6 +82,8 @@ class VerdictBlock:
         What the searches found.
     searched
         bool[n], epochs in which the exhaustive search was made.
+    evidence
+        What the checks looked at.
     true_offset_m
         As in `Verdict`.
     range_in_use_m, earlier
@@ -82,6 +104,7 @@ class VerdictBlock:
     e1_search: SearchResults
     exhaustive_search: SearchResults
     searched: Bool[np.ndarray, " n"]
+    evidence: Evidence
     true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from vestige.campaign.plan import Column, Coord
 from vestige.receiver.sampled_epoch import arrival
@@ -17,7 +16,6 @@ _SATELLITE, _ATTACKS = ("epoch", "satellite"), ("epoch", "satellite", "attack")
 ATTACK_COLUMNS = {
     name: Column(dims=dims, dtype=dtype, units=units, long_name=text)
     for name, dims, dtype, units, text in (
-        ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 that E1 tracking reports"),
         ("truth_phase_rad", _SATELLITE, "float32", "rad", "carrier phase of the line of sight on E6"),
         ("truth_prediction_error_m", _SATELLITE, "float64", "m", "line of sight on E6, later than predicted"),
         ("truth_spoofed", _SATELLITE, "bool", "1", "whether any counterfeit is on the air"),
@@ -54,7 +52,6 @@ def attack_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.nd
     phase_rad = np.angle(arrival(simulation.line_of_sight, truth).carrier)
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
-        "e1_cn0_dbhz": e1_cn0_dbhz(simulation, truth),
         "truth_phase_rad": phase_rad,
         "truth_prediction_error_m": simulation.prediction_error_m(truth),
         "truth_spoofed": np.any(on_air, axis=1),
@@ -69,8 +66,3 @@ def attack_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.nd
         "truth_e1_worst_error_m": truth.e1.worst_error_m,
         "truth_e1_captured": truth.e1.captured,
     }
-
-
-def e1_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 that E1 tracking reports."""
-    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.view.amplitude)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from vestige.acas_processor.levels import LEVELS
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.campaign.direct import direct_results
-from vestige.campaign.monitoring import P_FA, tracks
+from vestige.campaign.levels import judged_by
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.scenario.campaign import CampaignScenario
+
+P_FA = 1e-5  # of one test
 
 
 def check_detection(
@@ -20,7 +25,6 @@ def check_detection(
     checks: Collection[str],
     window_s: tuple[float, float],
     p_fa: float = P_FA,
-    sigma_system_db: float = 0.0,
 ) -> dict[str, Proportion]:
     """Return for each check in how many runs it fails, for any satellite, at any time of a window.
 
@@ -31,13 +35,11 @@ def check_detection(
     seeds
         Of the runs.
     checks
-        Names of tracks.
+        Names of checks.
     window_s
         Times that count, the end not included.
     p_fa
         Budget of one test of each check whose budget is free.
-    sigma_system_db
-        Drift of a real front end that the thresholds of power and floor allow for, 1σ.
 
     Raises
     ------
@@ -49,7 +51,14 @@ def check_detection(
         results = direct_results(ScenarioPlan(scenario=scenario(seed)))
         time_s = results["time_s"].values
         counts = (time_s >= window_s[0]) & (time_s < window_s[1])
-        for track in tracks(results, p_fa=p_fa, sigma_system_db=sigma_system_db):
-            if track.name in seen:
-                seen[track.name] += bool(np.any(track.failed[counts]))
+        for name, check in judged_by(results, with_p_fa(p_fa)).checks.items():
+            if name in seen:
+                seen[name] += bool(np.any(check.failed[counts]))
     return {name: proportion(count, len(seeds)) for name, count in seen.items()}
+
+
+def with_p_fa(p_fa: float) -> Callable[[AcasProcessor], AcasProcessor]:
+    """Return what gives a processor all checks, each test with a false-alarm probability."""
+    return lambda processor: replace(
+        processor, level=max(LEVELS), monitoring=replace(processor.monitoring, test_p_fa=p_fa)
+    )

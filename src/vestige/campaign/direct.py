@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import xarray
 
-from vestige.campaign.plan import Plan
+from vestige.campaign.plan import Plan, judged
 
 
 def direct_results(plan: Plan) -> xarray.Dataset:
     """Return the results of a plan as `run` does, without a store."""
-    columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
+    _, columns = judged(plan, None, 0, plan.measure(0, plan.prepare().advance(0, plan.n_epochs)))
     return xarray.Dataset(
         {name: (column.dims, columns[name]) for name, column in plan.columns.items()},
         coords={name: (coord.dim, coord.values) for name, coord in plan.coords.items()},

@@ -1,95 +1,123 @@
-"""What each mitigation level makes of a campaign: verdicts, alarms, and the ranges and positions that are in use.
+"""What each mitigation level makes of a campaign: the processor's word on its results, beside the truth.
 
-Theory of operation
--------------------
-Steps 1 and 2 are the `status` of the results. All other checks come from `monitoring.tracks`, with the share of the
-false-alarm budget that the level gives them (`alarm_budget`), confirmed as often as its row says. `combine_block`
-makes the status of every epoch and satellite, `state_block` the state that a user is shown. Thresholds of power and
-noise floor allow for a front end that drifts; the simulated one does not, so theirs are bounds.
+The results hold what the receiver measured (`measured_columns`), so its processor can judge them again, at the level of
+the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`, of the same code. What is
+added here is the truth:
 
-**Searches.** The hand-over search is made with every RECS of which E1 has more than one signal. The exhaustive search
-of level 3 is made when the processor would make it (`acas_processor/search_schedule.py`).
-
-**Ranges.** What a RECS authenticates is the time since the RECS before. The range of E1 is in use where the state is
-AUTHENTIC, and with it the largest error that the attack made in that time. Where a search was made that found more than
-one signal, the earliest is in use instead, whatever the state: that is what the paper calls mitigation. Where the
-correlators hold two signals and the earlier one is where E1 says, E1 stays in use. Otherwise there is no range. The
-position is the fix of all satellites with a range in use.
-
-All of it is a function of the whole results: alarms, confirmation and schedule have memory.
+**Error of a range in use.** What a RECS authenticates is the time since the RECS before. So the error of a range of E1
+that is in use is the largest that the attack made in that time. Where the earliest of several signals is in use
+instead, it is the error of that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.alarm import state_block
-from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Cadence, Share, false_alarm_budget
-from vestige.acas_processor.mitigation import ALARMS, GRAVITY, LEVELS, combine_block, confirmed_block
-from vestige.acas_processor.search_schedule import search_due
-from vestige.acas_processor.thresholds import probability_of_detection
-from vestige.campaign.monitoring import tracks
+from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
+from vestige.acas_processor.levels import ALARMS, GRAVITY, LEVELS
+from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.campaign.measured_columns import E1_COLUMNS, MEASURED_COLUMNS, OSNMA_COLUMNS, Judged, measured_block
 from vestige.campaign.results import attributes_of, scenario_of
-from vestige.campaign.snapshot_tracks import earlier_of_two_m, expected_cn0_dbhz
-from vestige.records import Status
-from vestige.scenario.stored import StoredScenario
+from vestige.campaign.scenario_plan import COLUMNS
+from vestige.campaign.statistics import Proportion, proportion
+from vestige.errors import VestigeError
+from vestige.records import Assistance, Status
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.scenario.scenario_processor import Overhead, receiver_processor
 
 if TYPE_CHECKING:
     import xarray
 
-FRONT_END_DRIFT_DB = 0.3  # 1σ, of gain and temperature: as `ReceivedPowerMonitor` has it
-_MINIMUM = {"E6 power": Status.NOT_DETECTED, "E1-E6 range": Status.SPOOFED}
-_EXHAUSTIVE = "E6 exhaustive search"
+_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | COLUMNS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class LevelVerdicts:
     """A level over a campaign of n epochs and m satellites.
 
     Attributes
     ----------
-    level
-        1 to 3.
-    status, state
-        Of every epoch, and as a user is shown it: positions in `Status`.
-    tests, failed
-        Where each check was made, and where it failed, after confirmation; of the receiver or of each satellite.
+    processor
+        The processor.
+    block
+        What it says.
     budget
         Share of each check.
-    not_run
-        Checks of the level for which the results hold nothing.
-    recs, seen
-        Epochs with RECS, and where a satellite is in view.
-    searched
-        Where the exhaustive search was made.
+    seen
+        bool[n, m], where a satellite is in view.
     range_error_m
         Error that the attack makes of the range in use, the largest since the RECS before; NaN where none is.
-    earlier
-        Whether that range is the earliest of several.
     """
 
-    level: int
-    status: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]
-    tests: Mapping[str, Bool[np.ndarray, "..."]]
-    failed: Mapping[str, Bool[np.ndarray, "..."]]
-    budget: Mapping[str, Share]
-    not_run: tuple[str, ...]
-    recs: Bool[np.ndarray, " n"]
+    processor: AcasProcessor
+    block: VerdictBlock
+    budget: Mapping[CheckName, Share]
     seen: Bool[np.ndarray, "n m"]
-    searched: Bool[np.ndarray, " n"]
     range_error_m: Float[np.ndarray, "n m"]
-    earlier: Bool[np.ndarray, "n m"]
+
+    @property
+    def level(self) -> int:
+        """Mitigation level."""
+        return self.block.level
+
+    @property
+    def status(self) -> Int8[np.ndarray, "n m"]:
+        """Verdict of every epoch, as position in `Status`."""
+        return self.block.status
+
+    @property
+    def state(self) -> Int8[np.ndarray, "n m"]:
+        """What a user is shown, as position in `Status`."""
+        return self.block.state
+
+    @property
+    def checks(self) -> Mapping[CheckName, CheckSeries]:
+        """Every check of the level that could be made."""
+        return self.block.checks
+
+    @property
+    def failed(self) -> Mapping[CheckName, Bool[np.ndarray, "*n"]]:
+        """Where each check failed, after confirmation."""
+        return self.block.failed
+
+    @cached_property
+    def tests(self) -> Mapping[CheckName, Bool[np.ndarray, "*n"]]:
+        """Where each check was made."""
+        return {name: series.run for name, series in self.block.checks.items()}
+
+    @property
+    def recs(self) -> Bool[np.ndarray, " n"]:
+        """Epochs with RECS."""
+        return self.block.measured.snapshots.recs
+
+    @property
+    def searched(self) -> Bool[np.ndarray, " n"]:
+        """Where the exhaustive search was made."""
+        return self.block.searched
+
+    @property
+    def earlier(self) -> Bool[np.ndarray, "n m"]:
+        """Whether the range in use is the earliest of several."""
+        return self.block.earlier
+
+    @property
+    def not_run(self) -> tuple[str, ...]:
+        """Checks of the level for which the results hold nothing."""
+        names = (spec.name for spec in LEVELS[self.level])
+        return tuple(name.value for name in names if name not in self.tests or not self.tests[name].any())
 
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
         """Whether an alarm stands."""
-        return np.isin(self.state, [_position(one) for one in ALARMS])
+        return np.isin(self.state, [POSITION[one] for one in ALARMS])
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
@@ -99,12 +127,12 @@ class LevelVerdicts:
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
         """Return the verdict of each RECS, the gravest status since the one before; NOT_AVAILABLE in other epochs."""
-        gravity = np.argsort([_position(one) for one in GRAVITY])[self.status]
-        verdict = np.full(self.status.shape, _position(Status.NOT_AVAILABLE), np.int8)
+        by_gravity = np.array([POSITION[one] for one in GRAVITY], np.int8)
+        gravity = np.argsort(by_gravity)[self.status]
+        verdict = np.full(self.status.shape, POSITION[Status.NOT_AVAILABLE], np.int8)
         after = 0
         for place in np.flatnonzero(self.recs).tolist():
-            gravest = gravity[after : place + 1].max(axis=0)
-            verdict[place] = np.array([_position(one) for one in GRAVITY], np.int8)[gravest]
+            verdict[place] = by_gravity[gravity[after : place + 1].max(axis=0)]
             after = place + 1
         return verdict
 
@@ -115,7 +143,7 @@ class LevelVerdicts:
             any_satellite = failed if failed.ndim == 1 else failed.any(axis=1)
             where = np.flatnonzero(any_satellite & rows)
             if where.size:
-                found.append((name, int(where[0])))
+                found.append((name.value, int(where[0])))
         return tuple(sorted(found, key=lambda one: one[1]))
 
 
@@ -127,7 +155,7 @@ def level_verdicts(
     Parameters
     ----------
     results
-        As `run` returns them, of a sky or with a processor of level 2 or 3.
+        As `run` returns them, of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone.
     levels
         Keys of `LEVELS`.
     alarms_a_day
@@ -138,15 +166,39 @@ def level_verdicts(
     VestigeError
         If the results hold too little for a level above 1.
     """
-    scenario = scenario_of(results)
-    cadence = cadence_of(results, scenario)
-    return tuple(_verdicts(results, scenario, level, cadence, alarms_a_day) for level in levels)
+    if max(levels) > 1 and "e1_taps" not in results:
+        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
+    processor, measured = measured_of(results)
+    monitoring = replace(processor.monitoring, alarms_a_day=alarms_a_day)
+    return tuple(
+        _verdicts(results, replace(processor, level=level, monitoring=monitoring), measured) for level in levels
+    )
+
+
+def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
+    """Return what a processor with other settings makes of a campaign.
+
+    Parameters
+    ----------
+    results
+        As `level_verdicts`.
+    change
+        Returns the processor that judges for the one of the campaign.
+    """
+    processor, measured = measured_of(results)
+    return _verdicts(results, change(processor), measured)
+
+
+def failures(check: CheckSeries) -> Proportion:
+    """Return how many of the tests of a check failed, before confirmation."""
+    return proportion(int(np.count_nonzero(check.failed)), int(np.count_nonzero(check.run)))
 
 
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
-    """Return a run with the verdicts of its scenario's level in the place of those of steps 1 and 2, and that level.
+    """Return a run with the verdict of each RECS in the place of those of every epoch, and what its level says.
 
-    Nothing and None at level 1, which is steps 1 and 2, and of a run that has not ended (coordinate `epoch`).
+    Nothing and None at level 1, which has no verdict between RECS, and of a run that has not ended (coordinate
+    `epoch`).
     """
     level = scenario_of(results).processor.level
     if level == 1 or "epoch" in results.coords:
@@ -155,140 +207,43 @@ def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdi
     return results.assign(status=(("epoch", "satellite"), found.of_recs())), found
 
 
-def cadence_of(results: xarray.Dataset, scenario: StoredScenario) -> Cadence:
-    """Return how often the receiver tests, with the mean number of satellites in view."""
-    in_view = np.mean(np.count_nonzero(_seen(results), axis=1))
-    return Cadence(
-        satellites=max(1, round(float(in_view))),
-        observation_s=scenario.interval_s,
-        recs_s=scenario.recs_interval_s,
-        search_s=scenario.processor.search_s,
-    )
+def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
+    """Return the processor of the receiver of a campaign, and what that measured in all epochs."""
+    scenario, attributes = scenario_of(results), attributes_of(results)
+    overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
+    processor = receiver_processor(scenario, overhead, attributes.navigation)
+    columns = {name: results[name].transpose(*column.dims).values for name, column in _READ.items() if name in results}
+    of = Judged(scenario=scenario, processor=processor, svids=tuple(results["svid"].values.tolist()))
+    epoch = np.rint(columns["time_s"] / scenario.interval_s).astype(np.int64)
+    return processor, measured_block(of, epoch, columns)
 
 
-def _verdicts(
-    results: xarray.Dataset, scenario: StoredScenario, level: int, cadence: Cadence, alarms_a_day: float
-) -> LevelVerdicts:
-    processor = scenario.processor
+def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: MeasurementBlock) -> LevelVerdicts:
+    block, _ = processor.assess(None, measured, Assistance())
+    predicted = measured.predicted_pd[np.isfinite(measured.predicted_pd)]
     budget = false_alarm_budget(
-        level, cadence, alarms_a_day=alarms_a_day, kappa=processor.kappa, pd=_mean_pd(results, scenario)
+        processor.level,
+        processor.monitoring.cadence,
+        alarms_a_day=processor.monitoring.alarms_a_day,
+        kappa=processor.kappa,
+        pd=float(predicted.mean()) if predicted.size else 1.0,
     )
-    status = results["status"].transpose("epoch", "satellite").values
-    available = status != _position(Status.NOT_AVAILABLE)
-    failed = {name: status == _position(one) for name, one in _MINIMUM.items()}
-    tests = dict.fromkeys(_MINIMUM, available)
-    shares = {name: share.p_fa for name, share in budget.items()}
-    found = (
-        {}
-        if level == 1
-        else {one.name: one for one in tracks(results, p_fa=shares, sigma_system_db=FRONT_END_DRIFT_DB)}
-    )
-    for row in LEVELS[level]:
-        if row.name in found and row.name not in _MINIMUM:
-            tests[row.name] = found[row.name].run
-            failed[row.name] = confirmed_block(found[row.name].failed, found[row.name].run, row.confirm)
-    recs = _recs(scenario, status.shape[0])
-    searched = np.zeros(status.shape[0], np.bool_)
-    if _EXHAUSTIVE in failed:
-        twice = failed[_EXHAUSTIVE].any(axis=1)
-        searched = search_schedule(recs, results["time_s"].values, _suspicion(failed), twice, cadence.search_s)
-        tests[_EXHAUSTIVE] = tests[_EXHAUSTIVE] & searched[:, None]
-        failed[_EXHAUSTIVE] = failed[_EXHAUSTIVE] & searched[:, None]
-    combined = combine_block(level, failed, available)
-    state = state_block(combined, results["time_s"].values)
-    error_m, earlier = _ranges(results, failed, state, recs, searched, processor.budget.limit_m(processor.kappa))
     return LevelVerdicts(
-        level=level,
-        status=combined,
-        state=state,
-        tests=tests,
-        failed=failed,
+        processor=processor,
+        block=block,
         budget=budget,
-        not_run=tuple(row.name for row in LEVELS[level] if row.name not in tests or not tests[row.name].any()),
-        recs=recs,
         seen=_seen(results),
-        searched=searched,
-        range_error_m=error_m,
-        earlier=earlier,
+        range_error_m=_range_error_m(results, block),
     )
 
 
-def search_schedule(
-    recs: Bool[np.ndarray, " n"],
-    time_s: Float[np.ndarray, " n"],
-    suspicious: Bool[np.ndarray, " n"],
-    twice: Bool[np.ndarray, " n"],
-    period_s: float,
-) -> Bool[np.ndarray, " n"]:
-    """Return in which epochs an exhaustive search is made, by the rule of the processor (`search_due`).
-
-    Parameters
-    ----------
-    recs
-        Epochs with RECS.
-    suspicious
-        Epochs in which another check failed.
-    twice
-        Epochs in which a search finds more than one signal.
-    period_s
-        Time between two searches without suspicion.
-    """
-    searched = np.zeros(recs.size, np.bool_)
-    failures = np.concatenate([[0], np.cumsum(suspicious)])
-    last = before = -1
-    for place in np.flatnonzero(recs).tolist():
-        since_s = None if last < 0 else float(time_s[place] - time_s[last])
-        suspicion = bool(failures[place + 1] > failures[before + 1])
-        if search_due(since_s, period_s, suspicious=suspicion, found_twice=last == before and bool(twice[last])):
-            searched[place] = True
-            last = place
-        before = place
-    return searched
-
-
-def _suspicion(failed: Mapping[str, Bool[np.ndarray, "..."]]) -> Bool[np.ndarray, " n"]:
-    """Return the epochs in which any check but the exhaustive search failed."""
-    others = [one for name, one in failed.items() if name != _EXHAUSTIVE]
-    return np.any([one if one.ndim == 1 else one.any(axis=1) for one in others], axis=0)
-
-
-def _ranges(
-    results: xarray.Dataset,
-    failed: Mapping[str, Bool[np.ndarray, "..."]],
-    state: Int8[np.ndarray, "n m"],
-    recs: Bool[np.ndarray, " n"],
-    searched: Bool[np.ndarray, " n"],
-    limit_m: float,
-) -> tuple[Float[np.ndarray, "n m"], Bool[np.ndarray, "n m"]]:
-    """Return the error of the ranges in use with every RECS, and which of them are the earliest of several signals."""
-    error_m = np.where(state == _position(Status.AUTHENTIC), _e1_error_m(results, recs), np.nan)
-    earlier = np.zeros(state.shape, np.bool_)
-    sources = []
-    if "E6 second signal" in failed:
-        agrees = np.abs(earlier_of_two_m(results)) <= limit_m
-        error_m = np.where(failed["E6 second signal"] & agrees, _e1_error_m(results, recs), error_m)
-    if "E1 vestigial search" in failed:
-        sources.append((recs[:, None], _of_satellites(results["handover_error_m"])))
-    if _EXHAUSTIVE in failed:
-        sources.append((searched[:, None], _of_satellites(results["exhaustive_error_m"])))
-    for made, of_earliest_m in sources:  # the later one is the better one
-        better = made & np.isfinite(of_earliest_m)
-        error_m, earlier = np.where(better, of_earliest_m, error_m), earlier | better
-    return np.where(recs[:, None], error_m, np.nan), earlier & recs[:, None]
-
-
-def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
-    return values.transpose("epoch", "satellite").values.astype(np.float64)
-
-
-def _mean_pd(results: xarray.Dataset, scenario: StoredScenario) -> float:
-    """Return the mean probability that E6 is detected, at the C/N0 that is expected."""
-    expected_dbhz = expected_cn0_dbhz(results, scenario)
-    known = expected_dbhz[np.isfinite(expected_dbhz)]
-    attributes = attributes_of(results)
-    if not known.size:
-        return 1.0
-    return float(np.mean(probability_of_detection(known, attributes.integration_s, attributes.p_fa)))
+def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.ndarray, "n m"]:
+    """Return the error that the attack makes of each range in use, and that of the earliest of several signals."""
+    in_use_m, e1_m = block.range_in_use_m, block.measured.snapshots.e1.pseudorange_m
+    of_e1_m = np.where(np.isfinite(in_use_m), _e1_error_m(results, block.measured.snapshots.recs), np.nan)
+    names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
+    errors_m = [_of_satellites(results[name]) for name in names if name in results]
+    return np.where(block.earlier, in_use_m - e1_m + np.sum(errors_m, axis=0), of_e1_m)
 
 
 def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
@@ -306,15 +261,11 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
     return worst
 
 
+def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
+    return values.transpose("epoch", "satellite").values.astype(np.float64)
+
+
 def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:
-    if "elevation_deg" in results:
-        return np.isfinite(results["elevation_deg"].transpose("epoch", "satellite").values)
+    if "in_view" in results:
+        return results["in_view"].transpose("epoch", "satellite").values.astype(np.bool_)
     return np.ones((results.sizes["epoch"], results.sizes["satellite"]), np.bool_)
-
-
-def _recs(scenario: StoredScenario, n: int) -> Bool[np.ndarray, " n"]:
-    return np.arange(n) % scenario.recs.every == 0
-
-
-def _position(status: Status) -> int:
-    return list(Status).index(status)

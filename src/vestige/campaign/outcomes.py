@@ -30,7 +30,7 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.mitigation import ALARMS
+from vestige.acas_processor.levels import ALARMS
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Status
 from vestige.signals.definitions import E6C

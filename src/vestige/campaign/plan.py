@@ -6,7 +6,9 @@ that epoch and is heavy. So a plan has two halves:
 
 * `prepare()` returns an object that runs through the epochs in order. `advance(first, count)` gives the inputs of the
   next `count` epochs as arrays and carries the state along. It runs in the coordinating process only.
-* `measure(first, inputs)` turns inputs into results. It runs on any thread, process or machine, in any order.
+* `measure(first, inputs)` turns inputs into columns. It runs on any thread, process or machine, in any order.
+* `judge(state, first, columns)`, if a plan has it, adds the columns of what is concluded in order of time: a receiver's
+  verdicts remember what was said before. It runs in the coordinating process, chunk after chunk, from `state` None on.
 
 Laws, on which resuming and running in parallel rest:
 
@@ -17,8 +19,10 @@ Laws, on which resuming and running in parallel rest:
 2. `measure` depends on nothing but the plan, `first` and `inputs`, and its result for an epoch must not depend on the
    cut either. Randomness comes from streams that are named by the epoch, never from a generator that is carried along.
    It may be called by several threads at once, and twice for the same epochs.
-3. `measure` returns every column of the plan, truth that it passes on from the inputs included, with the exact dtype
-   and shape: the column's dims with `epoch` as long as the inputs. Anything else is a `ValueError`.
+3. `measure` returns every column of the plan but those that `judge` adds, truth that it passes on from the inputs
+   included, with the exact dtype and shape: the column's dims with `epoch` as long as the inputs. Anything else is a
+   `ValueError`. `judge` gives the same state and the same columns for those of `measure` and for all of them: a resumed
+   campaign judges the chunks that it has stored anew, to carry the state on. The cut changes nothing here either.
 4. The plan, the inputs and the results can be pickled. Pickled small: the plan travels with every chunk, so what can be
    derived from it (replicas, tables) is derived in the worker, behind a cache of its own.
 5. Two plans with equal `attrs` give equal results. That is how a store knows whether it may be resumed, so `attrs` hold
@@ -141,6 +145,22 @@ class Plan(Protocol):
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on to which `inputs` belong."""
         ...
+
+
+@runtime_checkable
+class JudgedPlan(Plan, Protocol):
+    """A plan with memory in its conclusions."""
+
+    def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
+        """Return the state after the epochs from `first` on, and all their columns."""
+        ...
+
+
+def judged(
+    plan: Plan, state: Any, first: int, columns: Mapping[str, np.ndarray]
+) -> tuple[Any, Mapping[str, np.ndarray]]:
+    """Return the state after some epochs, and all their columns; as they are if the plan concludes nothing."""
+    return plan.judge(state, first, columns) if isinstance(plan, JudgedPlan) else (None, columns)
 
 
 def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:

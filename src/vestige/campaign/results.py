@@ -31,6 +31,9 @@ from vestige.scenario.toml_file import LARGEST_NUMBER
 _NO_EPOCHS = np.zeros(0, dtype=np.int64)
 
 
+NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemerides of its satellites
+
+
 class RunAttributes(BaseModel):
     """What the results say of their run beside the scenario.
 
@@ -62,6 +65,8 @@ class RunAttributes(BaseModel):
     cn0_dbhz: FiniteFloat | None = None
     integration_s: Annotated[float, Field(gt=0, le=10)]
     fidelity: Fidelity
+    satellites_expected: Annotated[int, Field(ge=1, le=100)]
+    cn0_e1_expected_dbhz: FiniteFloat
     vestige_version: str = ""
     processor: str | None = None
     navigation: str | None = None

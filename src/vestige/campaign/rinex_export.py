@@ -16,12 +16,10 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from vestige.campaign.results import attributes_of, scenario_of
-from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.campaign.results import NAVIGATION_TEXT, attributes_of, scenario_of
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
 from vestige.output import new_folder
-from vestige.receiver.e1_loop import LOCK_DBHZ
 from vestige.recording.observation_epoch import ObservationEpoch
 from vestige.recording.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
 from vestige.recording.rinex_writer import write_rinex_observations
@@ -30,7 +28,6 @@ from vestige.time import GalileoTime
 
 OBSERVATIONS, NAVIGATION, OPTIONS = "observations.rnx", "navigation.rnx", "rtklib.conf"
 COMMAND = f"rnx2rtkp -k {OPTIONS} -o position.pos {OBSERVATIONS} {NAVIGATION}"
-NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemerides of its satellites
 
 _RTKLIB = """\
 pos1-posmode       =single
@@ -93,7 +90,7 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     given = parse_rinex_navigation(Path(NAVIGATION_TEXT), lines)
     ephemerides = [issue for one in given for issue in issues(one, start, end)]
     cn0_dbhz = _column(results, "e1_cn0_dbhz")
-    tracked = cn0_dbhz > LOCK_DBHZ  # NaN while out of view
+    tracked = np.isfinite(_column(results, "e1_pseudorange_m"))
     if not tracked.any():
         raise VestigeError("results: found no satellite that E1 tracked, expected one at least")
     svids = results["svid"].values
@@ -115,7 +112,7 @@ def _epochs(
     """Yield the epochs in which a satellite is tracked."""
     svids = results["svid"].values.tolist()
     range_m = _column(results, "e1_pseudorange_m")
-    doppler_hz = -_column(results, "e1_range_rate_mps") * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    doppler_hz = _column(results, "e1_doppler_hz")
     tenths = np.rint(results["time_s"].values * _TENTHS).astype(np.int64)  # RINEX wants the exact one
     for row in np.flatnonzero(tracked.any(axis=1)):
         whole, rest = divmod(int(tenths[row]), _TENTHS)

@@ -15,14 +15,14 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray
 
 from vestige.campaign.executors import local_executor, measure_chunk
 from vestige.campaign.origin import origin
-from vestige.campaign.plan import Plan, check_results
+from vestige.campaign.plan import Plan, check_results, judged
 from vestige.campaign.results import open_results
 from vestige.campaign.store import Store, make_store, open_store
 from vestige.errors import VestigeError
@@ -142,16 +142,22 @@ def _run(
         chunks = measure_chunks(
             plan, workers=workers, executor=executor, chunk_epochs=opened.chunk_epochs, skip=finished
         )
+        state: Any = None
+        last_missing = max(set(range(opened.n_chunks)) - finished, default=-1)
         with closing(chunks):
             for chunk in range(opened.n_chunks):
+                epochs = opened.epochs(chunk)
                 if chunk not in finished:
-                    _, results = next(chunks)
+                    _, measured = next(chunks)
+                    state, results = judged(plan, state, epochs.start, measured)
+                    check_results(plan, results, len(epochs))
                     opened.write(chunk, results)
-                    done += len(opened.epochs(chunk))
+                    done += len(epochs)
                     report()
-                elif enough is not None:
+                elif enough is not None or chunk < last_missing:
                     results = opened.read(chunk)
-                returned = opened.epochs(chunk).stop
+                    state, _ = judged(plan, state, epochs.start, results)
+                returned = epochs.stop
                 if enough is not None and enough(results):
                     break
     except BrokenExecutor as error:
@@ -180,10 +186,6 @@ def measure_chunks(
     skip
         Chunks that are not measured.
 
-    Raises
-    ------
-    ValueError
-        If the plan returns something else than its columns.
     """
     left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
     if not left:
@@ -193,20 +195,19 @@ def measure_chunks(
         pending = deque(islice(submitted, IN_FLIGHT * workers))
         try:
             while pending:
-                chunk, count, future = pending[0]
+                chunk, future = pending[0]
                 results = future.result()
-                check_results(plan, results, count)
                 pending.popleft()
                 pending.extend(islice(submitted, 1))  # before the yield: workers go on while the results are written
                 yield chunk, results
         finally:
-            for _, _, future in pending:
+            for _, future in pending:
                 future.cancel()
 
 
 def _submitted(
     plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
-) -> Iterator[tuple[int, int, Future[Columns]]]:
+) -> Iterator[tuple[int, Future[Columns]]]:
     """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)
@@ -216,7 +217,7 @@ def _submitted(
         count = min(chunk_epochs, plan.n_epochs - first)
         inputs = preparation.advance(first, count)
         if chunk in wanted:
-            yield chunk, count, pool.submit(measure_chunk, plan, first, inputs, expected)
+            yield chunk, pool.submit(measure_chunk, plan, first, inputs, expected)
 
 
 def _stored(path: Path, done: int, total: int) -> str:

@@ -47,7 +47,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.alarm_budget import EXACT, RANGE
-from vestige.acas_processor.mitigation import ALARMS
+from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.outcomes import position
 from vestige.campaign.statistics import Proportion, count_interval, proportion
@@ -200,7 +200,7 @@ def run_outcome(
     )
 
 
-def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[str]) -> tuple[int, float]:
+def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[CheckName]) -> tuple[int, float]:
     """Return how many tests of checks failed, and how many the budget gives them."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (

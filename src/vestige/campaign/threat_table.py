@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from vestige.acas_processor.mitigation import LEVELS as ROWS
+from vestige.acas_processor.levels import LEVELS as ROWS
 from vestige.campaign.origin import vestige_version
 from vestige.campaign.results import load_small
 from vestige.campaign.threat_matrix import Cell
@@ -140,7 +140,7 @@ def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
         next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
         for one in scenes
     ]
-    checks = list(dict.fromkeys(row.name for level in LEVELS for row in ROWS[level]))
+    checks = list(dict.fromkeys(row.name.value for level in LEVELS for row in ROWS[level]))
     failed, time_s = np.zeros((*shape, len(checks))), np.full((*shape, len(checks)), np.nan)
     for cell in cells:
         at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)

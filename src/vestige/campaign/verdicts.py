@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray
 
-from vestige.acas_processor.mitigation import ALARMS
+from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
 from vestige.campaign.results import scenario_of
 from vestige.campaign.statistics import Proportion, proportion

@@ -233,7 +233,8 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
     import numpy as np
 
     from vestige import plots
-    from vestige.campaign.monitoring import tracks
+    from vestige.acas_processor.levels import LEVELS
+    from vestige.campaign.levels import level_verdicts
 
     if name == "sky":
         return plots.sky_plot(results)
@@ -244,11 +245,11 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
     n = results.sizes["epoch"]
     lines = [
         plots.MonitorLine(
-            name=track.name,
-            run=np.any(track.run.reshape(n, -1), axis=1),
-            failed=np.any(track.failed.reshape(n, -1), axis=1),
+            name=check.name,
+            run=np.any(check.run.reshape(n, -1), axis=1),
+            failed=np.any(check.failed.reshape(n, -1), axis=1),
         )
-        for track in tracks(results)
+        for check in level_verdicts(results, (max(LEVELS),))[0].checks.values()
     ]
     return plots.monitor_timeline(results["time_s"].values, lines)
 
@@ -258,11 +259,14 @@ def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
     import numpy as np
 
     from vestige import plots
+    from vestige.acas_processor.levels import LEVELS
+    from vestige.campaign.levels import level_verdicts
     from vestige.campaign.outcomes import attacked_epochs
-    from vestige.campaign.power_distortion_track import power_distortion
     from vestige.errors import VestigeError
 
-    measured = power_distortion(results)
+    (of_level,) = level_verdicts(results, (max(LEVELS),))
+    monitor = of_level.processor.monitoring.power_distortion
+    measured = monitor.measured(of_level.block.evidence)
     svids = results["svid"].values.tolist()
     if svid is not None and svid not in svids:
         raise VestigeError(f"satellite: found no {svid}, expected one of {', '.join(map(str, svids))}")
@@ -274,7 +278,7 @@ def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
     here = of & (measured.map_dbhz == level)
     whose = "power and distortion" if svid is None else f"E{svid:02d}, power and distortion"
     return plots.decision_map(
-        measured.monitor.map_for(level),
+        monitor.map_for(level),
         title=f"{whose}, about {level:g} dBHz",
         power_db=measured.rise_db[here],
         distortion=measured.distortion[here],

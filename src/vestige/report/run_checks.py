@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray
 
-from vestige.campaign.monitoring import Track
+from vestige.campaign.levels import failures
 from vestige.campaign.results import attributes_of
 from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m
+from vestige.records.checks import CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table
 from vestige.scenario.stored import StoredScenario
 
@@ -22,7 +23,7 @@ def checks_section(
     results: xarray.Dataset,
     scenario: StoredScenario,
     found: Mapping[str, Summary],
-    checks: Sequence[Track],
+    checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
     """Return the checks behind the verdicts, and those that a receiver with a sky can run besides."""
@@ -71,7 +72,7 @@ def checks_section(
     return section("checks", "Checks and thresholds", *parts)
 
 
-def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[Track]) -> Html:
+def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
     """Return the false alarms: of the verdicts, of single correlators on noise, and of each check of a sky."""
     taps = false_alarms(results)
     rows = [
@@ -101,7 +102,9 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
         note = f"{attacked}▲ and ▼: the rate is not the budget (exact two-sided test at 5 %), or exceeds a bound."
         head = ("check", "budget", "alarms", "of", "rate", "95 % interval", "")
         parts += [
-            table("Monitors", head, [(one.name, _budget(one), *_counted(one.alarms), _judged(one)) for one in checks]),
+            table(
+                "Monitors", head, [(one.name, _budget(one), *_counted(failures(one)), _judged(one)) for one in checks]
+            ),
             element("p", note),
         ]
     return section("false-alarms", "False alarms", *parts)
@@ -112,17 +115,17 @@ def _counted(found: Proportion) -> tuple[str, str, str, str]:
     return number(found.successes), number(found.trials), number(found.value, 3), interval
 
 
-def _budget(track: Track) -> str:
-    return f"{'' if track.exact else '≤ '}{number(track.p_fa, 2)}"
+def _budget(check: CheckSeries) -> str:
+    return f"{'' if check.exact else '≤ '}{number(check.p_fa, 2)}"
 
 
-def _judged(track: Track) -> Html:
+def _judged(check: CheckSeries) -> Html:
     """Return whether the rate of alarms is what the budget says."""
-    found = track.alarms
+    found = failures(check)
     if not found.trials:
         return element("span", "not run", class_="mark unmeasured", data_sign="○")
-    exceeds = found.low > track.p_fa
-    differs = binomial_test(found.successes, found.trials, track.p_fa) < _SURE if track.exact else exceeds
+    exceeds = found.low > check.p_fa
+    differs = binomial_test(found.successes, found.trials, check.p_fa) < _SURE if check.exact else exceeds
     if not differs:
         return element("span", "within", class_="mark agrees", data_sign="✓")
     return element("span", "more" if exceeds else "fewer", class_="mark differs", data_sign="▲" if exceeds else "▼")

@@ -9,13 +9,13 @@ import xarray
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.levels import ALARMS, GRAVITY
-from vestige.campaign.monitoring import Track
 from vestige.campaign.outcomes import due_verdicts, position
 from vestige.campaign.results import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attack_comparison import counterfeits
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
 from vestige.records import Status
+from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
 ROWS = 24_000  # epochs drawn one by one, of all satellites
@@ -28,7 +28,7 @@ _OUTERMOST = 250  # parts of a run whose smallest and largest offsets are kept
 
 
 def run_drawings(
-    results: xarray.Dataset, tracks: tuple[Track, ...]
+    results: xarray.Dataset, checks: tuple[CheckSeries, ...]
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and for each satellite what was thinned (see `Rows.every`).
 
@@ -36,7 +36,7 @@ def run_drawings(
     ----------
     results
         As `run` returns them.
-    tracks
+    checks
         The checks of a sky; none for a single line of sight.
     """
     detectors = [str(name) for name in results["detector"].values]
@@ -64,8 +64,8 @@ def run_drawings(
         "satellites": satellites,
         "histogram": _histogram(results, detectors, due),
     }
-    if tracks:
-        data["checks"] = _checks(time_s, scenario.interval_s, tracks)
+    if checks:
+        data["checks"] = _checks(time_s, scenario.interval_s, checks)
         data["position"] = _position(results, time_s)
     return data, thinned
 
@@ -155,16 +155,16 @@ def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarr
     }
 
 
-def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, tracks: tuple[Track, ...]) -> dict[str, Any]:
+def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[CheckSeries, ...]) -> dict[str, Any]:
     """Return for each check the largest |statistic| over its threshold in each stretch, of all satellites."""
     parts = stretches(time_s, interval_s, STRETCHES)
     lanes = []
-    for track in tracks:
+    for check in checks:
         with np.errstate(invalid="ignore", divide="ignore"):
-            limit = np.where(track.threshold > 0, track.threshold, _OF_NONE)
-            ratio = np.where(track.run, np.abs(track.statistic) / limit, np.nan)
+            limit = np.where(check.threshold > 0, check.threshold, _OF_NONE)
+            ratio = np.where(check.run, np.abs(check.statistic) / limit, np.nan)
         of_all = np.fmax.reduce(ratio.reshape(time_s.size, -1), axis=1)
-        lanes.append({"name": track.name, "ratio": packed(parts.largest(of_all).astype(np.float32))})
+        lanes.append({"name": check.name, "ratio": packed(parts.largest(of_all).astype(np.float32))})
     return {"stretches": parts.drawn() | {"length": parts.length}, "lanes": lanes}
 
 

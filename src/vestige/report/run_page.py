@@ -7,8 +7,8 @@ from typing import Any
 
 import xarray
 
-from vestige.campaign.levels import verdicts_of_run
-from vestige.campaign.monitoring import tracks
+from vestige.acas_processor.levels import LEVELS
+from vestige.campaign.levels import level_verdicts, verdicts_of_run
 from vestige.campaign.outcomes import AttackReport, due_verdicts
 from vestige.campaign.results import attributes_of, scenario_of, scenario_text
 from vestige.campaign.statistics import Summary, summarise
@@ -47,7 +47,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
-    checks = tracks(results) if sky else ()
+    checks = tuple(level_verdicts(results, (max(LEVELS),))[0].checks.values()) if sky else ()
     stored, (results, of_level) = results, verdicts_of_run(results)
     counts = verdict_counts(results)
     found = {str(name): summarise(results, str(name)) for name in results["detector"].values}

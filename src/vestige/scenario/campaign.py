@@ -42,6 +42,7 @@ from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
 from vestige.scenario.toml_file import MisfitError, Section
 from vestige.signal_generator.range_model import RangeModel
+from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import AnyAttack, Spoofer
 from vestige.time import GalileoTime
 
@@ -120,6 +121,16 @@ class RecsTable(Section):
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
     key_delay: Literal[0, 1] = 1
     every: Annotated[int, Field(ge=1, le=3600)] = 1
+
+    @property
+    def n_chips(self) -> int:
+        """Chips in a RECS."""
+        return next(length.n_chips for length in LENGTHS if length.duration_ms == self.duration_ms)
+
+    @property
+    def integration_s(self) -> float:
+        """How long a RECS is."""
+        return self.n_chips / E6C.chip_rate_hz
 
 
 class CampaignScenario(Section):
@@ -289,7 +300,7 @@ class CampaignScenario(Section):
             cn0_e1_dbhz=receiver.cn0_e1_dbhz,
             front_end=receiver.front_end.front_end(receiver.sample_rate_hz),
             time_uncertainty_s=receiver.time_uncertainty_s,
-            n_chips=next(length.n_chips for length in LENGTHS if length.duration_ms == self.recs.duration_ms),
+            n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
             spoofer=Spoofer(attacks=self.attack),
         )

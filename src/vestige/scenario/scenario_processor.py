@@ -8,6 +8,7 @@ says of its pseudoranges. How many satellites are in view, and how strong they a
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,19 +26,21 @@ from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.pseudorange_errors import LoopNoise, PseudorangeErrors
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.recording.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
 from vestige.records import Band
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
+    from vestige.scenario.stored import StoredScenario
 
 _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
 _GRID_S = 60.0  # how often the orbits are looked at
 _MOST_TIMES = 500
 
 
-class _Overhead(NamedTuple):
+class Overhead(NamedTuple):
     """Mean number of satellites in view, and their mean C/N0 on E1."""
 
     satellites: int
@@ -46,20 +49,36 @@ class _Overhead(NamedTuple):
 
 def processor_of(scenario: CampaignScenario) -> AcasProcessor:
     """Return the processor of a campaign's receiver."""
-    return scenario.processor.processor(_monitoring(scenario))
+    return receiver_processor(scenario, overhead_of(scenario), navigation_text(scenario))
 
 
-def _monitoring(scenario: CampaignScenario) -> MonitoringSettings:
+def navigation_text(scenario: CampaignScenario) -> str | None:
+    """Return the broadcast orbits of a sky as the text of a RINEX file; None of a single line of sight."""
+    if scenario.constellation is None:
+        return None
+    paths = [one.elevation.path for one in scenario.simulations if one.elevation is not None]
+    return rinex_navigation_text(path.ephemeris for path in paths)
+
+
+def receiver_processor(
+    scenario: CampaignScenario | StoredScenario, overhead: Overhead, navigation: str | None
+) -> AcasProcessor:
+    """Return the processor of a receiver, from a scenario or from that of stored results.
+
+    Parameters
+    ----------
+    scenario
+        What the receiver's maker knows of it.
+    overhead
+        What the receiver expects to see.
+    navigation
+        As `navigation_text`.
+    """
     receiver, table = scenario.receiver, scenario.processor
-    front_end, integration_s = scenario.simulations[0].front_end, scenario.simulations[0].integration_s
-    antenna = Antenna(
-        e1_dbhz=receiver.cn0_e1_dbhz,
-        e6_dbhz=receiver.cn0_dbhz,
-        fall_db=0.0 if scenario.constellation is None else scenario.constellation.cn0_fall_db,
-    )
-    overhead = _overhead(scenario, antenna)
+    front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
+    antenna = _antenna(scenario)
     oscillator = TwoStateClock(h0_s=table.oscillator.h0_s, h_minus_2_hz=table.oscillator.h_minus_2_hz)
-    return MonitoringSettings(
+    monitoring = MonitoringSettings(
         cadence=Cadence(
             satellites=overhead.satellites,
             observation_s=scenario.interval_s,
@@ -67,10 +86,10 @@ def _monitoring(scenario: CampaignScenario) -> MonitoringSettings:
             search_s=table.search_s,
         ),
         levels=ReferenceLevels(e1_power_db=0.0, e6_power_db=0.0, antenna=antenna),
-        fix=_fix(scenario),
+        fix=_fix(scenario, navigation),
         e1_power=ReceivedPowerMonitor(band=Band.E1, bandwidth_hz=POWER_BANDWIDTH_HZ, averaging_s=POWER_AVERAGING_S),
         e6_power=ReceivedPowerMonitor(
-            band=Band.E6, bandwidth_hz=front_end.power_bandwidth_hz, averaging_s=integration_s
+            band=Band.E6, bandwidth_hz=front_end.power_bandwidth_hz, averaging_s=scenario.recs.integration_s
         ),
         second_signal=SecondSignalMonitor(ray_power_db=table.ray_power_db),
         second_signal_filtered=front_end.bandwidth_hz is not None,
@@ -94,13 +113,23 @@ def _monitoring(scenario: CampaignScenario) -> MonitoringSettings:
         ),
         exhaustive_period_s=table.search_s,
     )
+    return table.processor(monitoring)
 
 
-def _fix(scenario: CampaignScenario) -> FixSettings:
+def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
+    return Antenna(
+        e1_dbhz=scenario.receiver.cn0_e1_dbhz,
+        e6_dbhz=scenario.receiver.cn0_dbhz,
+        fall_db=0.0 if scenario.constellation is None else scenario.constellation.cn0_fall_db,
+    )
+
+
+def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) -> FixSettings:
     """Return the orbits, which are used for as long as the run is, and what is assumed of pseudoranges."""
     table, loops = scenario.position, scenario.receiver.e1_tracking
+    lines = enumerate(() if navigation is None else navigation.splitlines(), 1)
     return FixSettings(
-        ephemerides=tuple(one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None),
+        ephemerides=() if navigation is None else tuple(parse_rinex_navigation(Path("navigation"), lines)),
         errors=PseudorangeErrors(
             floor_m=table.floor_sigma_m,
             ionosphere_m=table.ionosphere_sigma_m,
@@ -112,14 +141,15 @@ def _fix(scenario: CampaignScenario) -> FixSettings:
     )
 
 
-def _overhead(scenario: CampaignScenario, antenna: Antenna) -> _Overhead:
-    effects = [one.elevation for one in scenario.simulations if one.elevation is not None]
+def overhead_of(scenario: CampaignScenario) -> Overhead:
+    """Return what the receiver of a campaign expects to see, from the orbits."""
+    antenna, effects = _antenna(scenario), [one.elevation for one in scenario.simulations if one.elevation is not None]
     if not effects:
-        return _Overhead(1, antenna.e1_dbhz)
+        return Overhead(1, antenna.e1_dbhz)
     duration_s = scenario.epochs * scenario.interval_s
     times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
     elevation_rad = np.stack([one.path.sight(times_s).elevation_rad for one in effects], axis=1)
     in_view = elevation_rad >= np.radians([one.mask_deg for one in effects])
     expected_dbhz = antenna.expected_dbhz(antenna.e1_dbhz, elevation_rad)
     mean_in_view = float(np.mean(np.count_nonzero(in_view, axis=1)))
-    return _Overhead(max(1, round(mean_in_view)), float(np.mean(expected_dbhz[in_view])))
+    return Overhead(max(1, round(mean_in_view)), float(np.mean(expected_dbhz[in_view])))

@@ -16,8 +16,11 @@ from vestige.errors import VestigeError
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
-from vestige.scenario.campaign import FrontEndTable, ProcessorTable, RecsTable
+from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.scenario.campaign import FrontEndTable, RecsTable
 from vestige.scenario.limits import MAX_EPOCHS
+from vestige.scenario.processor_table import ProcessorTable
+from vestige.scenario.sky import PositionTable
 from vestige.scenario.toml_file import LARGEST_NUMBER
 from vestige.time import GalileoTime
 
@@ -53,10 +56,12 @@ class StoredReceiver(_Part):
     cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
     signal: bool
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)]
+    time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)]
     front_end: FrontEndTable
     clock: TwoStateClock | None
     ionosphere: StoredKind | None
     multipath: StoredMultipath | None
+    e1_tracking: BetzTrackingNoise | None
     accelerometers: Accelerometers | None
 
 
@@ -72,6 +77,7 @@ class StoredScenario(_Part):
     recs: RecsTable
     receiver: StoredReceiver
     processor: ProcessorTable
+    position: PositionTable
     attack: tuple[StoredKind, ...]
     constellation: StoredConstellation | None
 

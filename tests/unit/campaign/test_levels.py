@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.sky_builder import CLEAN, sky_scenario
 
-from vestige.acas_processor.mitigation import LEVELS
+from vestige.acas_processor.levels import LEVELS
 from vestige.campaign.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts, search_schedule
 from vestige.campaign.monitoring import tracks

@@ -79,13 +79,35 @@ def recs_block(of: ReceiverTruth) -> RecsBlock:
     """Return the RECS of a block: of every satellite, in every epoch that has some."""
     simulation = of.simulations[0]
     second = simulation.start.gst_seconds + np.round(10 * of.truth[0].time_s).astype(np.int64) // 10
-    key_s = SUBFRAME_S * (second // SUBFRAME_S + simulation.key_delay)
     found, with_key = np.zeros((2, *of.shape), np.bool_)
     found[of.rows] = True
+    key_s = _key_second(second, simulation.key_delay)
     with_key[of.rows] = _keys_received(of, key_s - simulation.start.gst_seconds)[of.rows, None]
+    return recs_with_keys(second, found, with_key, key_delay=simulation.key_delay)
+
+
+def recs_with_keys(
+    second: Int64[np.ndarray, " n"],
+    found: Bool[np.ndarray, "n m"],
+    with_key: Bool[np.ndarray, "n m"],
+    *,
+    key_delay: int,
+) -> RecsBlock:
+    """Return RECS with the times of their keys.
+
+    Parameters
+    ----------
+    second
+        Whole seconds of the epochs since the GST epoch.
+    found, with_key
+        Where there is a RECS, and where its key is received.
+    key_delay
+        KDI of the RECS.
+    """
+    key_s = _key_second(second, key_delay)
 
     def times(later_s: int) -> GalileoTimes:
-        return GalileoTimes(np.repeat((key_s + later_s)[:, None], of.shape[1], axis=1), np.zeros(of.shape))
+        return GalileoTimes(np.repeat((key_s + later_s)[:, None], found.shape[1], axis=1), np.zeros(found.shape))
 
     return RecsBlock(
         found=found,
@@ -94,6 +116,10 @@ def recs_block(of: ReceiverTruth) -> RecsBlock:
         disclosed=times(KEY_ON_AIR.disclosure_start_s),
         complete=times(KEY_ON_AIR.disclosure_end_s),
     )
+
+
+def _key_second(second: Int64[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, " n"]:
+    return SUBFRAME_S * (second // SUBFRAME_S + key_delay)
 
 
 def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

@@ -4,6 +4,8 @@ A pseudorange holds geometry and receiver clock, noise, multipath and what an at
 holds the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it is common to both bands and no
 part of the range check.
 
+C/N0, correlators and power come in single precision, as results keep them.
+
 A satellite that is out of view, or weaker than the loop can hold, is not there. So is nothing wrong with a pseudorange
 of 0.6 million kilometres under a sky: the fix says that the receiver's clock is wrong by 2 s, and its monitor asks why.
 On a single line of sight there is no other clock: one that is wrong by more than any travel time can explain follows.
@@ -23,6 +25,11 @@ from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
+
+
+def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return values as single precision has them."""
+    return values.astype(np.float32).astype(np.float64)
 
 
 def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
@@ -71,8 +78,10 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
         carrier_phase_cycles=seen(-to_hz * of.each(_carrier_m)),
         doppler_hz=seen(to_hz * of.each(range_rate_mps)),
         doppler_rate_hz_per_s=seen(to_hz * of.each(lambda _, truth: truth.acceleration_mps2)),
-        cn0_dbhz=seen(of.each(lambda simulation, truth: _estimated(simulation, truth, of.first))),
-        taps=None if taps is None else np.where(shown[..., None], taps, np.nan),
+        cn0_dbhz=seen(single(of.each(lambda simulation, truth: _estimated(simulation, truth, of.first)))),
+        taps=None
+        if taps is None
+        else np.where(shown[..., None], taps.astype(np.complex64), np.nan).astype(np.complex128),
         tap_chips=() if taps is None else TAP_CHIPS,
     ), front_end
 
@@ -119,5 +128,6 @@ def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, 
         )
         for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True))
     ]
+    read_db = single(read_db)
     front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=np.zeros(read_db.size, np.bool_))
     return np.stack(taps, axis=1) * 10 ** (-rise_db / 20)[:, None, None], front_end

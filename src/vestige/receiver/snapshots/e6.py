@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
-from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps
+from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
@@ -74,7 +74,7 @@ class DrawnE6:
                 averaging_s=simulation.integration_s,
             )
             gain_db[of.rows] = 0.0
-        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=np.zeros(of.n, np.bool_))
+        return _reported(gain_db, power_db, np.zeros(of.n, np.bool_))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +154,7 @@ class SampledE6:
                 power_db[epoch] = np.mean([one.total_power_db for one in own])
                 gain_db[epoch] = np.mean([one.agc_gain_db for one in own])
                 saturated[epoch] = any(one.saturated for one in own)
-        return FrontEndBlock(agc_gain_db=gain_db, total_power_db=power_db, saturated=saturated)
+        return _reported(gain_db, power_db, saturated)
 
     def _status(self, epoch: int, column: int) -> FrontEndStatus:
         if (epoch, column) not in self._statuses:
@@ -190,6 +190,12 @@ def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> floa
     for _ in range(_LIGHT_TIME_STEPS):
         travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
     return travel_s
+
+
+def _reported(
+    gain_db: Float[np.ndarray, " n"], power_db: Float[np.ndarray, " n"], saturated: Bool[np.ndarray, " n"]
+) -> FrontEndBlock:
+    return FrontEndBlock(agc_gain_db=single(gain_db), total_power_db=single(power_db), saturated=saturated)
 
 
 def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -37,6 +37,7 @@ from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.records.snapshot_block import OsnmaBlock
+from vestige.time import GalileoTime
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,7 @@ class OsnmaReception:
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1)
 
-    def block(self, interval_s: float) -> OsnmaBlock:
+    def pages(self, interval_s: float) -> PagesReceived:
         """Return the pages beside those of a second channel, which knows what every satellite in view sent.
 
         Parameters
@@ -78,23 +79,13 @@ class OsnmaReception:
         """
         start = self.of.simulations[0].start
         page = pages_due(self.week_s, interval_s)
-        received = np.stack(self._received(page), axis=2)
-        row, place = np.nonzero(page >= 0)
-        number = page[row, place] // PAGES
-        pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
-        epoch, subframe = pieces.T
-        due, came = np.zeros((2, epoch.size, self.of.shape[1]), np.int64)
-        bit = (np.int64(1) << place)[:, None]
-        np.bitwise_or.at(due, piece.ravel(), np.where(self.of.in_view[row], bit, 0))
-        np.bitwise_or.at(came, piece.ravel(), np.where(received[row, place], bit, 0))
-        forged = ~np.stack(self._true, axis=1)[epoch]
-        return OsnmaBlock(
-            epoch=epoch,
-            subframe=start.gst_seconds - start.second + SUBFRAME_S * subframe,
-            due=due,
-            received=came & due,
-            differs=np.where(forged, came & due, 0),
-            last=_ends(page[epoch], subframe, begun_s=start.second - interval_s, interval_s=interval_s),
+        return PagesReceived(
+            start=start,
+            interval_s=interval_s,
+            page=page,
+            in_view=self.of.in_view,
+            received=np.stack(self._received(page), axis=1),
+            forged=~np.stack(self._true, axis=1),
         )
 
     def _whole(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, " n"]]:
@@ -121,6 +112,53 @@ class OsnmaReception:
             & ~jammed
             for one, truth in zip(self.of.simulations, self.of.truth, strict=True)
         ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PagesReceived:
+    """Pages of n epochs and m satellites, as received and as sent.
+
+    Attributes
+    ----------
+    start, interval_s
+        Of the scenario, and between epochs.
+    page
+        As `pages_due` has it.
+    in_view
+        Whether a second channel hears the satellite.
+    received
+        bool[n, m, 15]: pages that were received.
+    forged
+        Whether what is demodulated of a satellite is the attacker's own.
+    """
+
+    start: GalileoTime
+    interval_s: float
+    page: Int64[np.ndarray, "n 15"]
+    in_view: Bool[np.ndarray, "n m"]
+    received: Bool[np.ndarray, "n m 15"]
+    forged: Bool[np.ndarray, "n m"]
+
+    @property
+    def block(self) -> OsnmaBlock:
+        """The same in pieces of subframes, as the processor takes it."""
+        row, place = np.nonzero(self.page >= 0)
+        number = self.page[row, place] // PAGES
+        pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
+        epoch, subframe = pieces.T
+        due, came = np.zeros((2, epoch.size, self.in_view.shape[1]), np.int64)
+        bit = (np.int64(1) << place)[:, None]
+        np.bitwise_or.at(due, piece.ravel(), np.where(self.in_view[row], bit, 0))
+        np.bitwise_or.at(came, piece.ravel(), np.where(self.received[row, :, place], bit, 0))
+        begun_s = self.start.second - self.interval_s
+        return OsnmaBlock(
+            epoch=epoch,
+            subframe=self.start.gst_seconds - self.start.second + SUBFRAME_S * subframe,
+            due=due,
+            received=came & due,
+            differs=np.where(self.forged[epoch], came & due, 0),
+            last=_ends(self.page[epoch], subframe, begun_s=begun_s, interval_s=self.interval_s),
+        )
 
 
 def _ends(

@@ -2,23 +2,29 @@
 
 They are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 says something only where
 the receiver has the key, and where the earliest signal is provably from before its disclosure; E1 alone still counts.
+What would be found in each epoch is drawn for `SEARCH_P_FA`, or comes from stored results; what of it may be said is
+decided here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int8, Int64
+from jaxtyping import Bool, Float, Int8
 
+from vestige.acas_processor.monitoring_settings import SEARCH_P_FA
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.disclosure import provably_before_disclosure
-from vestige.receiver.search_outcome import SearchOutcome, search_outcome
+from vestige.receiver.search_outcome import search_outcome
 from vestige.receiver.snapshots.assistance import recs_block
+from vestige.receiver.snapshots.e1 import single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock, SearchRequest
 from vestige.records.times import GalileoTimes
+from vestige.time import GalileoTime
 
 _NO_E1, _NO_RECS, _NOT_FOUND = (
     SEARCH_NOT_RUN.index(reason) + 1
@@ -30,91 +36,144 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnSearches:
-    """What the searches of a block would find; drawn once for all its RECS.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchFinds:
+    """What the searches would find in each of n epochs, if they were made; NaN without RECS and out of view.
 
     Attributes
     ----------
-    of
-        The block.
-    received_at
-        When the receiver has the last sample of each RECS.
+    e1_signals, handover_carrying, exhaustive_signals
+        Signals on E1, those of them that carry the encrypted chips, and signals in an exhaustive search of E6.
+    handover_earliest_m, exhaustive_earliest_m
+        How much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only.
+    earliest_s
+        When the earliest signal's last sample was received, in s after the scenario's start.
     """
 
-    of: ReceiverTruth
-    received_at: GalileoTimes
-    _outcomes: dict[float, tuple[SearchOutcome, ...]] = field(default_factory=dict)
-    _recs: list[RecsBlock] = field(default_factory=list)
+    e1_signals: Float[np.ndarray, "n m"]
+    handover_carrying: Float[np.ndarray, "n m"]
+    handover_earliest_m: Float[np.ndarray, "n m"]
+    exhaustive_signals: Float[np.ndarray, "n m"]
+    exhaustive_earliest_m: Float[np.ndarray, "n m"]
+    earliest_s: Float[np.ndarray, "n m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KnownSearches:
+    """Searches of which it is known what they would find.
+
+    Attributes
+    ----------
+    finds
+        That.
+    start
+        Of the scenario.
+    recs
+        RECS and keys of the block.
+    """
+
+    finds: SearchFinds
+    start: GalileoTime
+    recs: RecsBlock
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return what the search of E1 with hand-over to E6 finds."""
-        on_e1 = self._found("e1_signals", request)
-        provable = self._provable(request)
-        carrying = np.where(provable, self._found("handover_carrying", request), 0.0)
+        rows = request.epoch
+        on_e1, provable = self.finds.e1_signals[rows], self._provable(request)
+        carrying = np.where(provable, self.finds.handover_carrying[rows], 0.0)
         signals = np.where(on_e1 > 0, np.maximum(on_e1, carrying), np.nan)
         return SearchBlock(
             signals=signals,
             carrying=np.where(on_e1 > 0, carrying, np.nan),
-            earliest_m=np.where(provable & (on_e1 > 0), self._earliest_m("handover_error_m", request), np.nan),
+            earliest_m=np.where(provable & (on_e1 > 0), self.finds.handover_earliest_m[rows], np.nan),
             not_run=np.where(on_e1 > 0, 0, _NO_E1).astype(np.int8),
         )
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return what the exhaustive search of E6 finds."""
-        count, provable = self._found("exhaustive_signals", request), self._provable(request)
+        rows = request.epoch
+        count, provable = self.finds.exhaustive_signals[rows], self._provable(request)
         made = provable & (count > 0)
         signals = np.where(made, count, np.nan)
         not_run: Int8[np.ndarray, "k m"] = np.where(made, 0, np.where(provable, _NOT_FOUND, _NO_RECS)).astype(np.int8)
         return SearchBlock(
             signals=signals,
             carrying=signals,
-            earliest_m=np.where(made, self._earliest_m("exhaustive_error_m", request), np.nan),
+            earliest_m=np.where(made, self.finds.exhaustive_earliest_m[rows], np.nan),
             not_run=not_run,
         )
 
-    def _found(self, name: str, request: SearchRequest) -> Float[np.ndarray, "k m"]:
-        """Return what was drawn for the epochs that are asked for; nothing of satellites out of view."""
-        if not request.epoch.size:
-            return np.zeros((0, self.of.shape[1]))
-        drawn = np.stack([getattr(one, name) for one in self._drawn(request.p_fa)], axis=1)
-        return np.where(self.of.in_view[request.epoch], drawn[self._numbers(request)], np.nan)
-
-    def _drawn(self, p_fa: float) -> tuple[SearchOutcome, ...]:
-        if p_fa not in self._outcomes:
-            self._outcomes[p_fa] = tuple(
-                search_outcome(
-                    truth,
-                    cn0_e1_dbhz=simulation.cn0_e1_dbhz,
-                    cn0_e6_dbhz=simulation.cn0_dbhz,
-                    integration_s=simulation.integration_s,
-                    seed=simulation.seed,
-                    svid=simulation.svid,
-                    first=self.of.first_recs,
-                    p_fa=p_fa,
-                )
-                for simulation, truth in zip(self.of.simulations, self.of.of_recs, strict=True)
-            )
-        return self._outcomes[p_fa]
-
-    def _numbers(self, request: SearchRequest) -> Int64[np.ndarray, " k"]:
-        return (request.epoch - self.of.rows.start) // self.of.every
-
-    def _earliest_m(self, name: str, request: SearchRequest) -> Float[np.ndarray, "k m"]:
-        """Return how much later the earliest is than E1 puts it: both ranges have geometry, clock and ionosphere."""
-        return self._found(name, request) - self.of.e1_error_m[request.epoch]
-
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
         """Return where there is a key, and the true signal was provably received before it was on air."""
-        if not self._recs:
-            self._recs.append(recs_block(self.of))
-        recs, late_m = self._recs[0], np.stack([one.e1.error_m for one in self.of.of_recs], axis=1)
-        earliest_at = self.received_at[request.epoch] + -late_m[self._numbers(request)] / SPEED_OF_LIGHT_MPS
+        earliest_at = GalileoTimes.after(self.start, np.nan_to_num(self.finds.earliest_s[request.epoch]))
         uncertainty_s = [
-            [limit.at(earliest_at.at(row, column)) for column in range(self.of.shape[1])]
+            [limit.at(earliest_at.at(row, column)) for column in range(earliest_at.second.shape[1])]
             for row, limit in enumerate(request.uncertainty)
         ]
-        lead_s = recs.disclosed[request.epoch] - earliest_at
-        return recs.with_key[request.epoch] & provably_before_disclosure(
+        lead_s = self.recs.disclosed[request.epoch] - earliest_at
+        return self.recs.with_key[request.epoch] & provably_before_disclosure(
             lead_s, np.array(uncertainty_s).reshape(lead_s.shape)
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrawnSearches:
+    """What the searches of a block would find; drawn once for all its RECS, when it is first asked for.
+
+    Attributes
+    ----------
+    of
+        The block.
+    received_s
+        When the receiver has the last sample of each RECS, in s after the scenario's start.
+    """
+
+    of: ReceiverTruth
+    received_s: Float[np.ndarray, "n m"]
+
+    def e1(self, request: SearchRequest) -> SearchBlock:
+        """Return what the search of E1 with hand-over to E6 finds."""
+        return self._known.e1(request)
+
+    def exhaustive(self, request: SearchRequest) -> SearchBlock:
+        """Return what the exhaustive search of E6 finds."""
+        return self._known.exhaustive(request)
+
+    @cached_property
+    def _known(self) -> KnownSearches:
+        return KnownSearches(finds=self.finds, start=self.of.simulations[0].start, recs=recs_block(self.of))
+
+    @cached_property
+    def finds(self) -> SearchFinds:
+        """What the searches would find."""
+        of = self.of
+        drawn = [
+            search_outcome(
+                truth,
+                cn0_e1_dbhz=simulation.cn0_e1_dbhz,
+                cn0_e6_dbhz=simulation.cn0_dbhz,
+                integration_s=simulation.integration_s,
+                seed=simulation.seed,
+                svid=simulation.svid,
+                first=of.first_recs,
+                p_fa=SEARCH_P_FA,
+            )
+            for simulation, truth in zip(of.simulations, of.of_recs, strict=True)
+            if of.recs_rows.size
+        ]
+
+        def found(name: str) -> Float[np.ndarray, "n m"]:
+            values = np.full(of.shape, np.nan)
+            for column, one in enumerate(drawn):
+                values[of.rows, column] = getattr(one, name)
+            return np.where(of.in_view, single(values), np.nan)
+
+        late_m = np.stack([one.e1.error_m for one in of.truth], axis=1)
+        return SearchFinds(
+            e1_signals=found("e1_signals"),
+            handover_carrying=found("handover_carrying"),
+            handover_earliest_m=found("handover_error_m") - of.e1_error_m,
+            exhaustive_signals=found("exhaustive_signals"),
+            exhaustive_earliest_m=found("exhaustive_error_m") - of.e1_error_m,
+            earliest_s=self.received_s - late_m / SPEED_OF_LIGHT_MPS,
         )

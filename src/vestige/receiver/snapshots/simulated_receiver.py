@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.crypto.recs import CipherMode
 from vestige.receiver.accelerometer import Accelerometers
@@ -77,14 +78,14 @@ class SimulatedReceiver:
         of = ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SampledE6(of)
-        time, received_at, elevation = self._times(of), self._received_at(of), self.simulations[0].elevation
+        time, received_s, elevation = self._times(of), self._received_s(of), self.simulations[0].elevation
         osnma = None if elevation is None else OsnmaReception(of=of)
         recs = np.zeros(of.n, np.bool_)
         recs[of.rows] = True
         return SnapshotBlock(
             index=first + np.arange(of.n, dtype=np.int64),
             time=time,
-            received_at=received_at,
+            received_at=GalileoTimes.after(self.simulations[0].start, received_s),
             time_uncertainty_s=np.full(of.n, self.simulations[0].time_uncertainty_s, np.float64),
             svids=of.svids,
             asked=np.ones(of.shape, np.bool_),
@@ -92,8 +93,8 @@ class SimulatedReceiver:
             e1=e1,
             front_end=FrontEnds(power, e6),
             e6=e6,
-            searches=DrawnSearches(of, received_at),
-            osnma=None if osnma is None else osnma.block(self.interval_s),
+            searches=DrawnSearches(of=of, received_s=received_s),
+            osnma=None if osnma is None else osnma.pages(self.interval_s).block,
             increments=self._increments(of, time, elevation),
             data_authenticated=None if osnma is None else osnma.data_authenticated,
         )
@@ -103,13 +104,13 @@ class SimulatedReceiver:
         deciseconds = (of.first + np.arange(of.n, dtype=np.int64)) * round(10 * self.interval_s)
         return GalileoTimes(self.simulations[0].start.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
 
-    def _received_at(self, of: ReceiverTruth) -> GalileoTimes:
-        """Return when the last sample of each RECS is received, that of the epoch itself without one."""
+    def _received_s(self, of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
+        """Return when each RECS is received to its last sample, after the start; the epoch itself without one."""
         elapsed_s = np.repeat(of.truth[0].time_s[:, None], of.shape[1], axis=1)
         for column, (simulation, truth) in enumerate(zip(self.simulations, of.of_recs, strict=True)):
             if of.recs_rows.size:
                 elapsed_s[of.rows, column] = simulation.received_s(truth, of.arrived[column])
-        return GalileoTimes.after(self.simulations[0].start, elapsed_s)
+        return elapsed_s
 
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
