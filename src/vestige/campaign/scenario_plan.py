@@ -1,8 +1,8 @@
 """A campaign scenario as a plan: a simulated receiver measures, its processor judges, and the truth stands beside it.
 
 `measure` makes the snapshots of a chunk and has the processor measure them, on any worker. `judge` has it assess them
-in order of time, and joins what it says with the truth. Nothing here decides anything: what a check says, what is an alarm
-and which range is in use is the processor's word, at the level of the scenario.
+in order of time, and joins what it says with the truth. Nothing here decides anything: what a check says, what is an
+alarm and which range is in use is the processor's word, at the level of the scenario.
 """
 
 from __future__ import annotations

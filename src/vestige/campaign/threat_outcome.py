@@ -52,6 +52,7 @@ from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.outcomes import position
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.records import Status
+from vestige.records.checks import CheckName
 
 DAY_S = 86_400.0
 _HALF = 0.5
