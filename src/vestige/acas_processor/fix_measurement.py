@@ -7,6 +7,7 @@ come from a first fix without them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -117,6 +118,27 @@ class FixSettings:
             separation_sigmas=separation_sigmas,
             separation_modes=separation_modes,
         )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LazyFix:
+    """The fixes of a block, made when they are first asked for.
+
+    Attributes
+    ----------
+    settings, time, svids, e1
+        As `FixSettings.measure` takes them.
+    """
+
+    settings: FixSettings
+    time: GalileoTimes
+    svids: tuple[int, ...]
+    e1: E1Block
+
+    @cached_property
+    def block(self) -> FixBlock | None:
+        """The fix of each epoch; None without orbits."""
+        return self.settings.measure(self.time, self.svids, self.e1)
 
 
 def elevations(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.detection_block import detect_block
+from vestige.acas_processor.fix_measurement import LazyFix
 from vestige.acas_processor.handover import assisted_delay_m, hand_over
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.thresholds import probability_of_detection, threshold
@@ -65,7 +66,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
         predicted_pd=_predicted_pd(expected_dbhz, correlated, banks.integration_s, processor.p_fa),
         expected_s=handovers.expected_s,
         doppler_e6_hz=handovers.doppler_e6_hz,
-        fix=processor.monitoring.fix.measure(snapshots.time, snapshots.svids, snapshots.e1),
+        fixes=LazyFix(settings=processor.monitoring.fix, time=snapshots.time, svids=snapshots.svids, e1=snapshots.e1),
     )
 
 

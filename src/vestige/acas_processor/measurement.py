@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int, Int8, Int64
@@ -97,6 +98,16 @@ class FixBlock:
         return Fix(**{item.name: getattr(self.fix, item.name)[one] for item in fields(Fix)})
 
 
+@runtime_checkable
+class Fixes(Protocol):
+    """Makes the position fixes of a block when they are first asked for."""
+
+    @property
+    def block(self) -> FixBlock | None:
+        """The fix of each epoch; None without orbits."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasurementBlock:
     """What was measured of n epochs and m satellites, each epoch by itself.
@@ -116,8 +127,8 @@ class MeasurementBlock:
     expected_s, doppler_e6_hz
         When E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing
         was handed over one by one.
-    fix
-        Position fix; None without orbits.
+    fixes
+        Makes the position fix.
     """
 
     snapshots: SnapshotBlock
@@ -128,7 +139,12 @@ class MeasurementBlock:
     predicted_pd: Float[np.ndarray, "n m"]
     expected_s: Float[np.ndarray, "n m"]
     doppler_e6_hz: Float[np.ndarray, "n m"]
-    fix: FixBlock | None = None
+    fixes: Fixes | None = None
+
+    @property
+    def fix(self) -> FixBlock | None:
+        """The position fix of each epoch; None without orbits."""
+        return None if self.fixes is None else self.fixes.block
 
     @property
     def n_epochs(self) -> int:

@@ -11,9 +11,9 @@ not in its weights.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -23,22 +23,25 @@ from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 
 _GRID_DBHZ = np.arange(10.0, 75.5, 1.0)
 
-Sigma = Callable[[float], float]  # from C/N0 in dBHz
 
+@runtime_checkable
+class LoopNoise(Protocol):
+    """Thermal noise of the receiver's tracking loops: standard deviations against C/N0 in dBHz.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopNoise:
-    """Thermal noise of the receiver's tracking loops.
-
-    Attributes
-    ----------
-    code_m, doppler_hz
-        Standard deviations against C/N0 in dBHz: functions that can be pickled and compared, such as bound methods of
-        a frozen dataclass.
+    It is hashed, compared and pickled, as a frozen dataclass is.
     """
 
-    code_m: Sigma
-    doppler_hz: Sigma
+    def __hash__(self) -> int:
+        """Return a number that equal models share."""
+        ...
+
+    def code_sigma_m(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of a pseudorange in m."""
+        ...
+
+    def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of a Doppler in Hz."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +79,7 @@ class PseudorangeErrors:
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
     ) -> Float[np.ndarray, "n m"]:
         """Return the standard deviation of pseudoranges; NaN where the C/N0 is not known but matters."""
-        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _of_grid(self.loops.code_m, cn0_dbhz)
+        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _of_grid(_log_code_m(self.loops), cn0_dbhz)
         if not self.needs_elevation:
             return np.sqrt(code_m**2 + self.floor_m**2)
         ionosphere_m = self.ionosphere_m * obliquity(elevation_rad)
@@ -93,14 +96,19 @@ class PseudorangeErrors:
         """Return the standard deviation of range rates."""
         if self.loops is None:
             return np.full(cn0_dbhz.shape, self.rate_mps)
-        return _of_grid(self.loops.doppler_hz, cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+        return _of_grid(_log_doppler_hz(self.loops), cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
 
 
-def _of_grid(sigma: Sigma, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def _of_grid(log_sigma: Float[np.ndarray, " k"], cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Return a standard deviation; between whole dB its logarithm is interpolated, which is good to 1e-3."""
-    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_on_grid(sigma)))
+    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, log_sigma))
 
 
 @lru_cache(maxsize=16)
-def _log_on_grid(sigma: Sigma) -> Float[np.ndarray, " k"]:
-    return np.log([sigma(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
+def _log_code_m(loops: LoopNoise) -> Float[np.ndarray, " k"]:
+    return np.log([loops.code_sigma_m(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
+
+
+@lru_cache(maxsize=16)
+def _log_doppler_hz(loops: LoopNoise) -> Float[np.ndarray, " k"]:
+    return np.log([loops.doppler_sigma_hz(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])

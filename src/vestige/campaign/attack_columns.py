@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.campaign.plan import Column, Coord
 from vestige.receiver.sampled_epoch import arrival
-from vestige.receiver.simulation import Simulation
+from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 
@@ -47,13 +48,23 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     }
 
 
-def attack_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS`."""
+def attack_columns(
+    simulation: Simulation, truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]
+) -> dict[str, np.ndarray]:
+    """Return the values of `ATTACK_COLUMNS`.
+
+    Parameters
+    ----------
+    simulation, truth
+        Of one satellite.
+    e1_multipath_m
+        What rays make of its pseudorange on E1.
+    """
     phase_rad = np.angle(arrival(simulation.line_of_sight, truth).carrier)
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
         "truth_phase_rad": phase_rad,
-        "truth_prediction_error_m": simulation.prediction_error_m(truth),
+        "truth_prediction_error_m": truth.iono_diff_m + truth.bias_m - e1_error_m(truth, e1_multipath_m),
         "truth_spoofed": np.any(on_air, axis=1),
         "truth_spoofer_offset_m": truth.e6.delay_m,
         "truth_spoofer_power_db": truth.e6.power_db,

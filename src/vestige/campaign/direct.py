@@ -7,11 +7,21 @@ import xarray
 from vestige.campaign.plan import Plan, judged
 
 
-def direct_results(plan: Plan) -> xarray.Dataset:
-    """Return the results of a plan as `run` does, without a store."""
-    _, columns = judged(plan, None, 0, plan.measure(0, plan.prepare().advance(0, plan.n_epochs)))
+def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
+    """Return the results of a plan as `run` does, without a store.
+
+    Parameters
+    ----------
+    plan
+        What to run.
+    judge
+        Whether the columns of `Plan.judge` are wanted; whoever judges at several levels does it later.
+    """
+    columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
+    if judge:
+        _, columns = judged(plan, None, 0, columns)
     return xarray.Dataset(
-        {name: (column.dims, columns[name]) for name, column in plan.columns.items()},
+        {name: (column.dims, columns[name]) for name, column in plan.columns.items() if name in columns},
         coords={name: (coord.dim, coord.values) for name, coord in plan.coords.items()},
         attrs=dict(plan.attrs),
     )

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int64
 
 from vestige.acas_processor.detectors import DETECTORS
+from vestige.acas_processor.fix_measurement import LazyFix
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.thresholds import threshold
@@ -227,7 +228,7 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
         predicted_pd=_double(columns["predicted_pd"]),
         expected_s=unknown,
         doppler_e6_hz=unknown,
-        fix=processor.monitoring.fix.measure(time, of.svids, e1),
+        fixes=LazyFix(settings=processor.monitoring.fix, time=time, svids=of.svids, e1=e1),
     )
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.levels import LEVELS
@@ -179,20 +180,27 @@ class ScenarioPlan:
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return what was measured in the epochs from `first` on, and the truth: all columns but those of `judge`."""
         truths: tuple[TruthBlock, ...] = inputs["truth"]
-        snapshots = self._receiver.snapshots(first, truths)
+        of = ReceiverTruth(simulations=self.simulations, truth=truths, first=first, every=self.scenario.recs.every)
+        snapshots = self._receiver.snapshots_of(of)
         measured = self._judged.processor.measure(snapshots, self._receiver.assistance)
         columns = (
             measured_columns(self.scenario.start_time, measured)
             | self._detections(measured)
             | self._front_end(snapshots)
         )
-        columns |= {"time_s": truths[0].time_s} | _side_by_side([_truth_columns(*one) for one in self._each(truths)])
+        columns |= {"time_s": truths[0].time_s} | _side_by_side(
+            [_truth_columns(one, of.e1_multipath_m[:, column]) for column, one in enumerate(truths)]
+        )
         if self.scenario.attack:
-            columns |= _side_by_side([attack_columns(*one) for one in self._each(truths)])
+            columns |= _side_by_side(
+                [
+                    attack_columns(simulation, truth, of.e1_multipath_m[:, column])
+                    for column, (simulation, truth) in enumerate(zip(self.simulations, truths, strict=True))
+                ]
+            )
         if self._receiver.with_taps:
             columns |= e1_columns(snapshots)
         if self.scenario.constellation:
-            of = ReceiverTruth(simulations=self.simulations, truth=truths, first=first, every=self.scenario.recs.every)
             columns |= osnma_columns(snapshots, OsnmaReception(of=of).pages(self.scenario.interval_s))
             columns |= view_columns(truths)
         return {name: np.ascontiguousarray(values, dtype=self.columns[name].dtype) for name, values in columns.items()}
@@ -211,9 +219,6 @@ class ScenarioPlan:
             **columns,
             **{name: np.ascontiguousarray(values, dtype=self.columns[name].dtype) for name, values in found.items()},
         }
-
-    def _each(self, truths: tuple[TruthBlock, ...]) -> zip[tuple[Simulation, TruthBlock]]:
-        return zip(self.simulations, truths, strict=True)
 
     def _detections(self, measured: MeasurementBlock) -> dict[str, np.ndarray]:
         """Return what both detectors say of the banks."""
@@ -272,7 +277,7 @@ def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 _OF_RECEIVER = frozenset(name for name, column in COLUMNS.items() if "satellite" not in column.dims)
 
 
-def _truth_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.ndarray]:
+def _truth_columns(truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]) -> dict[str, np.ndarray]:
     return {
         "truth_range_m": truth.range_m,
         "truth_clock_m": truth.clock_m,
@@ -281,7 +286,7 @@ def _truth_columns(simulation: Simulation, truth: TruthBlock) -> dict[str, np.nd
         "truth_e1_noise_m": truth.e1_noise_m,
         "truth_e1_phase_noise_m": truth.e1_phase_noise_m,
         "truth_e1_rate_noise_mps": truth.e1_rate_noise_mps,
-        "truth_e1_multipath_m": simulation.e1_multipath_m(truth),
+        "truth_e1_multipath_m": e1_multipath_m,
         "truth_bias_m": truth.bias_m,
         "truth_ray_delay_m": truth.rays.delay_m,
         "truth_ray_amplitude": truth.rays.amplitude,

@@ -121,7 +121,7 @@ def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcom
     window_s
         First time that counts, and the first that does not any more.
     """
-    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario)), LEVELS, window_s)
+    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
 
 
 def outcomes_of(

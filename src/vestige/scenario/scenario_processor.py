@@ -23,7 +23,7 @@ from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.fix_measurement import FixSettings
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.pseudorange_errors import LoopNoise, PseudorangeErrors
+from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
 from vestige.recording.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
@@ -126,7 +126,7 @@ def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
 
 def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) -> FixSettings:
     """Return the orbits, which are used for as long as the run is, and what is assumed of pseudoranges."""
-    table, loops = scenario.position, scenario.receiver.e1_tracking
+    table = scenario.position
     lines = enumerate(() if navigation is None else navigation.splitlines(), 1)
     return FixSettings(
         ephemerides=() if navigation is None else tuple(parse_rinex_navigation(Path("navigation"), lines)),
@@ -135,7 +135,7 @@ def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) ->
             ionosphere_m=table.ionosphere_sigma_m,
             ionosphere_common=table.ionosphere_common,
             multipath_m=table.multipath_sigma_m,
-            loops=None if loops is None else LoopNoise(code_m=loops.code_sigma_m, doppler_hz=loops.doppler_sigma_hz),
+            loops=scenario.receiver.e1_tracking,
         ),
         fit_interval_s=math.inf,
     )

@@ -75,7 +75,12 @@ class SimulatedReceiver:
         truth
             What `truth()` gave of each satellite for these epochs.
         """
-        of = ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
+        return self.snapshots_of(
+            ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
+        )
+
+    def snapshots_of(self, of: ReceiverTruth) -> SnapshotBlock:
+        """Return the same of a truth of which other quantities are wanted, too."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SampledE6(of)
         time, received_s, elevation = self._times(of), self._received_s(of), self.simulations[0].elevation
@@ -83,7 +88,7 @@ class SimulatedReceiver:
         recs = np.zeros(of.n, np.bool_)
         recs[of.rows] = True
         return SnapshotBlock(
-            index=first + np.arange(of.n, dtype=np.int64),
+            index=of.first + np.arange(of.n, dtype=np.int64),
             time=time,
             received_at=GalileoTimes.after(self.simulations[0].start, received_s),
             time_uncertainty_s=np.full(of.n, self.simulations[0].time_uncertainty_s, np.float64),
