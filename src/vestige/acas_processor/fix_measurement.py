@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -99,25 +100,45 @@ class FixSettings:
         sigma_m = self.errors.range_m(e1.cn0_dbhz, elevation_rad)
         common_m = self.errors.common_m(elevation_rad)
         fix = position_fix(sent, e1.pseudorange_m, sigma_m, common_m=common_m)
-        rate_mps = -SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * e1.doppler_hz
-        sigma_rate_mps = self.errors.rate_sigma_mps(e1.cn0_dbhz)
-        _, drift_mps = velocity_fix(sent, fix, rate_mps)
-        separation_sigmas, separation_modes = largest_separations(fix)
         return FixBlock(
-            fix=fix,
-            sent=sent,
             sigma_m=sigma_m,
             common_m=common_m,
-            range_rate_mps=rate_mps,
-            static_range_rate_mps=static_range_rate(sent, fix),
-            sigma_rate_mps=sigma_rate_mps,
-            drift_mps=drift_mps,
-            sigma_drift_mps=np.sqrt(drift_variance(fix, sigma_rate_mps)),
-            own_sigma_clock_m=np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
-            raim_statistic=raim_statistic(fix),
-            separation_sigmas=separation_sigmas,
-            separation_modes=separation_modes,
+            **fix_quantities(
+                sent,
+                fix,
+                rate_mps=-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * e1.doppler_hz,
+                sigma_rate_mps=self.errors.rate_sigma_mps(e1.cn0_dbhz),
+            ),
         )
+
+
+def fix_quantities(
+    sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
+) -> dict[str, Any]:
+    """Return what a `FixBlock` holds of a fix.
+
+    Parameters
+    ----------
+    sent, fix
+        Satellites at transmission, and the fix of each epoch.
+    rate_mps, sigma_rate_mps
+        Measured rates of the pseudoranges and their standard deviations.
+    """
+    _, drift_mps = velocity_fix(sent, fix, rate_mps)
+    separation_sigmas, separation_modes = largest_separations(fix)
+    return {
+        "fix": fix,
+        "sent": sent,
+        "range_rate_mps": rate_mps,
+        "static_range_rate_mps": static_range_rate(sent, fix),
+        "sigma_rate_mps": sigma_rate_mps,
+        "drift_mps": drift_mps,
+        "sigma_drift_mps": np.sqrt(_drift_variance(fix, sigma_rate_mps)),
+        "own_sigma_clock_m": np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
+        "raim_statistic": raim_statistic(fix),
+        "separation_sigmas": separation_sigmas,
+        "separation_modes": separation_modes,
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +194,7 @@ def _chosen(
     return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]
 
 
-def drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
+def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
     """Return the variance of the clock's drift from that of the range rates; NaN without a fix."""
     share = redundancy(fix.geometry, fix.weight).gain[:, 3]
     return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m

@@ -20,6 +20,8 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
+from vestige.acas_processor.fix_measurement import fix_quantities
+from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
 from vestige.records import Status
@@ -60,8 +62,13 @@ def _positions(
         range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
     rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
     sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
-    common_m = None if measured.fix.common_m is None else measured.fix.common_m[rows]
-    fix = position_fix(sent, range_m[rows], measured.fix.sigma_m[rows], common_m=common_m)
+    all_fix = measured.fix
+    sigma_m = all_fix.sigma_m[rows]
+    common_m = None if all_fix.common_m is None else all_fix.common_m[rows]
+    fix = position_fix(sent, range_m[rows], sigma_m, common_m=common_m)
+    quantities = fix_quantities(
+        sent, fix, rate_mps=all_fix.range_rate_mps[rows], sigma_rate_mps=all_fix.sigma_rate_mps[rows]
+    )
     used = np.zeros(range_m.shape, np.bool_)
     used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
-    return PositionBlock(rows=rows, fix=fix, sent=sent, used=used)
+    return PositionBlock(rows=rows, fixes=FixBlock(sigma_m=sigma_m, common_m=common_m, **quantities), used=used)

@@ -11,9 +11,8 @@ from jaxtyping import Bool, Float, Int8, Int64
 from vestige.acas_processor.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, MINIMUM, OTHERS
-from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock
 from vestige.acas_processor.searches import SearchResults
-from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -31,26 +30,25 @@ class PositionBlock:
     ----------
     rows
         Epochs with enough ranges in use.
-    fix, sent
-        The fix of each of them, and the satellites at transmission.
+    fixes
+        The fix of each of them.
     used
         bool[n, m], satellites of which a range is used.
     """
 
     rows: Int64[np.ndarray, " k"]
-    fix: Fix
-    sent: Transmission
+    fixes: FixBlock
     used: Bool[np.ndarray, "n m"]
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:
         """ECEF positions, NaN where there is none."""
-        return self._of_epochs(np.where(self.fix.valid[:, None], self.fix.position_m, np.nan))
+        return self._of_epochs(np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan))
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
         """Their covariances."""
-        return self._of_epochs(self.fix.covariance_m2[:, :3, :3])
+        return self._of_epochs(self.fixes.fix.covariance_m2[:, :3, :3])
 
     def _of_epochs(self, values: np.ndarray) -> np.ndarray:
         found = np.full((self.used.shape[0], *values.shape[1:]), np.nan)

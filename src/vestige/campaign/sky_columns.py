@@ -22,9 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.checks.raim import raim_statistic
-from vestige.acas_processor.checks.solution_separation import largest_separations
-from vestige.acas_processor.fix_measurement import drift_variance
+from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -32,11 +30,8 @@ from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import (
     UNKNOWNS,
     Fix,
-    Transmission,
     dilution,
-    inverse_normal,
     local_geometry,
-    velocity_fix,
 )
 from vestige.receiver.truth import TruthBlock
 from vestige.scenario.campaign import CampaignScenario
@@ -120,15 +115,9 @@ def fix_columns(
         clock_m=clock_m,
         drift_mps=columns["truth_clock_drift_mps"],
     )
-    believed = (measured.fix.range_rate_mps, measured.fix.sigma_rate_mps)
     everything: Int64[np.ndarray, " n"] = np.arange(time_s.size)
-    fixes = [
-        _fix_columns(rows, fix, sent, truth, believed)
-        for rows, fix, sent in (
-            (everything, measured.fix.fix, measured.fix.sent),
-            (position.rows, position.fix, position.sent),
-        )
-    ]
+    of_rows = ((everything, measured.fix), (position.rows, position.fixes))
+    fixes = [_fix_columns(rows, fixes, truth) for rows, fixes in of_rows]
     complete_s = np.where(position.used, measured.recs.complete.since(scenario.start_time), -np.inf).max(axis=1)
     known_s = np.where(position.used.any(axis=1), complete_s, np.nan)
     return {
@@ -147,50 +136,39 @@ class _Truth(NamedTuple):
     drift_mps: Float[np.ndarray, " n"]
 
 
-def _fix_columns(
-    rows: Int64[np.ndarray, " k"],
-    fix: Fix,
-    sent: Transmission,
-    truth: _Truth,
-    believed: tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]],
-) -> dict[str, np.ndarray]:
+def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) -> dict[str, np.ndarray]:
     """Return the columns of one fix of all epochs, NaN in those that are not among `rows`.
 
     Parameters
     ----------
     rows
         Epochs of the fix.
-    fix, sent
-        The fix, and the satellites.
+    fixes
+        The fix of those.
     truth
         Of all epochs.
-    believed
-        Rates of the pseudoranges, and their standard deviations, of all epochs.
     """
-    place_m, clock_m, drift_mps = (values[rows] for values in truth)
-    rate_mps, sigma_mps = (values[rows] for values in believed)
-    _, found_drift_mps = velocity_fix(sent, fix, rate_mps)
-    placed = _placed(fix, place_m)
-    local, (sigmas, modes) = dilution(local_geometry(placed)), largest_separations(placed)
+    fix, (place_m, clock_m, drift_mps) = fixes.fix, (values[rows] for values in truth)
+    local = dilution(local_geometry(_placed(fix, place_m)))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     found = {
-        "fix_satellites": np.where(fix.valid, fix.n_used, 0),
+        "fix_satellites": fixes.satellites,
         "fix_position_m": np.where(fix.valid[:, None], fix.position_m, np.nan),
         "fix_error_m": np.einsum("nij,nj->ni", axes, error[:, :3]),
         "fix_clock_m": fix.clock_m,
         "fix_clock_error_m": error[:, 3],
-        "fix_drift_mps": np.where(fix.valid, found_drift_mps, np.nan),
-        "fix_drift_error_mps": np.where(fix.valid, found_drift_mps - drift_mps, np.nan),
+        "fix_drift_mps": np.where(fix.valid, fixes.drift_mps, np.nan),
+        "fix_drift_error_mps": np.where(fix.valid, fixes.drift_mps - drift_mps, np.nan),
         "fix_sigma_m": np.sqrt(np.einsum("nqi,nij,nqj->nq", axes, fix.covariance_m2[:, :3, :3], axes)),
         "fix_sigma_clock_m": np.sqrt(fix.covariance_m2[:, 3, 3]),
-        "fix_own_sigma_clock_m": np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
-        "fix_sigma_drift_mps": np.sqrt(drift_variance(fix, sigma_mps)),
+        "fix_own_sigma_clock_m": fixes.own_sigma_clock_m,
+        "fix_sigma_drift_mps": fixes.sigma_drift_mps,
         "fix_nees": _nees(fix, error),
         "fix_dilution": np.stack([getattr(local, name) for name in _DILUTIONS], axis=-1),
-        "raim_statistic": raim_statistic(fix),
-        "separation_sigmas": sigmas,
-        "separation_modes": modes,
+        "raim_statistic": fixes.raim_statistic,
+        "separation_sigmas": fixes.separation_sigmas,
+        "separation_modes": fixes.separation_modes,
     }
     return {name: _of_epochs(values, rows, truth.clock_m.size) for name, values in found.items()}
 
