@@ -60,6 +60,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 EPOCH = "epoch"  # the dimension along which a campaign is cut
+CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 40 small files), small against a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,13 +22,12 @@ import xarray
 
 from vestige.campaign.executors import local_executor, measure_chunk
 from vestige.campaign.origin import origin
-from vestige.campaign.plan import Plan, check_results, judged
+from vestige.campaign.plan import CHUNK_EPOCHS, Plan, check_results, judged
 from vestige.campaign.results import open_results
 from vestige.campaign.store import Store, make_store, open_store
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 
-CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 20 small files), small against a run
 IN_FLIGHT = 3  # chunks for each worker: one runs, one waits, one may be held back by a slower neighbour
 
 ExecutorChoice = Literal["threads", "processes"] | Executor

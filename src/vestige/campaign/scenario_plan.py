@@ -35,7 +35,7 @@ from vestige.campaign.measured_columns import (
     osnma_columns,
 )
 from vestige.campaign.origin import PROCESSOR, processor_name
-from vestige.campaign.plan import Column, Coord
+from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord
 from vestige.campaign.results import NAVIGATION_TEXT
 from vestige.campaign.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
 from vestige.receiver.e1_taps import TAP_CHIPS
@@ -50,6 +50,7 @@ from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
 
+_MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
 _FLAGS = {"e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"}}
@@ -102,6 +103,12 @@ class ScenarioPlan:
     def n_epochs(self) -> int:
         """How many epochs there are."""
         return self.scenario.epochs
+
+    @property
+    def chunk_epochs(self) -> int:
+        """Epochs in a chunk unless the user says otherwise: more where an epoch takes microseconds."""
+        drawn = self.scenario.fidelity == "correlators" and self.scenario.constellation is None
+        return _MANY_EPOCHS if drawn else CHUNK_EPOCHS
 
     @property
     def columns(self) -> Mapping[str, Column]:

@@ -26,8 +26,9 @@ import numpy as np
 
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
+from vestige.campaign.plan import CHUNK_EPOCHS
 from vestige.campaign.results import attributes_of
-from vestige.campaign.run import CHUNK_EPOCHS, Columns, ExecutorChoice, Progress, run
+from vestige.campaign.run import Columns, ExecutorChoice, Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.sweep_axes import Value, store_name

@@ -29,7 +29,12 @@ if TYPE_CHECKING:
     help=f"Kind of workers.  [default: up to {MAX_THREADS} threads, else processes]",
 )
 @click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
-@click.option("--chunk", "chunk_epochs", type=click.IntRange(1, 1_000_000), help="Epochs in a chunk.  [2000]")
+@click.option(
+    "--chunk",
+    "chunk_epochs",
+    type=click.IntRange(1, 1_000_000),
+    help="Epochs in a chunk.  [2000; 10000 of a single line of sight without samples]",
+)
 @click.option("--fidelity", type=click.Choice(["samples", "correlators"]), help="In place of the scenario's own.")
 @click.option(
     "--set",
@@ -98,8 +103,8 @@ def command(
             output,
             workers=calls,
             executor=executor,
+            chunk_epochs=plan.chunk_epochs if chunk_epochs is None else chunk_epochs,
             progress=lambda now: report(scenario.stem, now),
-            **how,  # type: ignore[arg-type]
         )
     echo(*(campaign_json(results) if as_json else campaign_text(results, output)).split("\n"))
 
