@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from vestige.campaign.direct import direct_results
+from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.inspect import command as inspect
 from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
@@ -20,7 +22,10 @@ from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.recording.observations import open_observations
 from vestige.recording.recording import open_recording
 from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.records import Status
 from vestige.scenario import simulated_recording
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -68,6 +73,19 @@ def test_it_is_authenticated_where_the_truth_says(folder: Path) -> None:
     found = np.array([one["range_offset_m"] for one in verdicts])
     assert found == pytest.approx([float(row["range_offset_m"]) for row in truth], abs=8.0)
     assert [row["epoch"] for row in truth] == ["5", "6", "7"]
+
+
+def test_the_campaign_says_the_same_of_the_same_epochs(folder: Path) -> None:
+    """Its samples have other noise, so the verdicts are equal, and range offsets differ by that noise: 1σ 2 m each."""
+    settings = [one for one in SETTINGS if one != "--set"]
+    scenario = load_scenario(QUICK, (*settings, "epochs=8", 'fidelity="samples"'))
+    assert isinstance(scenario, CampaignScenario)
+    results = direct_results(ScenarioPlan(scenario=scenario))
+    verdicts = _verdicts(folder)
+    said = [list(Status)[status].name for status in results["status"].values[5:8, 0]]
+    assert [one["status"] for one in verdicts] == said
+    offsets_m = results["range_offset_m"].sel(detector="early").values[5:8, 0]
+    assert [one["range_offset_m"] for one in verdicts] == pytest.approx(offsets_m.tolist(), abs=12.0)
 
 
 def test_the_group_delay_is_in_the_signal(folder: Path, tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ from vestige.receiver.attacked_sky import counterfeit_satellites, latest_s
 from vestige.receiver.continuous import ContinuousTruth
 from vestige.receiver.recorder import ReceivedSatellite
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, SVID, Simulation
+from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
+from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.observation_epoch import ObservationEpoch
@@ -203,7 +205,12 @@ class AcasTestCase:
         phase_cycles = self._ambiguity - to_hz * phase_m
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps + self.truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
-        cn0_dbhz = self.simulation.cn0_e1_dbhz + 10 * np.log10(self.truth.e1.gain)
+        cn0_dbhz = estimated_cn0_dbhz(
+            tracked_cn0_dbhz(self.simulation, self.truth),
+            seed=self.simulation.seed,
+            svid=SVID,
+            first=self.first,
+        )
         return tuple(
             ObservationEpoch(
                 time=self.simulation.transmit_time(epoch) + MEDIAN_TRAVEL_TIME_S,
