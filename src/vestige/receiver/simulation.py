@@ -17,6 +17,7 @@ noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -290,7 +291,7 @@ class Simulation:
         return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode), key
 
     def _chips(self, sent: GalileoTime) -> ChipSequence:
-        return encrypted_chips(encryption_key(self.seed), self.svid, sent, self.n_chips)
+        return _chips_sent(self.seed, self.svid, sent, self.n_chips)
 
     def withheld(self, subframe_s: float) -> bool:
         """Return whether the attacker keeps the key of a subframe, in s after the start, from the receiver."""
@@ -313,3 +314,9 @@ def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float
         What rays make of it.
     """
     return truth.e1_noise_m + multipath_m + truth.e1.error_m
+
+
+@lru_cache(maxsize=16)
+def _chips_sent(seed: int, svid: int, sent: GalileoTime, n_chips: int) -> ChipSequence:
+    """Return the chips that a satellite sends from a time on; the server encrypts what the receiver hears."""
+    return encrypted_chips(encryption_key(seed), svid, sent, n_chips)

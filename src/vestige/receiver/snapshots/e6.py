@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -77,7 +78,7 @@ class DrawnE6:
         return _reported(gain_db, power_db, np.zeros(of.n, np.bool_))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SampledE6:
     """E6 of the fidelity `samples`: each satellite has samples of its own, made when they are asked for and not kept.
 
@@ -115,8 +116,7 @@ class SampledE6:
         simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
         batch, status = simulation.samples(of.first_recs + row, row, truth)
         self._statuses[epoch, column] = status
-        here = self._here(epoch, column)
-        later_m = float((ionosphere_e1_m(simulation, here) - simulation.seconds_late_m(here))[0])
+        later_m = float(self._later_m[column][epoch] - self._seconds_late_m[column][epoch])
         return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
@@ -126,10 +126,10 @@ class SampledE6:
         no travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the
         samples. On a single line of sight the clock that follows has done that already.
         """
-        simulation, here = self.of.simulations[column], self._here(epoch, column)
-        late_m = float(simulation.seconds_late_m(here)[0])
+        simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
             return handover
+        here = self._here(epoch, column)
         range_m, rate_mps = float(pseudorange_m(self.of)[epoch, column]), float(range_rate_mps(simulation, here)[0])
         acceleration_mps2 = float(here.acceleration_mps2[0])
         with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
@@ -138,6 +138,16 @@ class SampledE6:
             start_time=handover.start_time + (without_s - with_s),
             doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
         )
+
+    @cached_property
+    def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
+        """By how much each satellite is late where that is seconds, times c."""
+        return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
+
+    @cached_property
+    def _later_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
+        """What the ionosphere's residual on E1 makes of each satellite."""
+        return tuple(ionosphere_e1_m(one, truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""
