@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import xarray
@@ -78,6 +78,22 @@ class RunAttributes(BaseModel):
         return self
 
 
+class CheckColumns(NamedTuple):
+    """A check of stored results.
+
+    Attributes
+    ----------
+    result
+        1 where it failed, after confirmation, 0 where it passed, −1 where it was not run.
+    statistic, threshold
+        In the unit of the check; NaN where it was not run.
+    """
+
+    result: Int8[np.ndarray, "n m"]
+    statistic: Float[np.ndarray, "n m"]
+    threshold: Float[np.ndarray, "n m"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
     """The results of a campaign.
@@ -128,8 +144,39 @@ class Results:
 
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
-        """Position in `Status` of the verdict of each epoch and satellite, by steps 1 and 2."""
-        return self.dataset["status"].transpose(EPOCH, "satellite").values.astype(np.int8)
+        """Position in `Status` of the verdict of each epoch and satellite, at the mitigation level of the scenario."""
+        return self._of_satellites("status").astype(np.int8)
+
+    @property
+    def state(self) -> Int8[np.ndarray, "n m"]:
+        """Position in `Status` of what the receiver shows its user of each satellite after each epoch."""
+        return self._of_satellites("state").astype(np.int8)
+
+    @property
+    def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
+        """Pseudorange of each satellite that may be used; NaN where none may."""
+        return self._of_satellites("range_in_use_m").astype(np.float64)
+
+    def check(self, name: str) -> CheckColumns:
+        """Return what a check said of every epoch and satellite.
+
+        Raises
+        ------
+        VestigeError
+            If the level of the scenario has no such check.
+        """
+        names = [str(one) for one in self.dataset["check"].values]
+        if name not in names:
+            raise VestigeError(f"check: found {name!r}, expected one of {', '.join(names)}")
+        of = self.dataset.isel(check=names.index(name)).transpose(EPOCH, "satellite", ...)
+        return CheckColumns(
+            result=of["check_result"].values.astype(np.int8),
+            statistic=of["check_statistic"].values.astype(np.float64),
+            threshold=of["check_threshold"].values.astype(np.float64),
+        )
+
+    def _of_satellites(self, name: str) -> np.ndarray:
+        return np.asarray(self.dataset[name].transpose(EPOCH, "satellite").values)
 
     def load(self) -> Results:
         """Return the results with all values in memory."""
