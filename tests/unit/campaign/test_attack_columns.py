@@ -10,6 +10,7 @@ import pytest
 
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns
 from vestige.receiver.simulation import Simulation
+from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
@@ -62,14 +63,16 @@ def test_e1_that_goes_along_moves_the_prediction() -> None:
     assert moved_m == pytest.approx(-found["truth_e1_error_m"] - quieter_m, abs=1e-6)
     assert found["truth_e1_captured"][25:].all()
     assert 10 * np.log10(truth.e1.gain[-1]) == pytest.approx(6.0, abs=1e-6)
-    assert found["e1_cn0_dbhz"] - simulation.cn0_e1_dbhz == pytest.approx(10 * np.log10(truth.e1.gain))
+    above_db = tracked_cn0_dbhz(simulation, truth) - simulation.cn0_e1_dbhz
+    assert above_db == pytest.approx(10 * np.log10(truth.e1.gain))
 
 
 def test_noise_of_each_band() -> None:
     """10 dB of noise on E1: 10 log10(1 + 10). A line on the carrier of E6, J/N = 1: 10 log10(1 + 4), none on BOC."""
     line = Jam(j_over_n_db=0.0, waveform=ContinuousWave(), start_s=10.0)
-    found, _, simulation = _columns(OsnmaDenial(j_over_n_db=10.0), line)
+    found, truth, simulation = _columns(OsnmaDenial(j_over_n_db=10.0), line)
     assert found["truth_e1_noise_rise_db"] == pytest.approx(np.full(30, 10.4139), abs=1e-3)
-    assert found["e1_cn0_dbhz"] == pytest.approx(np.full(30, simulation.cn0_e1_dbhz - 10.4139), abs=1e-3)
+    tracked_dbhz = tracked_cn0_dbhz(simulation, truth)
+    assert tracked_dbhz == pytest.approx(np.full(30, simulation.cn0_e1_dbhz - 10.4139), abs=1e-3)
     assert found["truth_noise_rise_db"] == pytest.approx([0.0] * 10 + [6.9897] * 20, abs=1e-3)
     assert not found["truth_spoofed"].any()

@@ -10,7 +10,6 @@ from tests.sky_builder import CLEAN, SCENARIO, sky_scenario
 from vestige.campaign.rinex_export import export_rinex
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.orbit import satellite_state
 from vestige.receiver.constellation import walker_ephemerides
@@ -44,16 +43,15 @@ def test_what_the_receiver_tracked_at_every_epoch_is_in_the_file(tmp_path: Path)
         for svid, one in epoch.observations.items():
             values = results.isel(epoch=row, satellite=svids.index(svid))
             assert one.pseudorange_m == pytest.approx(float(values["e1_pseudorange_m"]), abs=6e-4)
-            doppler_hz = -float(values["e1_range_rate_mps"]) * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-            assert one.doppler_hz == pytest.approx(doppler_hz, abs=6e-4)
+            assert one.doppler_hz == pytest.approx(float(values["e1_doppler_hz"]), abs=6e-4)
             assert one.cn0_dbhz == pytest.approx(float(values["e1_cn0_dbhz"]), abs=6e-4)
             assert np.isnan(one.carrier_phase_cycles)
 
 
 def test_what_lost_lock_or_has_set_is_not_there(tmp_path: Path) -> None:
     results = _results(tmp_path / "sky.zarr", *EVERYBODY, "epochs=60", "interval_s=60.0").load()
-    results["e1_cn0_dbhz"][10:20, 1] = 19.0  # the loops of E1 lose lock at 20 dBHz
-    results["e1_cn0_dbhz"][30:33] = 10.0
+    results["e1_pseudorange_m"][10:20, 1] = np.nan
+    results["e1_pseudorange_m"][30:33] = np.nan
     written = export_rinex(results, tmp_path / "rinex")
     epochs = {epoch.time - START: epoch for epoch in open_observations(written.files[0])}
     assert written.n_epochs == len(epochs) == 57
@@ -66,8 +64,8 @@ def test_what_lost_lock_or_has_set_is_not_there(tmp_path: Path) -> None:
 
 
 def test_nobody_tracked_is_an_error(tmp_path: Path) -> None:
-    results = _results(tmp_path / "sky.zarr", *EVERYBODY, "epochs=3").load()
-    results["e1_cn0_dbhz"][:] = 10.0
+    """The loops of E1 lose lock at 20 dBHz."""
+    results = _results(tmp_path / "sky.zarr", *EVERYBODY, "epochs=3", "receiver.cn0_e1_dbhz=19")
     with pytest.raises(VestigeError, match="no satellite that E1 tracked"):
         export_rinex(results, tmp_path / "rinex")
     assert not (tmp_path / "rinex").exists()

@@ -46,11 +46,16 @@ def plan(fidelity: str, *settings: str, epochs: int | None = None) -> ScenarioPl
     return ScenarioPlan(scenario=scenario)
 
 
+def columns_of(whole: ScenarioPlan) -> dict[str, np.ndarray]:
+    """Return the columns of every epoch, measured and judged in one call each, without any of the machinery."""
+    _, columns = whole.judge(None, 0, whole.measure(0, whole.prepare().advance(0, whole.n_epochs)))
+    return dict(columns)
+
+
 @pytest.fixture(scope="module")
 def truth() -> dict[str, dict[str, np.ndarray]]:
-    """The columns of every epoch, measured in one call without any of the machinery."""
-    plans = {fidelity: plan(fidelity) for fidelity in N_EPOCHS}
-    return {fidelity: dict(one.measure(0, one.prepare().advance(0, one.n_epochs))) for fidelity, one in plans.items()}
+    """The columns of every epoch at both fidelities."""
+    return {fidelity: columns_of(plan(fidelity)) for fidelity in N_EPOCHS}
 
 
 def assert_equal(results: xarray.Dataset, expected: dict[str, np.ndarray]) -> None:
@@ -124,7 +129,9 @@ def test_kill_of_the_command_at_a_random_moment(tmp_path: Path, truth: Any) -> N
     preparation = whole.prepare()
     preparation.advance(0, more - 20)
     last = whole.measure(more - 20, preparation.advance(more - 20, 20))
-    assert_equal(results.isel(epoch=slice(more - 20, more)), dict(last))
+    assert_equal(results.isel(epoch=slice(more - 20, more))[list(last)], dict(last))
+    _, judged = whole.judge(None, 0, {name: results[name].values for name in last})
+    assert_equal(results, dict(judged))
 
 
 @FIDELITIES
@@ -132,7 +139,7 @@ def test_without_signal_the_noise_stays(fidelity: str) -> None:
     """The taps differ from those with a signal, their noise floor by the signal's own share only."""
     epochs = 40
     silent, loud = (plan(fidelity, f"receiver.signal={on}", epochs=epochs) for on in ("false", "true"))
-    quiet, full = (one.measure(0, one.prepare().advance(0, epochs)) for one in (silent, loud))
+    quiet, full = columns_of(silent), columns_of(loud)
     sigma = np.sqrt(quiet["noise_power"] / 2)[..., None]
     assert np.abs(quiet["taps"] / sigma).max() < 6  # 440 Rayleigh magnitudes: 7e-6
     assert np.abs(full["taps"] / np.sqrt(full["noise_power"] / 2)[..., None]).max(axis=-1).min() > 5
@@ -143,7 +150,7 @@ def test_without_signal_the_noise_stays(fidelity: str) -> None:
 def test_both_detectors_decide_on_equal_banks() -> None:
     """The columns are what the detectors say, in the order of the coordinate."""
     one = plan("correlators", "receiver.cn0_dbhz=28", epochs=300)
-    results = one.measure(0, one.prepare().advance(0, 300))
+    results = columns_of(one)
     magnitudes = np.abs(results["taps"][:, 0]) / np.sqrt(results["noise_power"] / 2)
     assert list(one.coords["detector"].values) == list(DETECTORS)
     for index, detector in enumerate(DETECTORS.values()):
@@ -156,7 +163,7 @@ def test_what_cannot_be_decrypted_is_not_available(fidelity: str) -> None:
     """An attack that keeps keys away, too weak to be seen in the C/N0 of E1: no alarm follows from it."""
     denial = 'attack=[{kind = "osnma-denial", j_over_n_db = -20.0, start_s = 60}]'
     denied = plan(fidelity, denial, "interval_s=30.0", epochs=6)
-    results = denied.measure(0, denied.prepare().advance(0, 6))
+    results = columns_of(denied)
     lost = np.isnan(results["noise_power"][:, 0])
     np.testing.assert_array_equal(lost[3:], True)
     status = np.array(list(Status))[results["status"][:, 0]]
@@ -176,7 +183,7 @@ def test_what_was_not_provably_received_before_disclosure_is_not_available(
     lost = np.arange(60) % 30 >= first_lost
     for fidelity in N_EPOCHS:
         one = plan(fidelity, *settings, epochs=60)
-        measured = one.measure(0, one.prepare().advance(0, 60))
+        measured = columns_of(one)
         status = [list(Status)[place] for place in measured["status"].ravel()]
         assert [place is Status.NOT_AVAILABLE for place in status] == lost.tolist(), fidelity
         assert np.array_equal(np.isnan(measured["noise_power"]).ravel(), lost)

@@ -112,7 +112,7 @@ def test_a_satellite_that_rises_is_not_there_before() -> None:
     partly = there.any(axis=0) & ~there.all(axis=0)
     assert partly.any()
     assert np.nanmin(elevation_deg) >= 5.0
-    for name in ("e1_pseudorange_m", "e1_range_rate_mps", "e1_sigma_m", "e1_cn0_dbhz"):
+    for name in ("e1_pseudorange_m", "e1_doppler_hz", "e1_sigma_m", "e1_cn0_dbhz"):
         assert np.array_equal(np.isfinite(found[name]), there), name
     assert not np.isfinite(found["noise_power"][~there]).any()
     assert np.all(found["status"][~there] == NOT_AVAILABLE)
