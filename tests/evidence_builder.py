@@ -140,6 +140,7 @@ def fix_block(fix: Fix, **values: Any) -> FixBlock:
             clock_mps=of_satellites,
         ),
         "sigma_m": of_satellites,
+        "common_m": None,
         "range_rate_mps": of_satellites,
         "static_range_rate_mps": of_satellites,
         "sigma_rate_mps": of_satellites,

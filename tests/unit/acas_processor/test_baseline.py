@@ -46,7 +46,7 @@ def test_a_reference_is_the_median_of_the_last_quiet_values(steps: list[tuple[fl
     values, teaches = [value for value, _ in steps], [teach for _, teach in steps]
     before = list(np.linspace(-3, 3, known))
     baseline = Baseline(values={Quantity.E1_POWER_DB: {0: tuple(before)}})
-    observed = Observed(measured=_measured(values))
+    observed = Observed(measured=_measured(values, gain_db=np.nan))  # a gain that is known would stand for the power
     shape = (len(values), 1)
     found = observed.references(ReferenceLevels(), baseline, np.array(teaches), np.full(shape, np.nan))
     power = found[Quantity.E1_POWER_DB]

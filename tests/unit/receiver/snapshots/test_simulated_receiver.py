@@ -137,7 +137,7 @@ def test_pseudoranges_are_geometry_clock_and_errors() -> None:
 
 def test_the_cn0_is_an_estimate() -> None:
     (block,) = _blocks(_quick("epochs=400"))
-    assert np.unique(block.e1.cn0_dbhz).size == 400
+    assert np.unique(block.e1.cn0_dbhz).size > 395  # in single precision two of 400 may be equal by chance
     assert np.mean(block.e1.cn0_dbhz) == pytest.approx(35.0, abs=0.05)
 
 
