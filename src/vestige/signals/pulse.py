@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -101,9 +102,15 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
     delay_chips
         Delay τ in chips.
     """
+    return np.interp(delay_chips, *_corners(pulse))
+
+
+@lru_cache(maxsize=16)
+def _corners(pulse: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return delays in chips and values where the autocorrelation bends; it is straight between them."""
     levels = np.asarray(pulse.levels)
-    grid = np.correlate(levels, levels, mode="full") / levels.size
-    return np.interp(delay_chips, np.arange(-levels.size, levels.size + 1) / levels.size, np.pad(grid, 1))
+    values = np.pad(np.correlate(levels, levels, mode="full") / levels.size, 1)
+    return np.arange(-levels.size, levels.size + 1) / levels.size, values
 
 
 def band_limited_autocorrelation(
