@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.acas_processor.levels import LEVELS
 from vestige.campaign.direct import direct_results
-from vestige.campaign.levels import LevelVerdicts, level_verdicts, search_schedule
-from vestige.campaign.monitoring import tracks
+from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError
 from vestige.records import Status
@@ -63,7 +59,7 @@ def test_level_1_takes_the_meaconer_and_level_2_the_earlier_signal(meaconed: dic
 
 
 def test_nothing_is_judged_by_what_comes_later() -> None:
-    """An attack from 200 s on leaves all before as it was, also what is learned from ten RECS, of which there were 7.
+    """An attack from 200 s on leaves all before as it was, also what is learned from the RECS, of which there were 7.
 
     But the searches: their chance is drawn for as many signals as a run has at all.
     """
@@ -71,12 +67,13 @@ def test_nothing_is_judged_by_what_comes_later() -> None:
     later, quiet = (
         direct_results(ScenarioPlan(scenario=sky_scenario(*CLEAN, "epochs=400", *own))) for own in ((attack,), ())
     )
-    for with_attack, without in zip(tracks(later), tracks(quiet), strict=True):
-        if without.name.endswith("search"):
-            continue
-        np.testing.assert_array_equal(with_attack.statistic[:200], without.statistic[:200], err_msg=without.name)
-        np.testing.assert_array_equal(with_attack.threshold[:200], without.threshold[:200], err_msg=without.name)
     for found, usual in zip(level_verdicts(later), level_verdicts(quiet), strict=True):
+        for name, without in usual.checks.items():
+            if name.endswith("search"):
+                continue
+            with_attack = found.checks[name]
+            np.testing.assert_array_equal(with_attack.statistic[:200], without.statistic[:200], err_msg=name)
+            np.testing.assert_array_equal(with_attack.threshold[:200], without.threshold[:200], err_msg=name)
         np.testing.assert_array_equal(found.state[:200], usual.state[:200])
         assert found.alarm[200:].any() == (found.level > 1)
 
@@ -106,8 +103,9 @@ def test_nulling_needs_the_exhaustive_search() -> None:
 
 
 def test_what_a_search_would_find_counts_only_where_one_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.campaign.levels.search_schedule", lambda recs, *_: np.arange(recs.size) == 0)
+    monkeypatch.setattr("vestige.acas_processor.assess.search_due", lambda since_s, *_, **__: since_s is None)
     found = verdicts(NULLED)[3]
+    assert np.flatnonzero(found.searched).tolist() == [0]
     assert found.tests["E6 exhaustive search"].any(axis=1).tolist() == found.searched.tolist()
     assert not found.failed["E6 exhaustive search"].any()
     assert not found.earlier.any()
@@ -135,7 +133,7 @@ def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
 def test_the_verdict_of_a_recs_is_the_gravest_since_the_one_before(meaconed: dict[int, LevelVerdicts]) -> None:
     """What is suspicious between two RECS is in the verdict of the RECS that follows."""
     any_status = np.random.default_rng(7).choice(5, (600, 8), p=(0.5, 0.02, 0.01, 0.02, 0.45)).astype(np.int8)
-    gravest = replace(meaconed[2], status=any_status).of_recs()
+    gravest = replace(meaconed[2], block=replace(meaconed[2].block, status=any_status)).of_recs()
     order = ["not available", "authentic", "suspect", "not detected", "spoofed"]
     words = [status.value for status in Status]
     worst: dict[int, str] = {}
@@ -171,7 +169,7 @@ def test_each_check_is_made_with_its_share_of_the_level() -> None:
     results = direct_results(ScenarioPlan(scenario=sky_scenario(*CLEAN, "epochs=120", "processor.level=3")))
     for found in level_verdicts(results, (2, 3)):
         shares = {name: share.p_fa for name, share in found.budget.items()}
-        made = {one.name: one.p_fa for one in tracks(results, p_fa=shares)}
+        made = {name: check.p_fa for name, check in found.checks.items()}
         free = {name for name, share in found.budget.items() if share.chosen}
         drawn = {"E1 vestigial search", "E6 exhaustive search"} & free
         assert free <= set(made)
@@ -179,22 +177,3 @@ def test_each_check_is_made_with_its_share_of_the_level() -> None:
             {name: shares[name] for name in free - drawn}
         )
         assert all(made[name] < shares[name] for name in drawn)
-
-
-@given(st.data())
-def test_searches_are_scheduled(data: st.DataObject) -> None:
-    """At the start, after every suspicion at the next RECS, and then, only then, when the last is a period ago."""
-    n = data.draw(st.integers(1, 60))
-    recs = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
-    suspicious = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
-    twice = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
-    every, interval_s = data.draw(st.integers(1, 20)), data.draw(st.sampled_from((0.1, 1.0, 30.0)))
-    searched = search_schedule(recs, np.arange(n) * interval_s, suspicious, twice, every * interval_s)
-    assert not np.any(searched & ~recs)
-    places = np.flatnonzero(recs)
-    if places.size:
-        assert searched[places[0]]
-    for before, place in pairwise(places.tolist()):
-        suspicion = suspicious[before + 1 : place + 1].any() or (searched[before] and twice[before])
-        due = not searched[max(0, place - every + 1) : place].any()
-        assert searched[place] == (suspicion or due)

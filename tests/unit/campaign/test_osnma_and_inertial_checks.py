@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+from tests.campaign_checks import checks_of
 from tests.sky_builder import CLEAN, sky_scenario
 
-from vestige.campaign.monitoring import Track, tracks
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.osnma_reception import of_mask
 from vestige.records import Status
+from vestige.records.checks import CheckName, CheckSeries
 
 pytestmark = pytest.mark.many_epochs
 
-AVAILABILITY, RECEPTION, INERTIAL = "OSNMA availability", "OSNMA reception", "inertial range rate"
-AGREEMENT = "OSNMA agreement"
+AVAILABILITY, RECEPTION = CheckName.OSNMA_AVAILABILITY, CheckName.OSNMA_RECEPTION
+AGREEMENT, INERTIAL = CheckName.OSNMA_AGREEMENT, CheckName.INERTIAL_RANGE_RATE
 CIRCLE = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=800, speed_mps=30}'
 
 
@@ -26,14 +29,14 @@ def jamming(j_over_n_db: float, start_s: float = 100.0) -> str:
     return f'attack=[{{kind="jamming", bands=["E1"], start_s={start_s}, j_over_n_db={j_over_n_db}}}]'
 
 
-def tracks_of(folder: Path, *settings: str) -> tuple[xarray.Dataset, dict[str, Track]]:
+def judged(folder: Path, *settings: str) -> tuple[xarray.Dataset, Mapping[CheckName, CheckSeries]]:
     results = run(ScenarioPlan(scenario=sky_scenario(*CLEAN, *settings)), folder / "sky")
-    return results, {one.name: one for one in tracks(results)}
+    return results, checks_of(results)
 
 
 def test_a_calm_sky_has_all_pages_and_keys(tmp_path: Path) -> None:
-    results, found = tracks_of(tmp_path, "epochs=301")
-    assert results["osnma_key"].values.all()
+    results, found = judged(tmp_path, "epochs=301")
+    assert np.array_equal(results["osnma_key"].values, results["recs"].values)
     due, pages = results["osnma_due"].values, results["osnma_pages"].values
     assert np.array_equal(pages, np.broadcast_to(due[:, None], pages.shape))
     assert np.count_nonzero(of_mask(due)) == 150
@@ -54,7 +57,7 @@ def lift_off(svids: str, own_data: str) -> str:
 
 def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated(tmp_path: Path) -> None:
     weak = lift_off("svids=[7, 13],", "true").replace("power_db=3", "power_db=-3")
-    results, found = tracks_of(tmp_path, "epochs=161", weak)
+    results, found = judged(tmp_path, "epochs=161", weak)
     assert not results["osnma_differs"].values.any()
     assert not found[AGREEMENT].failed.any()
 
@@ -62,7 +65,7 @@ def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated(tm
 @pytest.mark.parametrize("own_data", ["false", "true"])
 def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(own_data: str, tmp_path: Path) -> None:
     """On top of the true signals and 3 dB stronger from 60 s on: 15 pages a subframe of each of the two satellites."""
-    results, found = tracks_of(tmp_path, "epochs=301", lift_off("svids=[7, 13],", own_data))
+    results, found = judged(tmp_path, "epochs=301", lift_off("svids=[7, 13],", own_data))
     made = found[AGREEMENT].run
     expected = np.where(np.flatnonzero(made) > 61, 30.0 * (own_data == "true"), 0.0)
     assert found[AGREEMENT].statistic[made][2:] == pytest.approx(expected[2:])
@@ -75,7 +78,7 @@ def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(own_data: s
 
 
 def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -> None:
-    results, found = tracks_of(tmp_path, "epochs=301", "recs.every=10", lift_off("", "true"))
+    results, found = judged(tmp_path, "epochs=301", "recs.every=10", lift_off("", "true"))
     late = results["time_s"].values >= 61
     assert not results["osnma_key"].values[late].any()
     assert np.all(results["status"].values[results["recs"].values & late] == list(Status).index(Status.NOT_AVAILABLE))
@@ -85,8 +88,8 @@ def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -
 
 def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:
     """From 45 dBHz at the zenith 18 dB take the satellites to 19 to 26 dBHz: the high ones still bring the keys."""
-    results, found = tracks_of(tmp_path, "epochs=700", jamming(18.0))
-    assert results["osnma_key"].values.all()
+    results, found = judged(tmp_path, "epochs=700", jamming(18.0))
+    assert np.array_equal(results["osnma_key"].values, results["recs"].values)
     assert not found[AVAILABILITY].failed.any()
     after = found[RECEPTION].run & (np.arange(700) > 140)
     assert found[RECEPTION].failed[after].all()
@@ -95,19 +98,19 @@ def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:
 
 def test_denial_takes_the_keys_and_so_the_authentication(tmp_path: Path) -> None:
     denial = 'attack=[{kind="osnma-denial", start_s=300, j_over_n_db=10.0}]'
-    results, found = tracks_of(tmp_path, "epochs=700", denial)
+    results, found = judged(tmp_path, "epochs=700", denial)
     recs = results["recs"].values
     late = np.arange(700) >= 300
     assert not results["osnma_key"].values[late].any()
     assert np.all(results["status"].values[recs & late] == list(Status).index(Status.NOT_AVAILABLE))
     assert found[RECEPTION].failed[331]
     assert found[AVAILABILITY].failed[300:].any()
-    assert found[AVAILABILITY].statistic[691] == 10.0
+    assert found[AVAILABILITY].statistic[691] == 14.0  # since the subframe that ended at 300 s; 20 are looked at
 
 
 def test_a_fix_whose_data_are_not_authenticated_is_not_called_so(tmp_path: Path) -> None:
     """The jammer takes pages of low satellites, whose ranges are still authentic on E6."""
-    results, _ = tracks_of(tmp_path, "epochs=700", jamming(17.0))
+    results, _ = judged(tmp_path, "epochs=700", jamming(17.0))
     rows = results["recs"].values & (np.arange(700) >= 180)
     authentic = results["status"].values == list(Status).index(Status.AUTHENTIC)
     used = results["fix_satellites"].sel(fix="authenticated").values
@@ -122,7 +125,7 @@ def test_a_fix_whose_data_are_not_authenticated_is_not_called_so(tmp_path: Path)
 @pytest.mark.parametrize("key_delay", [0, 1])
 def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int, tmp_path: Path) -> None:
     """Keys end 31 s after the start of their subframe; a RECS of KDI 0 must come before its key goes on air at 22 s."""
-    results, _ = tracks_of(tmp_path, "epochs=130", "recs.every=7", f"recs.key_delay={key_delay}")
+    results, _ = judged(tmp_path, "epochs=130", "recs.every=7", f"recs.key_delay={key_delay}")
     time_s = results["time_s"].values
     known_s = results["available_at_s"].sel(fix="authenticated").values
     due = results["recs"].values & ((time_s % 30 < 20) | (key_delay == 1))
@@ -132,20 +135,20 @@ def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int, tmp_path:
 
 @pytest.mark.parametrize("interval_s", [0.5, 7.0, 30.0, 90.0])
 def test_pages_of_any_interval_make_subframes(interval_s: float, tmp_path: Path) -> None:
-    _, found = tracks_of(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
+    _, found = judged(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
     assert found[RECEPTION].run.any()
     assert np.nanmax(found[RECEPTION].statistic) == 0.0
 
 
 def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: Path) -> None:
     moving = ("epochs=1201", "recs.every=10", CIRCLE)
-    results, found = tracks_of(tmp_path, *moving)
-    track = found[INERTIAL]
-    assert track.run.any(axis=1).sum() == 120
-    assert not track.failed.any()
-    scatter = track.statistic[track.run] / track.threshold[track.run] * 4.417  # K of 1e-5
+    results, found = judged(tmp_path, *moving)
+    check = found[INERTIAL]
+    assert check.run.any(axis=1).sum() == 120
+    assert not check.failed.any()
+    scatter = check.statistic[check.run] / check.threshold[check.run] * 4.417  # K of 1e-5
     assert 0.5 < np.std(scatter) < 1.5
-    rate = results["e1_range_rate_mps"].values[::10]
+    rate = results["e1_doppler_hz"].values[::10] * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     assert np.max(np.abs(np.diff(rate, axis=0))) > 10.0  # which without them would be alarms
 
 
@@ -157,12 +160,14 @@ def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int, tmp_path
         "receiver.clock=none",
         "receiver.accelerometers.sigma_bias_mps2=0.0",
         "receiver.accelerometers.walk_mps_per_sqrt_s=0.0",
+        "processor.oscillator={h0_s=0.0, h_minus_2_hz=0.0}",
+        "processor.inertial={sigma_bias_mps2=0.0, walk_mps_per_sqrt_s=0.0}",
     )
-    _, found = tracks_of(tmp_path, *sound, "epochs=601", "recs.every=60", flight)
-    track = found[INERTIAL]
-    assert track.run.sum() == 80
-    assert not track.failed.any()
-    scatter = track.statistic[track.run] / track.threshold[track.run] * 4.417  # K of 1e-5
+    _, found = judged(tmp_path, *sound, "epochs=601", "recs.every=60", flight)
+    check = found[INERTIAL]
+    assert check.run.sum() == 80
+    assert not check.failed.any()
+    scatter = check.statistic[check.run] / check.threshold[check.run] * 4.417  # K of 1e-5
     assert abs(np.mean(scatter)) < 0.5  # 4.5 σ, satellites of their own
     assert 0.7 < np.std(scatter) < 1.4
 
@@ -172,9 +177,9 @@ def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors(tmp_path: 
         'attack=[{kind="position-push", svids=[7], start_s=100, power_db=6, '
         'delay_m={kind="ramp", first=0, last=900, start_s=205, stop_s=295}}]'
     )
-    _, found = tracks_of(tmp_path / "with", "epochs=301", "recs.every=10", pull)
+    _, found = judged(tmp_path / "with", "epochs=301", "recs.every=10", pull)
     failed = found[INERTIAL].failed
     assert failed[[210], 1].all()
     assert not np.delete(failed, 1, axis=1).any()
-    _, blind = tracks_of(tmp_path / "without", "epochs=301", "recs.every=10", pull, "receiver.accelerometers=none")
+    _, blind = judged(tmp_path / "without", "epochs=301", "recs.every=10", pull, "receiver.accelerometers=none")
     assert not blind[INERTIAL].run.any()
