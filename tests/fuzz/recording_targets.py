@@ -16,7 +16,9 @@ import numpy as np
 from fuzz.authority import START, files_of
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from vestige.acas_processor.alarm import AlarmState
-from vestige.acas_processor.watch import WatchState
+from vestige.acas_processor.baseline import Baseline, Quantity
+from vestige.acas_processor.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
+from vestige.acas_processor.state import ReceiverState, SearchMemory, TimeUncertainty
 from vestige.errors import VestigeError
 from vestige.receiver.constellation import walker_ephemerides
 from vestige.recording.accelerations import COLUMNS, GrowingAccelerations, read_accelerations
@@ -35,7 +37,8 @@ from vestige.recording.rinex_writer import write_rinex_observations
 from vestige.recording.sample_format import SampleFormat
 from vestige.recording.sample_stream import SampleStream
 from vestige.recording.search_log import SearchLog
-from vestige.records import Band, E1Observation
+from vestige.records import Band, E1Observation, Status
+from vestige.records.checks import CheckName
 from vestige.sample_processor.search.exhaustive_search import SearchState
 from vestige.sample_processor.search.peak import Peak
 
@@ -311,11 +314,35 @@ _SETTINGS = {"level": "3", "recording": "night"}
 _OF = {"recording": "night", "integration time": 0.016}
 
 
+_EAST, _UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+_STATE = ReceiverState(
+    origin=START + -30.0,
+    last=START + 0.5,
+    uncertainty=TimeUncertainty(initial_s=math.inf, fixed_at=START),
+    baseline=Baseline(values={Quantity.E1_POWER_DB: {0: (0.1, -0.2)}, Quantity.E6_CN0_DBHZ: {11: (41.5,)}}),
+    position_m=(6_378_137.0, 0.0, 0.5),
+    clock=(ClockEpoch(time_s=30.0, bias_m=1.5, drift_mps=-0.1, bias_variance_m2=9.0, drift_variance_m2ps2=1e-3),),
+    osnma=OsnmaMemory(
+        keyed=(True, False),
+        open=Subframe(start=START.gst_seconds, due={11: 7}, received={11: 3}, differs={11: 1}),
+    ),
+    rates=RateMemory(
+        time=START,
+        position_m=(6_378_137.0, 0.0, 0.5),
+        satellites={11: SatelliteRate(rate_mps=100.5, static_mps=100.0, sigma_mps=0.03, towards=_UP)},
+        increments=((START + 0.25, _EAST),),
+    ),
+    search=SearchMemory(searched_at=START, suspicious=True),
+    streaks={CheckName.POWER_DISTORTION: {11: 2}},
+    alarm=AlarmState(seen={11: {Status.SPOOFED: 12.0}}, shown={11: Status.SPOOFED}),
+    on_e1={11: START + 0.25},
+)
+
+
 def _journals() -> Sequence[Files]:
     def write(folder: Path) -> None:
-        watch = WatchState(alarm=AlarmState(), searched_at=START, on_e1={11: START + 0.25})
         with FollowJournal(folder, _SETTINGS) as journal:
-            journal.record(['{"svid": 11}'] * 3, Progress(index=3, sent=START + 0.5, watch=watch))
+            journal.record(['{"svid": 11}'] * 3, Progress(index=3, sent=START + 0.5, state=_STATE))
 
     return [files_of(write)]
 
@@ -329,10 +356,12 @@ def _spoil_journal(rng: Random, files: Files) -> Files:
 
 def _read_journal(folder: Path) -> None:
     with FollowJournal(folder, _SETTINGS) as journal:
-        if journal.progress is not None:
-            journal.record(['{"svid": 12}'], journal.progress)
-    with FollowJournal(folder, _SETTINGS):
-        pass
+        progress = journal.progress
+        if progress is not None:
+            journal.record(['{"svid": 12}'], progress)
+    with FollowJournal(folder, _SETTINGS) as journal:
+        if repr(journal.progress) != repr(progress):  # NaN is not equal to itself
+            raise WrongAcceptanceError("a state is not what was read of it")
 
 
 def _search_logs() -> Sequence[Files]:

@@ -159,3 +159,18 @@ def test_pages_of_other_satellites_and_times_are_not_compared() -> None:
 def test_without_what_was_demodulated_validated_keys_stand_for_it() -> None:
     assert outcomes(Assistance(keys=KEYS), NETWORK) == ("pass", "pass", "pass")
     assert outcomes(Assistance(), NETWORK) == ("fail", "fail", "not run")
+
+
+@pytest.mark.parametrize("number", [0, 7, 12, 14])
+@pytest.mark.parametrize("starts", [True, False])
+def test_osnma_that_starts_or_stops_within_a_subframe_is_no_difference(number: int, starts: bool) -> None:
+    """E07 sends zeros before or after a page of subframe 6, as its own receiver or as the second channel has it."""
+    edge = START + (181 + 2 * number)
+    pages = [
+        make_page(7, page.time, page.word, bytes(5)) if page.svid == 7 and (page.time < edge) is starts else page
+        for page in PAGES
+    ]
+    part = of_pages(pages)
+    assert outcomes(part, TRUE) == outcomes(TRUE, part) == outcomes(part, NETWORK) == ("pass", "pass", "pass")
+    n_sent = 15 * (N - 6) - number if starts else 15 * 6 + number
+    assert pages_compared(compared(part, TRUE)) == pages_compared(compared(TRUE, TRUE)) - 15 * N + n_sent

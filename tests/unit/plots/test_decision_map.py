@@ -7,7 +7,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from vestige import plots
-from vestige.acas_processor.monitors.decision_map import DecisionMap, SignalClass
+from vestige.acas_processor.checks.decision_map import DecisionMap, SignalClass
 from vestige.plots.figure import figure_of
 
 REGIONS = DecisionMap(

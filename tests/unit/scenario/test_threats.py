@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from vestige.campaign.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
@@ -61,8 +62,7 @@ def test_levels_2_and_3() -> None:
 @pytest.mark.parametrize(("threat", "scene"), SCENES, ids=lambda one: getattr(one, "id", None) or one.name)
 def test_every_row_is_a_scenario_that_runs(threat: Threat, scene: Scene) -> None:
     scenario = scenario_of(threat, scene, 7).model_copy(update={"epochs": 12})
-    plan = ScenarioPlan(scenario=scenario)
-    results = plan.measure(0, plan.prepare().advance(0, 12))
+    results = direct_results(ScenarioPlan(scenario=scenario))
     assert results["status"].shape == (12, len(scenario.simulations))
     assert bool(scenario.attack) is (threat.id != "A0")
 
