@@ -5,13 +5,15 @@ receiver clock stood still, and the directions to them. The next one compares (`
 position leaves nothing behind, so the one after it has nothing to compare with.
 
 Increments of velocity are in local axes, which turn with the place: over 7.5 km, 30 s of an aircraft, by 1.2 mrad. They
-are turned into ECEF one by one, along the straight line between the two fixes.
+are turned into ECEF one by one, along the path between the two fixes. Positions at both ends and increments give that
+path: first along a straight line, then bent by what the increments say. The velocities at both ends follow from it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -38,7 +40,7 @@ def gained_towards_mps(
     before, now
         e, unit vectors to the satellites at both ends.
     gained_mps, mean_mps
-        Δv = ∫ a dt and the mean velocity of the receiver, all in one system of axes.
+        Δv = ∫ a dt and the mean of the receiver's velocities at both ends, all in one system of axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, gained_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -143,9 +145,10 @@ def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...
     places = np.array([before.position_m, now.position_m])
     ends_s = np.array([time - before.time for time, _ in before.increments])
     sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
-    middles_s = (ends_s + np.concatenate([[0.0], ends_s[:-1]])) / 2
-    axes = local_axes_at(places[0] + (middles_s / interval_s)[:, None] * (places[1] - places[0]))
-    gained = np.sum(np.einsum("nij,ni->nj", axes, sensed), axis=0)
+    path = _straight(places, ends_s, interval_s)
+    for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
+        gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
+        path = _bent(places, ends_s, interval_s, gained)
     m = len(svids)
     rate, static, sigma = np.full((3, m), np.nan)
     towards = np.full((2, m, 3), np.nan)
@@ -160,6 +163,46 @@ def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...
         interval_s=interval_s,
         rate_change_mps=rate,
         static_change_mps=static,
-        gained_mps=gained_towards_mps(towards[0], towards[1], gained, (places[1] - places[0]) / interval_s),
+        gained_mps=gained_towards_mps(towards[0], towards[1], np.sum(gained, axis=0), path.mean_of_ends_mps),
         sigma_change_mps=sigma,
     )
+
+
+class _Path(NamedTuple):
+    """Places in the middle of each of k increments, and the mean of the velocities at both ends."""
+
+    middles_m: Float[np.ndarray, "k 3"]
+    mean_of_ends_mps: Float[np.ndarray, " 3"]
+
+
+def _straight(places: Float[np.ndarray, "2 3"], ends_s: Float[np.ndarray, " k"], interval_s: float) -> _Path:
+    """Return the path of a receiver that does not accelerate."""
+    return _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
+
+
+def _bent(
+    places: Float[np.ndarray, "2 3"],
+    ends_s: Float[np.ndarray, " k"],
+    interval_s: float,
+    gained: Float[np.ndarray, "k 3"],
+) -> _Path:
+    """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
+
+    Parameters
+    ----------
+    places
+        ECEF, at both ends.
+    ends_s, interval_s
+        Ends of the steps after the first place, and when the second one is reached.
+    gained
+        Velocity gained in each step, ECEF.
+    """
+    steps_s = np.diff(ends_s, prepend=0.0)[:, None]
+    before = np.cumsum(gained, axis=0) - gained
+    moved = steps_s * (before + gained / 2)  # beside what the velocity at the beginning makes
+    rest_s = interval_s - (float(ends_s[-1]) if ends_s.size else 0.0)
+    total = np.sum(gained, axis=0)
+    first = (places[1] - places[0] - np.sum(moved, axis=0) - rest_s * total) / interval_s
+    so_far = np.cumsum(moved, axis=0) - moved + steps_s / 2 * (before + gained / 4)
+    middles_s = (ends_s - steps_s[:, 0] / 2)[:, None]
+    return _Path(places[0] + middles_s * first + so_far, first + total / 2)

@@ -22,6 +22,13 @@ pytestmark = pytest.mark.many_epochs
 
 AVAILABILITY, RECEPTION = CheckName.OSNMA_AVAILABILITY, CheckName.OSNMA_RECEPTION
 AGREEMENT, INERTIAL = CheckName.OSNMA_AGREEMENT, CheckName.INERTIAL_RANGE_RATE
+SOUND = (
+    "receiver.clock=none",
+    "receiver.accelerometers.sigma_bias_mps2=0.0",
+    "receiver.accelerometers.walk_mps_per_sqrt_s=0.0",
+    "processor.oscillator={h0_s=0.0, h_minus_2_hz=0.0}",
+    "processor.inertial={sigma_bias_mps2=0.0, walk_mps_per_sqrt_s=0.0}",
+)
 CIRCLE = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=800, speed_mps=30}'
 
 
@@ -156,20 +163,21 @@ def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: P
 def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int, tmp_path: Path) -> None:
     """250 m/s for a minute: satellites turn by up to 9 mrad, the vertical by 2 mrad, each of them some 0.5 m/s."""
     flight = f'trajectory={{kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m={radius_m}, speed_mps=250}}'
-    sound = (
-        "receiver.clock=none",
-        "receiver.accelerometers.sigma_bias_mps2=0.0",
-        "receiver.accelerometers.walk_mps_per_sqrt_s=0.0",
-        "processor.oscillator={h0_s=0.0, h_minus_2_hz=0.0}",
-        "processor.inertial={sigma_bias_mps2=0.0, walk_mps_per_sqrt_s=0.0}",
-    )
-    _, found = judged(tmp_path, *sound, "epochs=601", "recs.every=60", flight)
+    _, found = judged(tmp_path, *SOUND, "epochs=601", "recs.every=60", flight)
     check = found[INERTIAL]
     assert check.run.sum() == 80
     assert not check.failed.any()
     scatter = check.statistic[check.run] / check.threshold[check.run] * 4.417  # K of 1e-5
     assert abs(np.mean(scatter)) < 0.5  # 4.5 σ, satellites of their own
     assert 0.7 < np.std(scatter) < 1.4
+
+
+def test_a_tight_turn_between_two_recs_is_followed(tmp_path: Path) -> None:
+    """43° in a minute: the path bends by 1.4 km, and the mean velocity is not the mean of those at both ends."""
+    flight = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=20000, speed_mps=250}'
+    _, found = judged(tmp_path, *SOUND, "receiver.e1_tracking=none", "epochs=181", "recs.every=60", flight)
+    statistic = found[INERTIAL].statistic[[60, 120, 180]]
+    assert np.max(np.abs(statistic)) < 0.005  # 0.1 m/s along a straight line
 
 
 def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ Between two epochs the rate of the pseudorange changes by the satellite's motion
 receiver that does not accelerate, by the receiver's acceleration along the line of sight, and by its clock:
 
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
-    Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means over the interval, a: acceleration
+    Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of both ends, a: acceleration
 
 so the difference of both sides is bounded by what is left of each:
 
