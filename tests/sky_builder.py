@@ -54,14 +54,15 @@ def e1_of(scenario: CampaignScenario) -> dict[str, np.ndarray]:
 
 
 def columns_of(scenario: CampaignScenario, chunk: int = 5000) -> dict[str, np.ndarray]:
-    """Return all columns of a campaign, measured in chunks."""
+    """Return all columns of a campaign, measured and judged in chunks."""
     from vestige.campaign.scenario_plan import ScenarioPlan
 
     plan = ScenarioPlan(scenario=scenario)
-    preparation, pieces = plan.prepare(), []
+    preparation, pieces, state = plan.prepare(), [], None
     for first in range(0, plan.n_epochs, chunk):
         count = min(chunk, plan.n_epochs - first)
-        pieces.append(plan.measure(first, preparation.advance(first, count)))
+        state, columns = plan.judge(state, first, plan.measure(first, preparation.advance(first, count)))
+        pieces.append(columns)
     return {
         name: np.concatenate([piece[name] for piece in pieces], axis=column.dims.index("epoch"))
         for name, column in plan.columns.items()
