@@ -11,6 +11,9 @@ from click.testing import CliRunner, Result
 
 from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.group_delay import inter_frequency_delay_s
+from vestige.recording.assistance import read_assistance
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "vestigial.toml"
 SMALL = ("--set", "receiver.sample_rate_hz=6.2e6")
@@ -51,6 +54,24 @@ def test_a_right_label_is_left_alone(clear: Path) -> None:
     result = _process(clear)
     assert json.loads(result.stdout)["verdicts"][0]["status"] == "AUTHENTIC"
     assert "late by the RECS" not in result.stderr
+
+
+def test_the_label_search_takes_the_cipher_mode_of_the_command(clear: Path) -> None:
+    """The RECS are encrypted in CBC: decrypted in CTR they are noise, and tell no time."""
+    result = _process(clear, "--start", "2026-11-21T12:00:03.300 GST", "--cipher-mode", "ctr")
+    assert "no RECS was found within the time label's" in result.stderr
+    assert json.loads(result.stdout)["verdicts"] == []
+
+
+def test_the_convention_of_group_delays_moves_the_range_offset(clear: Path) -> None:
+    offsets_m = [
+        json.loads(_process(clear, "--bgd", convention).stdout)["verdicts"][0]["range_offset_m"]
+        for convention in ("os-icd", "minus-os-icd")
+    ]
+    (delay,) = read_assistance(clear / "assistance").assistance.group_delays
+    shift_m = 2 * SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(delay.bgd_e1_e6_s)
+    assert offsets_m[1] - offsets_m[0] == pytest.approx(shift_m, abs=0.5)
+    assert abs(shift_m) > 1.0
 
 
 def test_a_label_that_is_wrong_by_more_than_it_says_is_not_believed(clear: Path) -> None:

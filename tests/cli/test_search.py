@@ -64,6 +64,14 @@ def test_handover_finds_each_recs_once(night: Path) -> None:
     assert "true: the earliest" in text
 
 
+@pytest.mark.parametrize("verb", ["handover", "exhaustive"])
+def test_recs_are_decrypted_in_the_cipher_mode_of_the_command(night: Path, verb: str) -> None:
+    """They are encrypted in CBC, so decrypted in CTR they are noise."""
+    more = () if verb == "handover" else ("--integration-ms", "16", "--doppler-span-hz", "1000")
+    found = _json(verb, night, "--svids", "8", "--uncertainty-s", "0.005", "--cipher-mode", "ctr", *more)
+    assert [one["peaks"] for one in found["satellites"]] == [[]]
+
+
 def test_exhaustive_finds_what_the_handover_finds(night: Path) -> None:
     """Open E6-C repeats its primary code every millisecond: the window is the travel time of one satellite ± 0.2 ms."""
     handed = _json("handover", night, "--svids", "8", "--uncertainty-s", "0.1")["satellites"][0]["peaks"][0]

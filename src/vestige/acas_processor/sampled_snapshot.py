@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.sampled_searches import SampledSearches
+from vestige.acas_processor.block_searches import SampledSearches
 from vestige.records import Correlatable, Snapshot
 from vestige.records.inertial import Accelerations
 from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Handovers, SnapshotBlock

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from vestige.crypto.group_delay import GroupDelayConvention
+    from vestige.crypto.recs import CipherMode
     from vestige.time import GalileoTime
 
 
@@ -49,6 +52,39 @@ def time_option(_context: click.Context, _parameter: click.Parameter, text: str 
         return None if text is None else GalileoTime.parse(text)
     except (ValueError, OverflowError) as error:
         raise click.BadParameter(str(error)) from error
+
+
+def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
+    """Return what `--cipher-mode` says."""
+    from vestige.crypto.recs import CipherMode
+
+    return CipherMode(options["cipher_mode"])
+
+
+def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
+    """Return what `--bgd` says."""
+    from vestige.crypto.group_delay import GroupDelayConvention, GroupDelayScale
+
+    text = options["bgd"]
+    scale = GroupDelayScale(text.removeprefix("minus-"))
+    return GroupDelayConvention(scale=scale, sign=-1 if text.startswith("minus-") else 1)
+
+
+# The two points on which the interface of the service is not public: the AES mode, and what a BGD value means
+cipher_mode_option = click.option(
+    "--cipher-mode",
+    type=click.Choice(["cbc", "ctr"]),
+    default="cbc",
+    show_default=True,
+    help="AES mode of the RECS.",
+)
+group_delay_option = click.option(
+    "--bgd",
+    type=click.Choice(["os-icd", "file-value", "minus-os-icd", "minus-file-value"]),
+    default="os-icd",
+    show_default=True,
+    help="E6 is later than E1 by (γ − 1)·BGD, or by BGD itself; or earlier.",
+)
 
 
 def parse_svids(text: str) -> tuple[int, ...]:

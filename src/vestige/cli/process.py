@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.follow import check_usage, cn0_estimator, follow, inputs
-from vestige.cli.options import FiniteRange, time_option
+from vestige.cli.options import (
+    FiniteRange,
+    cipher_mode,
+    cipher_mode_option,
+    group_delay_convention,
+    group_delay_option,
+    time_option,
+)
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -67,6 +74,8 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--budget", type=click.Choice(["uncorrected", "corrected"]), default="uncorrected", show_default=True)
 @click.option("--kappa", type=FiniteRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
 @click.option("--min-pd", type=FiniteRange(0, 1), default=0.9, show_default=True)
+@cipher_mode_option
+@group_delay_option
 @click.option("--hardware-bias-m", type=FiniteRange(-1e7, 1e7), help="Delay of E6 minus E1 in the receiver, in m.")
 @click.option("--cn0-estimator", type=click.Choice(CN0_ESTIMATORS), help="E1 out of samples [noise-floor].")
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
@@ -144,7 +153,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
         time_uncertainty_s=options["time_uncertainty"],
-        label_error_s=_label_error_s(recording, found.assistance, around_s) if around_s else 0.0,
+        label_error_s=_label_error_s(recording, found.assistance, around_s, processor) if around_s else 0.0,
         searchable=options["level"] != "1",
         cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
         channels=_channels(options),
@@ -178,12 +187,18 @@ def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
     return 0.0 if recording.observations is not None or around_s <= LABEL_TOLERANCE_S else min(around_s, MAX_LABEL_S)
 
 
-def _label_error_s(recording: Recording, assistance: Assistance, around_s: float) -> float:
+def _label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
     """Return by how much the time label is late, from the RECS in the samples; says what it found."""
     from vestige.recording.e1_observation import LABEL_TOLERANCE_S
     from vestige.recording.label_search import search_label
 
-    found = search_label(recording, assistance, around_s)
+    found = search_label(
+        recording,
+        assistance,
+        around_s,
+        cipher_mode=processor.cipher_mode,
+        group_delay_convention=processor.group_delay_convention,
+    )
     for decision in found.decisions:
         if decision.spoofed:
             times = ", ".join(str(peak.start_time) for peak in decision.peaks)
@@ -231,6 +246,8 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         kappa=options["kappa"],
         min_pd=options["min_pd"],
         monitoring=_monitoring(options),
+        cipher_mode=cipher_mode(options),
+        group_delay_convention=group_delay_convention(options),
     )
 
 

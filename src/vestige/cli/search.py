@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, parse_svids, time_option
+from vestige.cli.options import (
+    FiniteRange,
+    cipher_mode,
+    cipher_mode_option,
+    group_delay_convention,
+    group_delay_option,
+    parse_svids,
+    time_option,
+)
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from vestige.cli.search_report import Answer
+    from vestige.crypto.recs import CipherMode
     from vestige.recording.recording import Recording
     from vestige.recording.samples import SampleReader
     from vestige.recording.search_log import SearchLog
@@ -117,6 +126,8 @@ def e1(
 @_start
 @_p_fa
 @_uncertainty
+@cipher_mode_option
+@group_delay_option
 @click.option(
     "--taps", type=click.Choice(["1", "3", "5", "7", "9"]), default="5", show_default=True, help="Half chips."
 )
@@ -142,7 +153,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
     folder = _assistance_folder(recording_path, options["assistance"])
-    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s)
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
     signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
@@ -156,7 +167,8 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
             if signal.svid == code.svid
             for stretch in line_stretches(
                 e1_reader, signal, batch.start, code, first, last,
-                delay_m=assisted_delay_m(assistance, code.svid, batch.start), secondary=not options["every_4_ms"],
+                delay_m=assisted_delay_m(assistance, code.svid, batch.start, group_delay_convention(options)),
+                secondary=not options["every_4_ms"],
             )
         ]  # fmt: skip
         peaks, budget = handover_peaks(
@@ -178,6 +190,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @_start
 @_p_fa
 @_uncertainty
+@cipher_mode_option
 @click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
 @click.option("--doppler-span-hz", type=FiniteRange(100, 50_000), default=5000.0, show_default=True, help="±.")
 @click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
@@ -204,7 +217,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     check_output(options["output"], (recording_path, *recording.description.files, folder))
     e6 = _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
-    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s)
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     search = ExhaustiveSearch(
         integration_s=float(options["integration_ms"]) * 1e-3,
         doppler_span_hz=options["doppler_span_hz"],
@@ -301,7 +314,7 @@ def _assistance_folder(recording: Path, given: Path | None) -> Path:
 
 
 def _codes(
-    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float
+    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float, mode: CipherMode
 ) -> tuple[list[ChipSequence], Assistance]:
     """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
     from vestige.crypto.recs import decrypt
@@ -318,7 +331,7 @@ def _codes(
     segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
     if not segments:
         raise VestigeError(f"{folder}: no RECS of these satellites with a validated key")
-    return [decrypt(one, keys[one.key_time]) for one in segments], found.assistance
+    return [decrypt(one, keys[one.key_time], mode=mode) for one in segments], found.assistance
 
 
 def _around_s(recording: Recording, uncertainty_s: float | None) -> float:

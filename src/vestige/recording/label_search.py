@@ -21,7 +21,8 @@ from vestige.acas_processor.vestigial import (
     handover_peaks,
     line_stretches,
 )
-from vestige.crypto.recs import decrypt
+from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs import CipherMode, decrypt
 from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recording import Recording
 from vestige.records import Assistance
@@ -44,13 +45,22 @@ class LabelSearch:
     decisions: tuple[VestigialDecision, ...]
 
 
-def search_label(recording: Recording, assistance: Assistance, uncertainty_s: float) -> LabelSearch:
+def search_label(
+    recording: Recording,
+    assistance: Assistance,
+    uncertainty_s: float,
+    *,
+    cipher_mode: CipherMode = CipherMode.CBC,
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION,
+) -> LabelSearch:
     """Return the error of a recording's time label from the RECS in its samples.
 
     Parameters
     ----------
     uncertainty_s
-        Bound on the label's error.
+        Upper limit of the label's error.
+    cipher_mode, group_delay_convention
+        As `AcasProcessor` has them.
     """
     e1, e6 = recording.e1, recording.e6
     keys = {key.time: key for key in assistance.keys}
@@ -65,8 +75,8 @@ def search_label(recording: Recording, assistance: Assistance, uncertainty_s: fl
         window = arrival_window(segment.transmit_time, uncertainty_s, e6)
         if window is None or not own:
             continue
-        code = decrypt(segment, keys[segment.key_time])
-        delay_m = assisted_delay_m(assistance, segment.svid, batch.start)
+        code = decrypt(segment, keys[segment.key_time], mode=cipher_mode)
+        delay_m = assisted_delay_m(assistance, segment.svid, batch.start, group_delay_convention)
         stretches = [
             stretch for one in own for stretch in line_stretches(e1, one, batch.start, code, *window, delay_m=delay_m)
         ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from kept_acquisitions import e1_acquired_once
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
 from vestige.acas_processor.state import TimeUncertainty
@@ -25,6 +27,12 @@ SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 DELAY_S = 0.0237
 FROM_S, TO_S = 0.07, 0.13
 EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _e1_is_acquired_once() -> Iterator[None]:
+    with e1_acquired_once():
+        yield
 
 
 @cache
