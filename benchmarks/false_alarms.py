@@ -17,6 +17,7 @@ from pathlib import Path
 
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
 from vestige.campaign.monitoring import Track, tracks
+
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test

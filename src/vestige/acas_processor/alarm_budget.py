@@ -17,6 +17,7 @@ The others allow for more than is always there, a front end that drifts or a C/N
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
@@ -79,8 +80,14 @@ class Share:
 
 
 def false_alarm_budget(
-    level: int, cadence: Cadence, *, alarms_a_day: float = ALARMS_A_DAY, kappa: float = KAPPA, pd: float = MIN_PD
-) -> dict[CheckName, Share]:
+    level: int,
+    cadence: Cadence,
+    *,
+    alarms_a_day: float = ALARMS_A_DAY,
+    kappa: float = KAPPA,
+    pd: float = MIN_PD,
+    further: Mapping[CheckSpec, float] | None = None,
+) -> dict[CheckName | str, Share]:
     """Return the share of each check of a level, by name.
 
     Parameters
@@ -95,16 +102,19 @@ def false_alarm_budget(
         Of the range check.
     pd
         Probability that E6 is detected, at the C/N0 in view: below `MIN_PD` a miss is no alarm.
+    further
+        Checks that a user wrote, with the false-alarm probability of one test of each.
     """
-    own = {
+    further = {} if further is None else further
+    own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {
         "E6 power": 1 - pd,
         RANGE: math.erfc(kappa / math.sqrt(2)),
         "power-distortion": 0.006,  # [WESSON18]
         "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
     }
     free = sum(row.name not in own for row in LEVELS[level])
-    shares: dict[CheckName, Share] = {}
-    for row in LEVELS[level]:
+    shares: dict[CheckName | str, Share] = {}
+    for row in (*LEVELS[level], *further):
         tests = cadence.tests_a_day(row)
         p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)
         shares[row.name] = Share(p_fa=p_fa, alarms_a_day=p_fa**row.confirm * tests, chosen=row.name not in own)

@@ -31,7 +31,7 @@ from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.fix_measurement import elevations_from
 from vestige.acas_processor.inertial_bridging import remembered_rates
-from vestige.acas_processor.levels import LEVELS, combine, confirmed, is_alarm
+from vestige.acas_processor.levels import combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring_settings import checks_of, shares_of
 from vestige.acas_processor.range_in_use import ranges_in_use
@@ -107,7 +107,7 @@ class _Assessment:
         self, processor: AcasProcessor, state: ReceiverState, measured: MeasurementBlock, assistance: AssistanceData
     ) -> None:
         self._processor, self._state, self._measured, self._assistance = processor, state, measured, assistance
-        self._specs = {spec.name: spec for spec in LEVELS[processor.level]}
+        self._specs = {spec.name: spec for spec in processor.specs}
         self._p_fa = shares_of(processor)
         snapshots = measured.snapshots
         self._time_s = snapshots.time.since(state.origin)
@@ -121,10 +121,13 @@ class _Assessment:
         self._observed = Observed(measured=measured)
         self._subframes, self._osnma = subframes(snapshots.osnma, snapshots.svids, state.osnma)
         self._checks = checks_of(processor, self._p_fa)
+        self._own = {one.spec.name for one in processor.own_of_level}
+        self._needs_references = {name for name in self._checks if name in _NEED_REFERENCES or name in self._own}
         if processor.monitoring.second_signal_filtered:
             self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
         self._fixed = self._series(
-            {name: check for name, check in self._checks.items() if name not in _NEED_REFERENCES}, self._evidence({})
+            {name: check for name, check in self._checks.items() if name not in self._needs_references},
+            self._evidence({}),
         )
         self._settle()
 
@@ -162,7 +165,7 @@ class _Assessment:
         )
 
     @staticmethod
-    def _series(checks: Mapping[CheckName, Check], evidence: Evidence) -> dict[CheckName, CheckSeries]:
+    def _series(checks: Mapping[CheckName | str, Check], evidence: Evidence) -> dict[CheckName | str, CheckSeries]:
         return {name: check.series(evidence) for name, check in checks.items()}
 
     def _settle(self) -> None:
@@ -180,7 +183,7 @@ class _Assessment:
         snapshots = self._measured.snapshots
         self._teaches = guess.quiet & snapshots.recs
         references = self._references()
-        later = {name: check for name, check in self._checks.items() if name in _NEED_REFERENCES}
+        later = {name: check for name, check in self._checks.items() if name in self._needs_references}
         series = self._fixed | self._series(later, self._evidence(references))
         failed = {name: self._confirmed(one) for name, one in series.items()}
         self._uncertainties = self._clock_limits(guess)
@@ -205,7 +208,7 @@ class _Assessment:
 
     def _references(self) -> Mapping[Quantity, Reference]:
         """Return what is usual of each quantity at each epoch; nothing if no check of the level asks."""
-        if _NEED_REFERENCES.isdisjoint(self._checks):
+        if not self._needs_references:
             return {}
         levels = self._processor.monitoring.levels
         return self._observed.references(levels, self._state.baseline, self._teaches, self._elevation_rad)
@@ -218,10 +221,12 @@ class _Assessment:
         svids = (0,) if series.of_receiver else self._measured.snapshots.svids
         return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
 
-    def _combined(self, failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
+    def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
         """Return what follows from failures: the guess that would have been right, and status and cause."""
         available = self._fixed[CheckName.E6_POWER].run
-        status, cause = combine(self._processor.level, failed, available)
+        status, cause = combine(
+            self._processor.level, failed, available, [one.spec for one in self._processor.own_of_level]
+        )
         due = self._seen | self._lost
         status = np.where(due, status, POSITION[Status.NOT_AVAILABLE]).astype(np.int8)
         quiet = ~np.any(is_alarm(status), axis=1)
@@ -261,7 +266,7 @@ class _Assessment:
             found.put(epochs, searches.e1(self._request(epochs)))
         return found
 
-    def _search_exhaustively(self, failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]) -> SearchMemory:
+    def _search_exhaustively(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> SearchMemory:
         """Make the exhaustive search where it is due, and return what the next block needs to know."""
         searches, times = self._measured.snapshots.searches, self._measured.snapshots.time
         memory, period_s = self._state.search, self._processor.monitoring.exhaustive_period_s
@@ -296,6 +301,7 @@ class _Assessment:
             VerdictBlock(
                 measured=self._measured,
                 level=self._processor.level,
+                specs=self._processor.specs,
                 status=status,
                 cause=cause,
                 state=state,
@@ -323,7 +329,7 @@ class _Assessment:
         position = self._positions_m[-1]
         known = bool(np.isfinite(position[0]))
         evidence = self._evidence({})
-        further = self._processor.level > 1
+        further = self._processor.level > 1 or bool(self._own)
         return replace(
             state,
             last=snapshots.time.at(len(snapshots.time) - 1),
@@ -339,9 +345,9 @@ class _Assessment:
             on_e1=on_e1,
         )
 
-    def _streaks(self) -> dict[CheckName, dict[int, int]]:
+    def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
         """Return how many of the last tests of checks that have to be confirmed failed in a row."""
-        found: dict[CheckName, dict[int, int]] = {}
+        found: dict[CheckName | str, dict[int, int]] = {}
         for name, series in self._found.items():
             confirm = self._specs[name].confirm
             if confirm == 1:

@@ -41,6 +41,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from vestige.own_parts import OwnPartError, blamed_on_own_parts
+
 NOT_DETECTED = -1
 
 
@@ -141,6 +143,48 @@ class EarlyDetector:
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
         tap = _first_from(first, ~goes_on)
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnDetector:
+    """A detector that a user wrote; what it returns is checked.
+
+    Attributes
+    ----------
+    kind
+        How a scenario names it, `module:Name`.
+    detector
+        It.
+    """
+
+    kind: str
+    detector: Detector
+
+    @property
+    def spacing(self) -> int:
+        """Distance n of the early and late tap from the punctual one, in taps."""
+        return self.detector.spacing
+
+    def detect(
+        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
+    ) -> Int[np.ndarray, " n_epochs"]:
+        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected.
+
+        Raises
+        ------
+        OwnPartError
+            If the detector raises something, or returns anything but such indices.
+        """
+        with blamed_on_own_parts():
+            tap = np.asarray(self.detector.detect(magnitudes, threshold))
+        n, last = magnitudes.shape[0], magnitudes.shape[1] - 1 - self.spacing
+        if tap.shape != (n,) or tap.dtype.kind not in "iu":
+            found = f"{tap.dtype} values of shape {tap.shape} from detect"
+            raise OwnPartError(self.kind, found, f"whole numbers of shape {(n,)}, one an epoch")
+        if not np.all((tap == NOT_DETECTED) | ((tap >= self.spacing) & (tap <= last))):
+            found = f"indices from {tap.min()} to {tap.max()} from detect"
+            raise OwnPartError(self.kind, found, f"{NOT_DETECTED} for none, or {self.spacing} to {last}")
+        return tap.astype(np.int64)
 
 
 DETECTORS: dict[str, type[EarlyDetector] | type[MaximumDetector]] = {"early": EarlyDetector, "maximum": MaximumDetector}

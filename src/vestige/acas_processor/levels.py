@@ -26,7 +26,7 @@ a row. What a receiver shows its user is steadier still: `alarm.py`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -64,7 +64,7 @@ class CheckSpec:
     step
         Its number in [WFO, Sec. IV].
     name
-        The check.
+        The check; a text of one that a user wrote.
     failure
         Status that follows if it fails.
     scope, cadence
@@ -78,7 +78,7 @@ class CheckSpec:
     """
 
     step: int
-    name: CheckName
+    name: CheckName | str
     failure: Status
     scope: Scope = Scope.SATELLITE
     cadence: TestCadence = TestCadence.OBSERVATION
@@ -168,7 +168,10 @@ def is_alarm(status: Int8[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
 
 
 def combine(
-    level: int, failed: Mapping[CheckName, Bool[np.ndarray, "*n"]], available: Bool[np.ndarray, "n m"]
+    level: int,
+    failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]],
+    available: Bool[np.ndarray, "n m"],
+    own: Sequence[CheckSpec] = (),
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
     """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
 
@@ -181,17 +184,19 @@ def combine(
         not looked at.
     available
         Whether steps 1 and 2 were run.
+    own
+        Checks of the user's, which the level has after those of vestige.
 
     Returns
     -------
     status, cause
-        The cause is a place in `LEVELS[level]`, the first of the gravest; `OTHERS` or `NOBODY`.
+        The cause is a place in `LEVELS[level]` with `own` behind it, the first of the gravest; `OTHERS` or `NOBODY`.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
     cause = np.full(found.shape, NOBODY, np.int8)
     suspect = GRAVITY.index(Status.SUSPECT)
     twice = np.zeros((found.shape[0], 1), np.bool_)
-    for place, spec in enumerate(LEVELS[level]):
+    for place, spec in enumerate((*LEVELS[level], *own)):
         if spec.name not in failed:
             continue
         of_check = failed[spec.name]

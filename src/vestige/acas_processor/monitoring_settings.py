@@ -91,16 +91,17 @@ class MonitoringSettings:
     exhaustive_period_s: float = 3600.0
 
 
-def shares_of(processor: AcasProcessor) -> dict[CheckName, float]:
+def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
     """Return the false-alarm probability of one test of each check of a processor's level."""
     settings, names = processor.monitoring, [spec.name for spec in LEVELS[processor.level]]
+    own = {one.spec.name: one.p_fa for one in processor.own_of_level}
     if settings.test_p_fa is not None:
-        return {name: settings.test_p_fa / (3 if name in _CLOCK else 1) for name in names}
+        return {name: settings.test_p_fa / (3 if name in _CLOCK else 1) for name in names} | own
     shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day)
-    return {name: shares[name].p_fa for name in names}
+    return {name: shares[name].p_fa for name in names} | own
 
 
-def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName, float]) -> dict[CheckName, Check]:
+def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
     """Return the checks of a processor's level that look at one block alone; the searches are made by `assess`.
 
     Parameters
@@ -115,7 +116,7 @@ def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName, float]) -> dict
     def clock(name: CheckName) -> Callable[[float], Check]:
         return lambda share: ClockCheck(name=name, monitor=replace(settings.clock, p_fa=3 * share))
 
-    makers: dict[CheckName, Callable[[float], Check]] = {
+    makers: dict[CheckName | str, Callable[[float], Check]] = {
         CheckName.E6_POWER: lambda _: E6PowerCheck(min_pd=processor.min_pd),
         CheckName.E1_E6_RANGE: lambda _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
         CheckName.E1_RECEIVED_POWER: lambda share: replace(settings.e1_power, p_fa=share),
@@ -135,4 +136,5 @@ def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName, float]) -> dict
         CheckName.POWER_DISTORTION: lambda _: settings.power_distortion,
         CheckName.INERTIAL_RANGE_RATE: lambda share: replace(settings.inertial, p_fa=share),
     }
-    return {name: makers[name](share) for name, share in p_fa.items() if name in makers}
+    ours: dict[CheckName | str, Check] = {name: makers[name](share) for name, share in p_fa.items() if name in makers}
+    return ours | {one.spec.name: one for one in processor.own_of_level}

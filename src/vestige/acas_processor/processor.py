@@ -22,10 +22,11 @@ from vestige.acas_processor.checks.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB
-from vestige.acas_processor.levels import LEVELS
+from vestige.acas_processor.levels import LEVELS, CheckSpec
 from vestige.acas_processor.measure import measure
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.state import ReceiverState
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
@@ -98,6 +99,8 @@ class AcasProcessor:
         The two points on which the service's interface is not public.
     monitoring
         Settings of the checks that levels 2 and 3 add.
+    own_checks
+        Checks that a user wrote, of all levels.
     """
 
     level: int = 1
@@ -112,12 +115,26 @@ class AcasProcessor:
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
     monitoring: MonitoringSettings = field(default_factory=MonitoringSettings)
+    own_checks: tuple[OwnCheck, ...] = ()
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise ValueError(f"mitigation level {self.level} is not one of {sorted(LEVELS)}")
         if self.n_taps < 2 * self.detector.spacing + 1:
             raise ValueError(f"{self.n_taps} correlators are too few for a spacing of {self.detector.spacing}")
+        names = [one.spec.name for one in self.own_checks]
+        if len(set(names)) < len(names):
+            raise ValueError(f"each check has a name of its own, found {', '.join(names)}")
+
+    @property
+    def own_of_level(self) -> tuple[OwnCheck, ...]:
+        """The checks of the user's that the level has."""
+        return tuple(one for one in self.own_checks if one.level <= self.level)
+
+    @property
+    def specs(self) -> tuple[CheckSpec, ...]:
+        """All checks of the level, those of the user's last."""
+        return (*LEVELS[self.level], *(one.spec for one in self.own_of_level))
 
     @property
     def offsets_m(self) -> Float[np.ndarray, " n_taps"]:

@@ -103,6 +103,6 @@ class ReceiverState:
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     rates: RateMemory | None = None
     search: SearchMemory = field(default_factory=SearchMemory)
-    streaks: Mapping[CheckName, Mapping[int, int]] = field(default_factory=dict)
+    streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
     alarm: AlarmState = field(default_factory=AlarmState)
     on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)

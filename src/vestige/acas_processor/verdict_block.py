@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int8, Int64
 
 from vestige.acas_processor.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import LEVELS, MINIMUM, OTHERS
+from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
 from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock
 from vestige.acas_processor.searches import SearchResults
 from vestige.records import Status, Verdict
@@ -64,8 +64,8 @@ class VerdictBlock:
     ----------
     measured
         What was judged.
-    level
-        Mitigation level.
+    level, specs
+        Mitigation level, and its checks.
     status, cause
         int8[n, m], the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`).
     state
@@ -92,13 +92,14 @@ class VerdictBlock:
 
     measured: MeasurementBlock
     level: int
+    specs: tuple[CheckSpec, ...]
     status: Int8[np.ndarray, "n m"]
     cause: Int8[np.ndarray, "n m"]
     state: Int8[np.ndarray, "n m"]
     before: AlarmState
     due: Bool[np.ndarray, "n m"]
-    checks: Mapping[CheckName, CheckSeries]
-    failed: Mapping[CheckName, Bool[np.ndarray, "*n"]]
+    checks: Mapping[CheckName | str, CheckSeries]
+    failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]
     e1_search: SearchResults
     exhaustive_search: SearchResults
     searched: Bool[np.ndarray, " n"]
@@ -141,7 +142,7 @@ class VerdictBlock:
         if STATUSES[self.status[here]] is Status.NOT_AVAILABLE:
             return self._why_not_available(epoch, satellite)
         if cause >= 0:
-            return self.checks[LEVELS[self.level][cause].name].explain(epoch, satellite)
+            return self.checks[self.specs[cause].name].explain(epoch, satellite)
         if cause == OTHERS:
             twice = np.flatnonzero(self.found_twice[epoch]).tolist()
             names = " ".join(f"E{self.measured.snapshots.svids[column]:02d}" for column in twice)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vestige.acas_processor.levels import LEVELS, NOBODY, OTHERS
+from vestige.acas_processor.levels import NOBODY, OTHERS
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Column
 from vestige.records import Status
@@ -42,7 +42,7 @@ JUDGED_COLUMNS = {
 
 def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:
     """Return the values of `JUDGED_COLUMNS`; a check of the receiver stands beside every satellite."""
-    names = [spec.name for spec in LEVELS[block.level]]
+    names = [spec.name for spec in block.specs]
     shape = (len(names), *block.status.shape)
     statistic, threshold = np.full((2, *shape), np.nan, np.float32)
     result = np.full(shape, -1, np.int8)

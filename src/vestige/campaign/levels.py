@@ -59,7 +59,7 @@ class LevelVerdicts:
 
     processor: AcasProcessor
     block: VerdictBlock
-    budget: Mapping[CheckName, Share]
+    budget: Mapping[CheckName | str, Share]
     seen: Bool[np.ndarray, "n m"]
     range_error_m: Float[np.ndarray, "n m"]
 
@@ -79,17 +79,17 @@ class LevelVerdicts:
         return self.block.state
 
     @property
-    def checks(self) -> Mapping[CheckName, CheckSeries]:
+    def checks(self) -> Mapping[CheckName | str, CheckSeries]:
         """Every check of the level that could be made."""
         return self.block.checks
 
     @property
-    def failed(self) -> Mapping[CheckName, Bool[np.ndarray, "*n"]]:
+    def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
         """Where each check failed, after confirmation."""
         return self.block.failed
 
     @cached_property
-    def tests(self) -> Mapping[CheckName, Bool[np.ndarray, "*n"]]:
+    def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
         """Where each check was made."""
         return {name: series.run for name, series in self.block.checks.items()}
 
@@ -111,8 +111,8 @@ class LevelVerdicts:
     @property
     def not_run(self) -> tuple[str, ...]:
         """Checks of the level for which the results hold nothing."""
-        names = (spec.name for spec in LEVELS[self.level])
-        return tuple(name.value for name in names if name not in self.tests or not self.tests[name].any())
+        names = (spec.name for spec in self.processor.specs)
+        return tuple(str(name) for name in names if name not in self.tests or not self.tests[name].any())
 
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
@@ -143,7 +143,7 @@ class LevelVerdicts:
             any_satellite = failed if failed.ndim == 1 else failed.any(axis=1)
             where = np.flatnonzero(any_satellite & rows)
             if where.size:
-                found.append((name.value, int(where[0])))
+                found.append((str(name), int(where[0])))
         return tuple(sorted(found, key=lambda one: one[1]))
 
 
@@ -227,6 +227,7 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
         alarms_a_day=processor.monitoring.alarms_a_day,
         kappa=processor.kappa,
         pd=float(predicted.mean()) if predicted.size else 1.0,
+        further={one.spec: one.p_fa for one in processor.own_of_level},
     )
     return LevelVerdicts(
         processor=processor,

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.fix_measurement import LazyFix
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.processor import AcasProcessor
@@ -317,7 +316,7 @@ def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, col
 
 def _detected(of: Judged, columns: Columns) -> DetectedBlock:
     """Return what the processor's detector said."""
-    place = list(DETECTORS).index(of.scenario.processor.detector)
+    place = list(of.scenario.processor.detectors).index(of.scenario.processor.detector)
     return DetectedBlock(
         tap=columns["tap_index"][place].astype(np.int64),
         magnitude_sigma=_double(columns["magnitude_sigma"][place]),

@@ -1,4 +1,7 @@
-"""What besides a scenario decides the bits of its results: vestige's source and, for sums of samples, the processor."""
+"""What besides a scenario decides the bits of its results: the source of vestige and of the user's parts, the processor.
+
+The kind of processor matters for sums of samples alone.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,15 @@ if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
 PROCESSOR = "processor"  # attribute of a plan whose bits depend on it
+PARTS = "own_parts"  # attribute of a plan with parts of the user's: `module:Name@digest` of each
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def origin(plan: Plan) -> dict[str, str]:
     """Return what must be equal wherever chunks of one plan are measured, by attribute of the store."""
     processor: Mapping[str, str] = {PROCESSOR: processor_name()} if PROCESSOR in plan.attrs else {}
-    return {"vestige_version": vestige_version(), **processor}
+    parts: Mapping[str, str] = {PARTS: str(plan.attrs[PARTS])} if PARTS in plan.attrs else {}
+    return {"vestige_version": vestige_version(), **processor, **parts}
 
 
 @cache

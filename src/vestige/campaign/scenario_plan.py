@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.detectors import DETECTORS
-from vestige.acas_processor.levels import LEVELS
 from vestige.acas_processor.measure import detect
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.state import ReceiverState
@@ -34,10 +32,11 @@ from vestige.campaign.measured_columns import (
     measured_columns,
     osnma_columns,
 )
-from vestige.campaign.origin import PROCESSOR, processor_name
+from vestige.campaign.origin import PARTS, PROCESSOR, processor_name
 from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord
 from vestige.campaign.results import NAVIGATION_TEXT
 from vestige.campaign.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
+from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.snapshots.e6 import SampledE6
@@ -125,12 +124,17 @@ class ScenarioPlan:
         svids = np.array([one.svid for one in self.simulations])
         offsets_m = self._judged.processor.offsets_m
         rays = np.arange(simulation.models.n_rays)
-        checks = np.array([spec.name.value for spec in LEVELS[self.scenario.processor.level]])
+        checks = np.array([str(spec.name) for spec in self._judged.processor.specs])
         return (
             {
                 "svid": Coord(dim="satellite", values=svids, units="1", long_name="satellite"),
                 "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
-                "detector": Coord(dim="detector", values=np.array(list(DETECTORS)), units="1", long_name="detector"),
+                "detector": Coord(
+                    dim="detector",
+                    values=np.array(list(self.scenario.processor.detectors)),
+                    units="1",
+                    long_name="detector",
+                ),
                 "check": Coord(dim="check", values=checks, units="1", long_name="check"),
                 "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
             }
@@ -159,6 +163,7 @@ class ScenarioPlan:
             "cn0_e1_expected_dbhz": self._overhead.cn0_e1_dbhz,
             **({PROCESSOR: processor_name()} if self.scenario.fidelity == "samples" else {}),
             **({} if navigation is None else {NAVIGATION_TEXT: navigation}),
+            **({PARTS: " ".join(parts)} if (parts := self.scenario.own_parts) else {}),
         }
 
     @cached_property
@@ -186,6 +191,10 @@ class ScenarioPlan:
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return what was measured in the epochs from `first` on, and the truth: all columns but those of `judge`."""
+        with blamed_on_own_parts():
+            return self._measured(first, inputs)
+
+    def _measured(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         truths: tuple[TruthBlock, ...] = inputs["truth"]
         of = ReceiverTruth(simulations=self.simulations, truth=truths, first=first, every=self.scenario.recs.every)
         snapshots = self._receiver.snapshots_of(of)
@@ -228,12 +237,11 @@ class ScenarioPlan:
         }
 
     def _detections(self, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-        """Return what both detectors say of the banks."""
+        """Return what each detector says of the banks."""
         correlated = measured.availability == Availability.CORRELATED
-        spacing = self.scenario.processor.spacing
         found = [
-            detect(replace(self._judged.processor, detector=detector(spacing=spacing)), measured.banks, correlated)
-            for detector in DETECTORS.values()
+            detect(replace(self._judged.processor, detector=detector()), measured.banks, correlated)
+            for detector in self.scenario.processor.detectors.values()
         ]
         return {
             "tap_index": np.stack([block.tap for block in found]),
@@ -264,7 +272,8 @@ class _Preparation:
         self._truth = truth
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
-        return {"truth": tuple(one.advance(first, count) for one in self._truth)}
+        with blamed_on_own_parts():
+            return {"truth": tuple(one.advance(first, count) for one in self._truth)}
 
 
 def _e1_coords() -> dict[str, Coord]:

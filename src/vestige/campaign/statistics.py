@@ -148,6 +148,11 @@ class Summary:
     percentiles_m: dict[float, float]
 
 
+def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
+    """Return the names of the detectors that the results of a campaign have."""
+    return tuple(str(name) for name in results["detector"].values)
+
+
 def summarise(
     results: xarray.Dataset,
     detector: str = "early",

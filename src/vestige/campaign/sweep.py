@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.plan import CHUNK_EPOCHS
 from vestige.campaign.results import attributes_of
@@ -38,6 +37,7 @@ from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.processor_table import ProcessorTable
 
 if TYPE_CHECKING:
     import xarray
@@ -156,7 +156,7 @@ def run_sweep(
             executor=executor,
             chunk_epochs=chunk_epochs,
             progress=None if progress is None else lambda now, name=name: progress(name, now),  # type: ignore[misc]
-            enough=None if width is None else _Counter(scenario.processor.detector, width),
+            enough=None if width is None else _Counter(scenario.processor, width),
         )
         attributes = attributes_of(results)
         cn0_dbhz, signal = scenario.receiver.cn0_dbhz, scenario.receiver.signal
@@ -173,7 +173,9 @@ def run_sweep(
                 signal=signal,
                 detector=scenario.processor.detector,
                 epochs=results.sizes["epoch"],
-                detections={detector: summarise(results, detector).detections for detector in DETECTORS},
+                detections={
+                    detector: summarise(results, detector).detections for detector in scenario.processor.detectors
+                },
                 p_d_theory=theory,
                 false_alarms=false_alarms(results),
                 level=scenario.processor.level,
@@ -194,8 +196,8 @@ def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome 
 class _Counter:
     """Counts the detections of one detector chunk by chunk, and says when they are enough."""
 
-    def __init__(self, detector: str, width: Width) -> None:
-        self._detector, self._width = list(DETECTORS).index(detector), width
+    def __init__(self, processor: ProcessorTable, width: Width) -> None:
+        self._detector, self._width = list(processor.detectors).index(processor.detector), width
         self._detections = self._decisions = 0
 
     def __call__(self, results: Columns) -> bool:

@@ -261,5 +261,5 @@ def _runs(
 
 
 def _digest(scenario: CampaignScenario, window_s: tuple[float, float]) -> str:
-    text = f"{vestige_version()} {window_s} {scenario.model_dump_json()}"
+    text = " ".join([vestige_version(), str(window_s), scenario.model_dump_json(), *scenario.own_parts])
     return hashlib.sha256(text.encode()).hexdigest()[:16]

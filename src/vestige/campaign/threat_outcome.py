@@ -201,7 +201,7 @@ def run_outcome(
     )
 
 
-def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[CheckName]) -> tuple[int, float]:
+def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
     """Return how many tests of checks failed, and how many the budget gives them."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (

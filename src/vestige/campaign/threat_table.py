@@ -140,7 +140,8 @@ def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
         next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
         for one in scenes
     ]
-    checks = list(dict.fromkeys(row.name.value for level in LEVELS for row in ROWS[level]))
+    ours = [str(row.name) for level in LEVELS for row in ROWS[level]]
+    checks = list(dict.fromkeys([*ours, *(one.name for cell in cells for one in cell.found.checks)]))
     failed, time_s = np.zeros((*shape, len(checks))), np.full((*shape, len(checks)), np.nan)
     for cell in cells:
         at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)

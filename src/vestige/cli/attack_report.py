@@ -9,8 +9,8 @@ from typing import Any
 
 import xarray
 
-from vestige.acas_processor.detectors import DETECTORS
 from vestige.campaign.outcomes import AttackReport, Outcome, report
+from vestige.campaign.statistics import detectors_of
 
 _NAMES = {
     Outcome.TRUE: "the true signal",
@@ -45,7 +45,7 @@ def attack_lines(results: xarray.Dataset) -> list[str]:
 
 def _reports(results: xarray.Dataset) -> Iterator[tuple[int, dict[str, AttackReport]]]:
     for satellite, svid in enumerate(results["svid"].values.tolist()):
-        reports = {name: report(results, name, satellite=satellite) for name in DETECTORS}
+        reports = {name: report(results, name, satellite=satellite) for name in detectors_of(results)}
         found = {name: one for name, one in reports.items() if one is not None}
         if found:
             yield svid, found

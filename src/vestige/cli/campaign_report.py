@@ -11,11 +11,10 @@ from typing import Any
 
 import xarray
 
-from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.results import attributes_of
-from vestige.campaign.statistics import Proportion, false_alarms, summarise
+from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
 from vestige.campaign.sweep import Row
 from vestige.campaign.threat_outcome import RunOutcome
 from vestige.cli.attack_report import attack_lines, attack_values
@@ -35,7 +34,7 @@ def campaign_json(results: xarray.Dataset) -> str:
             "p_fa": attributes.p_fa,
             "p_d_theory": _theory(results),
             "false_alarms": asdict(false_alarms(results)),
-            "detectors": {name: asdict(summarise(results, name)) for name in DETECTORS},
+            "detectors": {name: asdict(summarise(results, name)) for name in detectors_of(results)},
             "attack": attack_values(judged),
             **({} if level is None else {"verdicts": level_values(results, level)}),
         }
@@ -55,7 +54,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
     undecided = results.sizes["epoch"] * results.sizes["satellite"] - summarise(results).detections.trials
     if undecided:
         lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
-    for name in DETECTORS:
+    for name in detectors_of(results):
         lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
     judged, level = verdicts_of_run(results)
     if level is not None:
@@ -81,7 +80,8 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
     keys = list(rows[0].settings)
-    missed = [f"missed {name}" for name in DETECTORS]
+    detectors = _detectors(rows)
+    missed = [f"missed {name}" for name in detectors]
     table = [[*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
     for row in rows:
         found, alarms = row.detections[row.detector], row.false_alarms
@@ -89,7 +89,7 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
             [
                 *(str(row.settings[key]) for key in keys),
                 str(row.epochs),
-                *(str(counted.trials - counted.successes) for counted in row.detections.values()),
+                *("" if one is None else str(one.trials - one.successes) for one in map(row.detections.get, detectors)),
                 f"{found.value:.5f}",
                 f"{found.low:.5f} to {found.high:.5f}",
                 f"{row.p_d_theory:.5f}" if row.signal else "no signal",
@@ -100,14 +100,21 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
     return "\n".join([*_columns(table), f"table: {file}"])
 
 
+def _detectors(rows: Sequence[Row]) -> list[str]:
+    """Return the names of all detectors that some row has."""
+    return list(dict.fromkeys(name for row in rows for name in row.detections))
+
+
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
     """Return the cells of a sweep of an attack, or of a level above 1: what came of it."""
     keys = list(rows[0].settings)
     names = ["level", "what came of it", "first alarm", "by", "mitigated", "largest error in use", "of a position"]
-    table = [[*keys, *names, *(f"missed {name}" for name in DETECTORS)]]
+    detectors = _detectors(rows)
+    table = [[*keys, *names, *(f"missed {name}" for name in detectors)]]
     for row in rows:
         settings = [str(row.settings[key]) for key in keys]
-        missed = [f"{counted.trials - counted.successes} of {counted.trials}" for counted in row.detections.values()]
+        counts = [row.detections.get(name) for name in detectors]
+        missed = ["" if one is None else f"{one.trials - one.successes} of {one.trials}" for one in counts]
         table.append([*settings, str(row.level), *_outcome_words(row.outcome), *missed])
     return table
 

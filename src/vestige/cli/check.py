@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="One JSON object with the resolved scenarios.")
 @click.option("--schema", "as_schema", is_flag=True, help="Print the JSON schema of scenario files, for editors.")
+@parts_option
 def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print what each of them will do.
 

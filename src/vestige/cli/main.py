@@ -19,6 +19,7 @@ import click
 
 from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
+from vestige.own_parts import blamed_on_own_parts
 
 # verb: module of `command`, one line of help
 VERBS = {
@@ -73,7 +74,7 @@ def vestige() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit."""
     try:
-        with _terminable():
+        with _terminable(), blamed_on_own_parts():
             vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)

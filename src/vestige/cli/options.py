@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from vestige.own_parts import own_parts_from
 
 if TYPE_CHECKING:
     from vestige.crypto.group_delay import GroupDelayConvention
@@ -42,6 +45,20 @@ class WidthType(click.ParamType[tuple[float, bool]]):
         if not 0 < number < math.inf:
             self.fail(f"{value!r} is neither a width such as 0.01 nor a percentage such as 20%", param, ctx)
         return (number / 100, True) if text.endswith("%") else (number, False)
+
+
+def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add `--parts FOLDER` to a verb, which lets scenarios name the user's own classes; see `own_parts`."""
+    return click.option(
+        "--parts",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        metavar="FOLDER",
+        expose_value=False,
+        is_eager=True,
+        callback=lambda _context, _parameter, folders: [own_parts_from(folder) for folder in folders],
+        help="Folder of your own detectors, attacks, error models and checks; scenarios name them `module:Name`.",
+    )(command)
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:

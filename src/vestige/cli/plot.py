@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -82,7 +83,13 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg, .gif) or folder."
 )
-@click.option("--detector", type=click.Choice(_DETECTORS), default="early", show_default=True)
+@click.option(
+    "--detector",
+    default="early",
+    show_default=True,
+    metavar="NAME",
+    help="early, maximum, or `module:Name` of your own.",
+)
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
 @click.option(
     "--width-cm",
@@ -101,6 +108,7 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     callback=_finite,
     help="range-histogram: fit an exponential law beyond this offset, in m.",
 )
+@parts_option
 def command(
     kind: str,
     results: tuple[Path, ...],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ _SUFFIXES = (".html", ".htm")
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.html) to write.")
 @click.option("--question", default="", metavar="TEXT", help="What the page answers, in your words.")
+@parts_option
 def command(result: Path, output: Path, question: str) -> None:
     """Write one page about RESULT, and print the name of the file.
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import click
 
+from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
 
 
 @click.command()
 @click.argument("results_path", metavar="RESULTS", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder to write; must not exist.")
+@parts_option
 def command(results_path: Path, output: Path) -> None:
     """Write the E1 observations and the ephemerides of RESULTS as RINEX 3.05, and print the files.
 

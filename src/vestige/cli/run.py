@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import WidthType
+from vestige.cli.options import WidthType, parts_option
 from vestige.cli.pool import MAX_THREADS, pool
 from vestige.cli.terminal import echo
 from vestige.output import check_output
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 )
 @click.option("--width", type=WidthType(), help="End a campaign of a sweep at this width of its interval: 0.01, 20%.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@parts_option
 def command(
     scenario: Path,
     output: Path,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import FiniteRange, parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ _path = click.Path(path_type=Path)
     help="Also write what this receiver reads.",
 )
 @click.option("--max-gb", type=FiniteRange(0, 1e6), default=10.0, show_default=True, help="Refuse to write more.")
+@parts_option
 def command(scenario: Path, **options: Any) -> None:
     """Write E1 and E6 samples of SCENARIO as a SigMF collection, with what belongs to them.
 

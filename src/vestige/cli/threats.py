@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vestige.cli.options import parts_option
 from vestige.cli.pool import pool
 from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
@@ -52,6 +53,7 @@ FIGURE = "threats.png"
 @click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
 @click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@parts_option
 def command(
     levels: tuple[int, ...],
     quick: bool,

@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int16, Int64
 
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.inav import FIRST_PAGE_OFFSET_S, PAGE_S
-from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.receiver.error_process import TrackingModel
 from vestige.streams import stream
 
 PAGES = SUBFRAME_S // PAGE_S  # of a subframe
@@ -44,7 +44,7 @@ _DRAW_BLOCK = 500  # pages that share a stream of draws
 _DECI = 10  # times are counted in tenths of a second, which are exact
 
 
-def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: BetzTrackingNoise | None = None) -> Float[np.ndarray, "*n"]:
+def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
     Parameters

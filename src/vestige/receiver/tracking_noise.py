@@ -28,7 +28,7 @@ from jaxtyping import Float
 
 from vestige.acas_processor.thermal_noise import MBOC, dll_noise_m
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.error_process import Streams
+from vestige.receiver.error_process import Streams, TrackingModel
 from vestige.receiver.gauss_markov import GaussMarkovProcess
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, BPSK, Pulse
@@ -158,7 +158,7 @@ class TrackingNoiseProcess:
 
 
 def noise_growth(
-    model: BetzTrackingNoise, nominal_dbhz: float, gain_db: Float[np.ndarray, " n"]
+    model: TrackingModel, nominal_dbhz: float, gain_db: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return by what factors code and Doppler noise grow when the C/N0 is `gain_db` above the nominal one.
 
@@ -172,6 +172,6 @@ def noise_growth(
 
 
 @lru_cache(maxsize=10_000)
-def _sigmas(model: BetzTrackingNoise, cn0_dbhz: float) -> tuple[float, float]:
+def _sigmas(model: TrackingModel, cn0_dbhz: float) -> tuple[float, float]:
     """Return the standard deviations of code and Doppler."""
     return model.code_sigma_m(cn0_dbhz), model.doppler_sigma_hz(cn0_dbhz)

@@ -14,15 +14,18 @@ from jaxtyping import Float
 
 from vestige.acas_processor.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.bias import BiasResiduals
-from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_loop import E1Loop, E1Tracking
 from vestige.receiver.elevation import ElevationEffects, View, seen_alone
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
-from vestige.receiver.tracking_noise import BetzTrackingNoise, noise_growth
+from vestige.receiver.error_process import (
+    BiasModel,
+    ClockModel,
+    IonosphereModel,
+    MultipathModel,
+    TrackingModel,
+    named_streams,
+)
+from vestige.receiver.multipath import RayBlock
+from vestige.receiver.tracking_noise import noise_growth
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.spoofer.spoofer import NOBODY, BandEffects, Spoofer
@@ -40,11 +43,11 @@ class ErrorModels:
         Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
     """
 
-    clock: TwoStateClock | None = None
-    ionosphere: HeavyTailedIonosphere | EmpiricalIonosphere | None = None
-    multipath: LmsLiteMultipath | None = None
-    e1_tracking: BetzTrackingNoise | None = None
-    bias: BiasResiduals | None = None
+    clock: ClockModel | None = None
+    ionosphere: IonosphereModel | None = None
+    multipath: MultipathModel | None = None
+    e1_tracking: TrackingModel | None = None
+    bias: BiasModel | None = None
     e1_multipath: bool = False
 
     @property
@@ -150,7 +153,7 @@ class TruthProcess:
         self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
-        if self._ionosphere and elevation:
+        if elevation and hasattr(self._ionosphere, "shared"):
             self._ionosphere.shared(receiver, elevation.ionosphere_common)
         self._multipath = models.multipath and models.multipath.process(own)
         self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)

@@ -44,7 +44,7 @@ class CheckSeries:
     Attributes
     ----------
     name, unit
-        What it is called, and the unit of statistic and threshold.
+        What it is called, a `CheckName` or the name of a check that a user wrote; the unit of statistic and threshold.
     p_fa
         False-alarm probability of one test.
     statistic, threshold
@@ -55,7 +55,7 @@ class CheckSeries:
         Whether p_fa is met exactly; otherwise it is an upper limit.
     """
 
-    name: CheckName
+    name: CheckName | str
     unit: str
     p_fa: float
     statistic: Float[np.ndarray, "*n"]

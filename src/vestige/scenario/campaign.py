@@ -14,9 +14,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from vestige.crypto.recs import LENGTHS
+from vestige.own_parts import digest, is_own, kind_of
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.error_process import BiasModel, ClockModel, IonosphereModel, MultipathModel, TrackingModel
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.ionosphere import PRESETS as IONOSPHERES
 from vestige.receiver.ionosphere import HeavyTailedIonosphere
@@ -37,19 +39,27 @@ from vestige.scenario.limits import (
     check_weak_signal,
     longest_delay_s,
 )
+from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.preset import Presets
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
-from vestige.scenario.toml_file import MisfitError, Section
+from vestige.scenario.toml_file import OWN, MisfitError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
-from vestige.spoofer.spoofer import AnyAttack, Spoofer
+from vestige.spoofer.attack import Attack
+from vestige.spoofer.spoofer import Attacks, Spoofer
 from vestige.time import GalileoTime
 
+AnyAttack = Annotated[Attacks, Field(discriminator="kind"), OrOwn(Attack)]
+Clock = Annotated[TwoStateClock, OrOwn(ClockModel)]
 Ionosphere = Annotated[
-    Annotated[HeavyTailedIonosphere, Presets(IONOSPHERES)] | EmpiricalIonosphereTable, Field(discriminator="kind")
+    Annotated[HeavyTailedIonosphere, Presets(IONOSPHERES)] | EmpiricalIonosphereTable,
+    Field(discriminator="kind"),
+    OrOwn(IonosphereModel),
 ]
-Multipath = Annotated[LmsLiteMultipath, Presets(MULTIPATHS, LmsLiteMultipath.at_elevation)]
+Multipath = Annotated[LmsLiteMultipath, Presets(MULTIPATHS, LmsLiteMultipath.at_elevation), OrOwn(MultipathModel)]
+Tracking = Annotated[BetzTrackingNoise, OrOwn(TrackingModel)]
+Bias = Annotated[BiasResiduals, OrOwn(BiasModel)]
 
 
 _LAST_WEEK = 9999  # year 2191: no end of a run is beyond the calendar
@@ -99,11 +109,11 @@ class ReceiverTable(Section):
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
     front_end: FrontEndTable = FrontEndTable()
-    clock: TwoStateClock | None = None
+    clock: Clock | None = None
     ionosphere: Ionosphere | None = None
     multipath: Multipath | None = None
-    e1_tracking: BetzTrackingNoise | None = None
-    bias: BiasResiduals | None = None
+    e1_tracking: Tracking | None = None
+    bias: Bias | None = None
     e1_multipath: bool = False
     accelerometers: Accelerometers | None = None
 
@@ -261,6 +271,15 @@ class CampaignScenario(Section):
             accelerometers=self.receiver.accelerometers,
             with_taps=self.constellation is not None or self.processor.level > 1,
         )
+
+    @property
+    def own_parts(self) -> tuple[str, ...]:
+        """The parts of the user's, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
+        receiver, processor = self.receiver, self.processor
+        models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)
+        kinds = [kind_of(type(one)) for one in (*models, *self.attack) if whose(one) == OWN]
+        kinds += [one for one in (processor.detector, *processor.checks) if is_own(one)]
+        return tuple(f"{kind}@{digest(kind)}" for kind in dict.fromkeys(kinds))
 
     def replaced(self, **values: object) -> Self:
         """Return the scenario with some values replaced, which are not checked again."""

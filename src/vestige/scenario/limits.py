@@ -9,13 +9,15 @@ import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.error_process import ClockModel
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.records import Band
 from vestige.scenario.toml_file import MisfitError
 from vestige.signal_generator.range_model import RangeModel
+from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
-from vestige.spoofer.spoofer import Attacks, Spoofer
+from vestige.spoofer.spoofer import Spoofer
 
 MAX_EPOCHS = 100_000_000  # of a campaign
 LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
@@ -49,9 +51,12 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
             raise MisfitError("line_of_sight", f"{name} of {value:.4g} within the run", f"at most {limit:.4g}")
 
 
-def check_clock(clock: TwoStateClock | None, duration_s: float) -> None:
-    """Raise if the free-running clock may leave the window in which samples are matched with a RECS."""
-    if clock is None:
+def check_clock(clock: ClockModel | None, duration_s: float) -> None:
+    """Raise if the free-running clock may leave the window in which samples are matched with a RECS.
+
+    Nothing is known of a clock that a user wrote.
+    """
+    if not isinstance(clock, TwoStateClock):
         return
     sigma_s = math.sqrt(clock.covariance(duration_s)[0, 0])
     if _SIGMAS * sigma_s > _LONGEST_DELAY_S:
@@ -62,7 +67,7 @@ def check_clock(clock: TwoStateClock | None, duration_s: float) -> None:
         )
 
 
-def check_jammers(input_rate_hz: float, attacks: Sequence[Attacks]) -> None:
+def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
     """Raise if samples cannot hold a jamming waveform: sampling would fold it in, where no receiver lets it through."""
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
@@ -96,7 +101,7 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
         )
 
 
-def longest_delay_s(attacks: Sequence[Attacks]) -> float:
+def longest_delay_s(attacks: Sequence[Attack]) -> float:
     """Return how far back the counterfeits of some attacks reach, with some room for the signal's way, in s."""
     delays_s = [getattr(attack, "delay_s", 0.0) for attack in attacks]
     delays_s += [extremes(attack.delay_m)[1] / SPEED_OF_LIGHT_MPS for attack in attacks if hasattr(attack, "delay_m")]

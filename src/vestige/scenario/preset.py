@@ -70,6 +70,8 @@ class Presets:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         reference = handler(schema)
         model = handler.resolve_ref_schema(reference)
+        if "properties" not in model:  # `OrOwn`: the model, or a class of the user's
+            model = handler.resolve_ref_schema(model["oneOf"][0])
         keys: dict[str, Any] = {"preset": {"enum": list(self.named), "title": "Preset", "type": "string"}}
         if self.at_elevation is not None:
             span = {"minimum": _LOWEST_DEG, "maximum": _HIGHEST_DEG}

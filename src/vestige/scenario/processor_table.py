@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from vestige.acas_processor.detectors import DETECTORS
+from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.own_check import OwnCheck, OwnCheckProtocol
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.clock import TwoStateClock
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
-from vestige.scenario.toml_file import Section
+from vestige.scenario.own_tables import named_part
+from vestige.scenario.toml_file import MisfitError, Section
 from vestige.signals.definitions import E6C
 
 
@@ -36,13 +41,16 @@ class InertialTable(Section):
 class ProcessorTable(Section):
     """The processing; both detectors are evaluated, `detector` gives the status.
 
+    `detector` may name a class of the user's, `module:Name`, which is then evaluated beside the two of vestige. `checks`
+    names checks of the user's, which the levels have after their own.
+
     `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
     multipath at 16° that the check for a second signal allows for. None of it follows from the errors that a scenario
     gives its receiver: a better or worse oscillator has to be told to the processor, too.
     """
 
     level: Literal[1, 2, 3] = 1
-    detector: Literal["early", "maximum"] = "early"
+    detector: str = "early"
     spacing: Annotated[int, Field(ge=1, le=20)] = 1
     p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
     n_taps: Annotated[int, Field(ge=3, le=63)] = 11
@@ -54,6 +62,35 @@ class ProcessorTable(Section):
     ray_power_db: Annotated[float, Field(ge=-60, le=10)] = -15.8
     oscillator: OscillatorTable = OscillatorTable()
     inertial: InertialTable = InertialTable()
+    checks: tuple[str, ...] = ()
+    _own_detector: Any = PrivateAttr(None)
+    _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
+
+    def model_post_init(self, context: Any) -> None:
+        """Import the detector and the checks of the user's: workers get them by this table."""
+        if is_own(self.detector):
+            self._own_detector = named_part(self.detector, Detector, "detector")
+        elif self.detector not in DETECTORS:
+            raise MisfitError("detector", self.detector, f"{' or '.join(map(repr, DETECTORS))}, or 'module:Name'")
+        try:
+            self._own_checks = tuple(_made(one) for one in self.checks)
+        except OwnPartError as error:
+            raise MisfitError("checks", f"{error.kind} and {error.found}", error.expected) from error
+
+    @property
+    def detectors(self) -> dict[str, Callable[[], Detector]]:
+        """What makes each detector that is evaluated, by name: both of vestige, and that of the user's."""
+        ours: dict[str, Callable[[], Detector]] = {
+            name: partial(detector, spacing=self.spacing) for name, detector in DETECTORS.items()
+        }
+        return ours | ({self.detector: self._made_detector} if is_own(self.detector) else {})
+
+    def _made_detector(self) -> Detector:
+        with blamed_on_own_parts():
+            detector = self._own_detector(spacing=self.spacing)
+        if detector.spacing != self.spacing:
+            raise OwnPartError(self.detector, f"spacing {detector.spacing}", f"{self.spacing}, as it was made with")
+        return OwnDetector(kind=self.detector, detector=detector)
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -67,7 +104,7 @@ class ProcessorTable(Section):
         """Return the processor that the table describes, with settings for the checks of levels 2 and 3."""
         return AcasProcessor(
             level=self.level,
-            detector=DETECTORS[self.detector](spacing=self.spacing),
+            detector=self.detectors[self.detector](),
             p_fa=self.p_fa,
             n_taps=self.n_taps,
             tap_spacing_m=self.tap_spacing_m,
@@ -75,4 +112,11 @@ class ProcessorTable(Section):
             kappa=self.kappa,
             min_pd=self.min_pd,
             monitoring=MonitoringSettings() if monitoring is None else monitoring,
+            own_checks=self._own_checks,
         )
+
+
+def _made(kind: str) -> OwnCheck:
+    cls = part(kind, OwnCheckProtocol)
+    with blamed_on_own_parts():
+        return OwnCheck.of(cls())

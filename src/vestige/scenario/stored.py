@@ -16,12 +16,12 @@ from vestige.errors import VestigeError
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
-from vestige.receiver.tracking_noise import BetzTrackingNoise
-from vestige.scenario.campaign import FrontEndTable, RecsTable
+from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
 from vestige.scenario.limits import MAX_EPOCHS
+from vestige.scenario.own_tables import OrOwn
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import PositionTable
-from vestige.scenario.toml_file import LARGEST_NUMBER
+from vestige.scenario.toml_file import LARGEST_NUMBER, OURS, OWN, MisfitError
 from vestige.time import GalileoTime
 
 
@@ -35,12 +35,6 @@ class StoredKind(_Part):
     """A model of which the name alone is used."""
 
     kind: str
-
-
-class StoredMultipath(StoredKind):
-    """Rays, with the power of all of them over the line of sight."""
-
-    power_db: Annotated[float, Field(ge=-200, le=200)]
 
 
 class StoredConstellation(StoredKind):
@@ -58,10 +52,10 @@ class StoredReceiver(_Part):
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)]
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)]
     front_end: FrontEndTable
-    clock: TwoStateClock | None
+    clock: Annotated[TwoStateClock, OrOwn(None)] | None
     ionosphere: StoredKind | None
-    multipath: StoredMultipath | None
-    e1_tracking: BetzTrackingNoise | None
+    multipath: StoredKind | None
+    e1_tracking: Tracking | None
     accelerometers: Accelerometers | None
 
 
@@ -115,8 +109,14 @@ def stored_scenario(text: str) -> StoredScenario:
     try:
         return StoredScenario.model_validate_json(text, strict=True)
     except ValidationError as error:
-        first: Any = error.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"]))
+        first: Any = error.errors(include_url=False)[0]
+        place = ".".join(str(one) for one in first["loc"] if one not in (OURS, OWN))
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, MisfitError):  # a part of the user's, above all
+            place = ".".join(one for one in (place, cause.place) if one)
+            raise VestigeError(
+                f"results of a campaign: scenario: {place}: found {cause.found}, expected {cause.expected}"
+            ) from error
         fault = f"{place}: found {first['input']!r:.60}, expected: {first['msg']}".removeprefix(": ")
         if first["type"] == "missing":
             fault = f"found no {place}, expected a value for it"

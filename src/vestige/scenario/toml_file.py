@@ -19,6 +19,7 @@ from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
+OURS, OWN = "a kind of vestige", "a kind of the user"  # in places of errors, between the keys
 LARGEST_NUMBER = 1e15
 MAX_FILE_BYTES = 1 << 20
 _DEEPEST = 20  # tables and lists in each other; the deepest that means anything is 5
@@ -135,17 +136,22 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
     try:
         return adapter.validate_json(json.dumps(raw), strict=True, context={"folder": path.parent})
     except ValidationError as error:
-        first = error.errors()[0]
-        place = _place(raw, first["loc"])
-        cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, MisfitError):
-            place = ".".join(part for part in (place, cause.place) if part)
-            raise InputFileError(path, place, cause.found, cause.expected) from error
-        if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
-            place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
-            raise InputFileError(path, place, first["ctx"].get("tag", "nothing"), kinds or "a kind") from error
-        found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
-        raise InputFileError(path, place or "top level", found, expected) from error
+        misfit = misfit_of(error, adapter, raw)
+        raise InputFileError(path, misfit.place or "top level", misfit.found, misfit.expected) from error
+
+
+def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> MisfitError:
+    """Return the first thing that is wrong with tables, in our words."""
+    first = error.errors()[0]
+    place = _place(raw, first["loc"])
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, MisfitError):
+        return MisfitError(".".join(part for part in (place, cause.place) if part), cause.found, cause.expected)
+    if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
+        place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
+        return MisfitError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
+    found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
+    return MisfitError(place, found, expected)
 
 
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
@@ -238,7 +244,7 @@ def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
     """Return the dotted keys of a place, without the names of kinds that the validator puts between them."""
     parts = []
     for part in loc:
-        if isinstance(raw, dict) and part not in raw and raw.get("kind") == part:
+        if part in (OURS, OWN) or (isinstance(raw, dict) and part not in raw and raw.get("kind") == part):
             continue
         if isinstance(raw, str | int | float):
             break  # what follows is what it might have been

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
+from vestige.own_parts import kind_of
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.jammers import AnyJammer
@@ -92,6 +93,11 @@ class Attack:
             raise ValueError(f"satellites have numbers from 1 to {MAX_SVID}, found {self.svids}")
         if len(set(self.svids)) < len(self.svids):
             raise ValueError("each satellite once in svids")
+
+    @property
+    def kind(self) -> str:
+        """Name of the attack in a scenario: of a class that has no shorter one, `module:Name`."""
+        return kind_of(type(self))
 
     @property
     def outside_assumption_2(self) -> str:

@@ -18,15 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
-from pydantic import Field
 
 from vestige.records import Band
 from vestige.signals.definitions import E1C, E6C
-from vestige.spoofer.attack import Counterfeit, Jamming
+from vestige.spoofer.attack import Attack, Counterfeit, Jamming
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam, OsnmaDenial
 from vestige.spoofer.jammers import Wideband, rise
@@ -67,8 +65,6 @@ Attacks = (
     | Jam
     | OsnmaDenial
 )
-AnyAttack = Annotated[Attacks, Field(discriminator="kind")]
-
 _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 
@@ -130,7 +126,7 @@ class Spoofer:
         What it does; all at once.
     """
 
-    attacks: tuple[Attacks, ...] = ()
+    attacks: tuple[Attack, ...] = ()
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
         """Return what a receiver sees in one band of one satellite.

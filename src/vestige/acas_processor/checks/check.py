@@ -24,7 +24,7 @@ class Check(Protocol):
     """A check: one file with statistic, threshold and reason, one row in `levels.py`, one member of `CheckName`."""
 
     @property
-    def name(self) -> CheckName:
+    def name(self) -> CheckName | str:
         """What it is called."""
         ...
 

@@ -1,0 +1,144 @@
+"""Checks that a user wrote: what vestige needs to know of one, and a look at what it returns.
+
+A check of the user's satisfies `Check`. What `levels.py` says of vestige's own checks, it may say itself, by attributes
+of the class: `level`, the lowest level that has it (1), `failure`, the status that follows (SUSPECT), `of_receiver`,
+whether it looks at the whole receiver and not at each satellite (False), `confirm`, how many tests in a row must fail
+(1), and `cadence` (every observation). Its `p_fa` is its own: it has no share of the level's budget.
+
+A check has no memory. What it says of an epoch may depend on that epoch, and on what `Evidence` holds of those before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of
+from vestige.records import Status
+from vestige.records.checks import CheckName, CheckSeries
+
+_OWN_STEP = 8  # after those of [WFO, Sec. IV]
+
+
+@runtime_checkable
+class OwnCheckProtocol(Protocol):
+    """What a check of the user's has to have; see `Check`."""
+
+    name: str
+    unit: str
+    p_fa: float
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block of epochs."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnCheck:
+    """A check of the user's.
+
+    Attributes
+    ----------
+    kind
+        How a scenario names it, `module:Name`.
+    check
+        It.
+    level
+        The lowest mitigation level that has it.
+    spec
+        Its row in the table of levels.
+    """
+
+    kind: str
+    check: Any
+    level: int
+    spec: CheckSpec
+
+    @classmethod
+    def of(cls, check: Any) -> OwnCheck:
+        """Return a check with what it says of itself.
+
+        Raises
+        ------
+        OwnPartError
+            If something of that cannot be.
+        """
+        kind = kind_of(type(check))
+
+        def attribute(name: str, default: Any, good: Any, expected: str) -> Any:
+            with blamed_on_own_parts():
+                value = getattr(check, name, default)
+            if not good(value):
+                raise OwnPartError(kind, f"{name} = {value!r}", expected)
+            return value
+
+        names = {one.value for one in CheckName}
+        spec = CheckSpec(
+            step=_OWN_STEP,
+            name=attribute(
+                "name", None, lambda one: type(one) is str and one.isprintable() and one and one not in names,
+                "a text that is the name of no check of vestige",
+            ),
+            failure=attribute(
+                "failure", Status.SUSPECT, lambda one: one in (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED),
+                "Status.SUSPECT, Status.SPOOFED or Status.NOT_DETECTED",
+            ),
+            scope=Scope.RECEIVER
+            if attribute("of_receiver", False, lambda one: isinstance(one, bool), "True or False")
+            else Scope.SATELLITE,
+            cadence=attribute(
+                "cadence", TestCadence.OBSERVATION, lambda one: isinstance(one, TestCadence), "a TestCadence"
+            ),
+            confirm=attribute("confirm", 1, lambda one: type(one) is int and 1 <= one <= 1000, "a number from 1 to 1000"),
+            own_p_fa=True,
+        )  # fmt: skip
+        attribute("unit", None, lambda one: isinstance(one, str), "a text")
+        p_fa = attribute("p_fa", None, lambda one: isinstance(one, float), "a number between 0 and 1")
+        try:
+            check_budget(p_fa)
+        except ValueError as error:
+            raise OwnPartError(kind, f"p_fa = {p_fa}", "a number between 0 and 1") from error
+        level = attribute("level", min(LEVELS), lambda one: type(one) is int and one in LEVELS, "1, 2 or 3")
+        return cls(kind=kind, check=check, level=level, spec=spec)
+
+    @property
+    def name(self) -> str:
+        """What the check is called."""
+        return self.spec.name
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return str(self.check.unit)
+
+    @property
+    def p_fa(self) -> float:
+        """False-alarm probability of one test."""
+        return float(self.check.p_fa)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block of epochs.
+
+        Raises
+        ------
+        OwnPartError
+            If the check raises something, or returns anything but a `CheckSeries` of its name and shape.
+        """
+        with blamed_on_own_parts():
+            found = self.check.series(evidence)
+        if not isinstance(found, CheckSeries):
+            raise OwnPartError(self.kind, f"a {type(found).__name__} from series", "a CheckSeries")
+        if found.name != self.spec.name:
+            raise OwnPartError(self.kind, f"a series with the name {found.name!r}", repr(self.spec.name))
+        shape = evidence.shape[:1] if self.spec.scope is Scope.RECEIVER else evidence.shape
+        for name in ("statistic", "threshold"):
+            values = getattr(found, name)
+            if not isinstance(values, np.ndarray) or values.shape != shape or values.dtype != np.float64:
+                what = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else repr(values)
+                raise OwnPartError(self.kind, f"{name} of {what} from series", f"float64 of shape {shape}")
+        return found

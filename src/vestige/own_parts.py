@@ -1,0 +1,194 @@
+"""Parts that a user wrote: a detector, attack, error model or check in a module of a folder of the user's own.
+
+A scenario names such a part as `module:Name`. The module is imported only from a folder that the user named
+(`--parts FOLDER`, `own_parts_from`): neither a scenario nor stored results of somebody else can make vestige import
+anything. Everything that is wrong with a part is an `OwnPartError` of one line.
+
+The folder comes last in `sys.path`, so that a module in it never takes the place of one that vestige or a library
+imports. Worker processes have the same `sys.path`, and get the classes by name from the objects that are sent to them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from vestige.errors import VestigeError
+
+DIGITS = 12  # of a digest
+_KIND = re.compile(r"(?P<module>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)", re.ASCII)
+_folders: list[Path] = []
+_digests: dict[str, str] = {}
+
+
+class OwnPartError(VestigeError):
+    """A part of the user's cannot be used.
+
+    Parameters
+    ----------
+    kind
+        `module:Name`.
+    found, expected
+        What there is and what should be.
+    """
+
+    def __init__(self, kind: str, found: str, expected: str) -> None:
+        super().__init__(f"{kind}: found {found}, expected {expected}")
+        self.kind, self.found, self.expected = kind, found, expected
+
+    def __reduce__(self) -> tuple[type[OwnPartError], tuple[str, str, str]]:
+        """Return what makes it again: a worker process hands its errors back pickled."""
+        return type(self), (self.kind, self.found, self.expected)
+
+
+def own_parts_from(folder: Path | str) -> None:
+    """Let scenarios name parts in the modules of a folder.
+
+    Raises
+    ------
+    VestigeError
+        If there is no such folder.
+    """
+    path = Path(folder).resolve()
+    if not path.is_dir():
+        raise VestigeError(f"{folder}: parts: found no such folder, expected the one with the modules of your parts")
+    if path not in _folders:
+        _folders.append(path)
+        sys.path.append(str(path))
+
+
+def is_own(kind: object) -> bool:
+    """Return whether a kind names a part of the user's: `module:Name`."""
+    return isinstance(kind, str) and ":" in kind
+
+
+def kind_of(part: type) -> str:
+    """Return how a scenario names a class."""
+    return f"{part.__module__}:{part.__qualname__}"
+
+
+def part(kind: str, base: type) -> Any:
+    """Return the class that a kind names.
+
+    Parameters
+    ----------
+    kind
+        `module:Name`.
+    base
+        The protocol that it has to satisfy, or the class from which it has to be derived.
+
+    Raises
+    ------
+    OwnPartError
+        If no folder was named, or there is no such module in it, or no such class, the module cannot be imported, or
+        the class lacks something.
+    """
+    match = _KIND.fullmatch(kind)
+    if match is None:
+        raise OwnPartError(kind, "another form", "module:Name, the class Name of the file module.py")
+    module = _module(kind, match["module"])
+    name = match["name"]
+    if not hasattr(module, name):
+        raise OwnPartError(kind, f"no {name} in {module.__file__}", "a class of that name")
+    found = getattr(module, name)
+    if not isinstance(found, type):
+        raise OwnPartError(kind, f"{name} in {module.__file__}, which is no class", "a class")
+    if kind_of(found) != kind:
+        raise OwnPartError(kind, f"a class that {found.__module__} defines", "one that the module itself defines")
+    if not getattr(base, "_is_protocol", False):
+        if not issubclass(found, base):
+            raise OwnPartError(
+                kind, f"a class that is not derived from {base.__name__}", f"{kind_of(base)} as its base"
+            )
+    elif missing := _missing(found, base):
+        raise OwnPartError(kind, f"no {', '.join(missing)}", f"the members of {base.__module__}.{base.__name__}")
+    return found
+
+
+def digest(kind: str) -> str:
+    """Return the first digits of the SHA-256 of the file of a part's module, as it was when it was imported."""
+    module = kind.partition(":")[0]
+    if module not in _digests:
+        _digests[module] = _digest(Path(str(sys.modules[module].__file__)))
+    return _digests[module]
+
+
+@contextmanager
+def blamed_on_own_parts() -> Iterator[None]:
+    """Turn an exception that a user's part raises into an `OwnPartError` that says file and line.
+
+    Other exceptions, and those of vestige for the user, pass as they are.
+    """
+    try:
+        yield
+    except VestigeError:
+        raise
+    except Exception as error:
+        place = _place(error.__traceback__)
+        if place is None:
+            raise
+        path, line, module = place
+        what = f"{type(error).__name__}: {error}"
+        raise OwnPartError(module, f"line {line} of {path} raises {what}", "no error") from error
+
+
+def _module(kind: str, name: str) -> Any:
+    """Return a module of one of the folders, imported."""
+    if not _folders:
+        raise OwnPartError(kind, "no folder of own parts", "--parts FOLDER, the folder of its module")
+    stem = Path(*name.split("."))
+    files = [folder / one for folder in _folders for one in (stem.with_suffix(".py"), stem / "__init__.py")]
+    path = next((one for one in files if one.is_file()), None)
+    if path is None:
+        raise OwnPartError(kind, f"no {stem}.py in {', '.join(map(str, _folders))}", "the file of the module")
+    if name not in sys.modules:
+        _digests[name] = _digest(path)
+        importlib.invalidate_caches()
+    try:
+        module = importlib.import_module(name)
+    except (Exception, SystemExit) as error:  # whatever a module does
+        line = (
+            getattr(error, "lineno", None)
+            if isinstance(error, SyntaxError)
+            else (_place(error.__traceback__) or [0, 0])[1]
+        )
+        what = f"line {line} of {path} raises {type(error).__name__}: {error}"
+        raise OwnPartError(kind, what, "a module that can be imported") from error
+    if Path(str(getattr(module, "__file__", None))).resolve() != path.resolve():
+        raise OwnPartError(kind, f"another module {name} that is already there", "a name that no other module has")
+    return module
+
+
+def _missing(found: type, protocol: type) -> list[str]:
+    """Return the members of a protocol that a class has not."""
+    declared = {name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in _members(one)}
+    own = {field.name for field in fields(found)} if is_dataclass(found) else set()
+    return sorted(name for name in declared if name not in own and not hasattr(found, name))
+
+
+def _members(protocol: type) -> set[str]:
+    names = set(vars(protocol)) | set(vars(protocol).get("__annotations__", ()))
+    return {name for name in names if not name.startswith("_")}
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n")).hexdigest()[:DIGITS]
+
+
+def _place(traceback: TracebackType | None) -> tuple[Path, int, str] | None:
+    """Return file, line and module of the innermost frame of a traceback that is in a user's part; None without one."""
+    found = None
+    while traceback is not None:
+        path = Path(traceback.tb_frame.f_code.co_filename)
+        if any(folder in path.parents for folder in _folders):
+            found = path, traceback.tb_lineno, str(traceback.tb_frame.f_globals.get("__name__"))
+        traceback = traceback.tb_next
+    return found

@@ -1,0 +1,114 @@
+"""Tables of a scenario whose kind is a class of the user's: `kind = "my_module:MyAttack"`.
+
+The other keys of such a table are the fields of the class, a frozen dataclass. They are checked as those of vestige's
+own kinds are: an unknown key, a missing one or a value of another type is one line with its place.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, is_dataclass
+from functools import lru_cache
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    PlainSerializer,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from vestige.own_parts import OwnPartError, is_own, kind_of, part
+from vestige.scenario.toml_file import OURS, OWN, MisfitError, Section, misfit_of
+
+_SCHEMA = {
+    "title": "a class of your own",
+    "type": "object",
+    "properties": {"kind": {"type": "string", "pattern": "^[A-Za-z_][A-Za-z0-9_.]*:[A-Za-z_][A-Za-z0-9_]*$"}},
+    "required": ["kind"],
+}
+
+
+class OwnKind(BaseModel):
+    """A table of a user's class of which the name alone is used."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class OrOwn:
+    """Annotation of a field that holds a model: its table may name a class of the user's in place of vestige's kinds.
+
+    Parameters
+    ----------
+    base
+        The protocol that the class has to satisfy, or its base; None to keep the name alone (`OwnKind`).
+    """
+
+    base: type | None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        ours = handler(source)
+        own = handler.generate_schema(
+            Annotated[Any, PlainValidator(self._made), PlainSerializer(_tables), WithJsonSchema(_SCHEMA)]
+        )
+        return core_schema.tagged_union_schema({OURS: ours, OWN: own}, discriminator=whose)
+
+    def _made(self, value: Any, info: ValidationInfo) -> Any:
+        """Return what a table describes."""
+        if not isinstance(value, dict):
+            return value  # made in Python already
+        kind = value["kind"]
+        if self.base is None:
+            return OwnKind(kind=kind)
+        cls = named_part(kind, self.base, "kind")
+        if not (is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
+            raise MisfitError("kind", kind, f"a class with @dataclass(frozen=True), which {cls.__name__} is not")
+        adapter = _adapter(cls)
+        raw = {"part": {key: inner for key, inner in value.items() if key != "kind"}}
+        try:
+            return adapter.validate_json(json.dumps(raw), strict=True, context=info.context).part
+        except ValidationError as error:
+            misfit = misfit_of(error, adapter, raw)
+            place = misfit.place.removeprefix("part").removeprefix(".")
+            raise MisfitError(place, misfit.found, misfit.expected) from error
+
+
+def named_part(kind: str, base: type, place: str = "") -> Any:
+    """Return the class that a kind names; an error as that of a value of a scenario."""
+    try:
+        return part(kind, base)
+    except OwnPartError as error:
+        raise MisfitError(place, f"{error.kind} and {error.found}", error.expected) from error
+
+
+@lru_cache(maxsize=64)
+def _adapter(cls: type) -> TypeAdapter[Any]:
+    """Return what checks the fields of a class; an unknown key is an error, as in a `Section`."""
+    return TypeAdapter(create_model("Own", __base__=Section, part=(cls, ...)))
+
+
+@lru_cache(maxsize=64)
+def _writer(cls: type) -> TypeAdapter[Any]:
+    return TypeAdapter(cls)
+
+
+def _tables(value: Any) -> Any:
+    """Return an object of a user's class as its table."""
+    return {"kind": kind_of(type(value))} | _writer(type(value)).dump_python(value, mode="json")
+
+
+def whose(value: Any) -> str:
+    """Return whether a table, or an object, is of the user's kinds or of vestige's."""
+    if isinstance(value, dict):
+        return OWN if is_own(value.get("kind")) else OURS
+    return OURS if type(value).__module__.partition(".")[0] in ("vestige", "builtins") else OWN
