@@ -72,10 +72,8 @@ class SearchOutcome:
     ----------
     e1_signals
         Signals on E1; 0 if there is none, and then no hand-over.
-    handover_signals
-        What the hand-over search counts: the larger of E1's and E6's number.
     handover_carrying
-        E6's number alone; 0 where it was not run.
+        Those of them that carry the encrypted chips in E6; 0 where the hand-over was not run.
     handover_error_m
         Error of the range of the earliest in E6, as one of E1; NaN where it was not run or found nothing.
     exhaustive_signals, exhaustive_error_m
@@ -83,7 +81,6 @@ class SearchOutcome:
     """
 
     e1_signals: Float[np.ndarray, " n"]
-    handover_signals: Float[np.ndarray, " n"]
     handover_carrying: Float[np.ndarray, " n"]
     handover_error_m: Float[np.ndarray, " n"]
     exhaustive_signals: Float[np.ndarray, " n"]
@@ -282,7 +279,6 @@ def outcome(
     of_all = _counted(exhaustive, range_m, draws.alarm[:, 2] < exhaustive_p_fa, anywhere_m)
     return SearchOutcome(
         e1_signals=e1_count.astype(np.float64),
-        handover_signals=np.maximum(e1_count, of_handover[0]).astype(np.float64),
         handover_carrying=of_handover[0].astype(np.float64),
         handover_error_m=np.where(sure, of_handover[1], np.nan),
         exhaustive_signals=of_all[0].astype(np.float64),
