@@ -1,0 +1,84 @@
+"""What a campaign's processor says on its own, beside the columns of a campaign: the same bits, however it is cut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import cycle
+
+import numpy as np
+import xarray
+
+import vestige as vs
+from vestige.campaign.judged_columns import judged_columns
+from vestige.records.snapshot_block import SnapshotBlock
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.threats import Scene, Threat, read_threats, scenario_of
+
+
+def at_level(scenario: CampaignScenario, level: int) -> CampaignScenario:
+    """Return a campaign with a processor of some level."""
+    return scenario.replaced(processor=scenario.processor.model_copy(update={"level": level}))
+
+
+def threat_scenes() -> dict[str, tuple[Threat, Scene]]:
+    """Return every scene of the threat table by its name."""
+    return {f"{threat.id} {scene.name}": (threat, scene) for threat in read_threats() for scene in threat.scene}
+
+
+def short_scene(
+    threat: Threat, scene: Scene, seed: int, level: int, *, before_s: int = 20, after_s: int = 15, every: int = 3
+) -> CampaignScenario:
+    """Return a scene of the threat table with more RECS in less time.
+
+    Parameters
+    ----------
+    threat, scene, seed, level
+        Scene, seed and level of the processor.
+    before_s, after_s
+        Time before the attack begins, and after that.
+    every
+        Time between two RECS in s.
+    """
+    whole = scenario_of(threat, scene, seed)
+    starts_s = [one.start_s for one in whole.attack]
+    late_s = max(0.0, min(starts_s, default=0.0) - before_s)
+    attack = tuple(replace(one, start_s=one.start_s - late_s) for one in whole.attack)
+    recs = whole.recs.model_copy(update={"every": every})
+    return at_level(whole, level).replaced(attack=attack, epochs=before_s + after_s, recs=recs)
+
+
+def blocks(scenario: CampaignScenario, sizes: tuple[int, ...]) -> Iterator[SnapshotBlock]:
+    """Yield the snapshots of a campaign in blocks of some numbers of epochs, in turn."""
+    receiver = scenario.simulated_receiver
+    truth, first = receiver.truth(), 0
+    for size in cycle(sizes):
+        count = min(size, scenario.epochs - first)
+        if not count:
+            return
+        yield receiver.snapshots(first, tuple(one.advance(first, count) for one in truth))
+        first += count
+
+
+def said_of(scenario: CampaignScenario, snapshots: Iterable[SnapshotBlock]) -> dict[str, np.ndarray]:
+    """Return the processor's columns and its positions, from `step` on blocks of a campaign."""
+    processor, assistance, state = vs.processor_of(scenario), scenario.simulated_receiver.assistance, None
+    pieces: list[dict[str, np.ndarray]] = []
+    for block in snapshots:
+        step = processor.step(state, block, assistance)
+        state = step.state
+        position = step.block.position
+        pieces.append(
+            judged_columns(step.block) | ({} if position is None else {"fix_position_m": position.position_m})
+        )
+    return {
+        name: np.concatenate([piece[name] for piece in pieces], axis=1 if name.startswith("check_") else 0)
+        for name in pieces[0]
+    }
+
+
+def assert_says(results: xarray.Dataset, said: Mapping[str, np.ndarray]) -> None:
+    """Fail unless the columns of a campaign have the bits of what its processor said."""
+    for name, values in said.items():
+        column = results[name].sel(fix="authenticated") if name == "fix_position_m" else results[name]
+        assert column.values.tobytes() == values.astype(column.dtype).tobytes(), name

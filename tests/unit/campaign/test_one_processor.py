@@ -1,0 +1,137 @@
+"""There is one processor: snapshots one by one, blocks of any size and campaigns get the same bits from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from tests.one_processor import assert_says, blocks, said_of, short_scene, threat_scenes
+from tests.sky_builder import sky_scenario
+
+import vestige as vs
+from vestige.campaign.direct import direct_results
+from vestige.campaign.levels import level_verdicts
+from vestige.campaign.run import run
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+
+pytestmark = pytest.mark.many_epochs
+
+QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
+SCENES = threat_scenes()
+
+
+def scene(name: str, level: int, seed: int = 3) -> CampaignScenario:
+    threat, found = SCENES[name]
+    return short_scene(threat, found, seed, level)
+
+
+def single_line(*settings: str) -> CampaignScenario:
+    found = load_scenario(QUICK, settings)
+    assert isinstance(found, CampaignScenario)
+    return found
+
+
+PUSH = 'attack=[{kind="position-push", svids=[7, 13], start_s=20, power_db=6, delay_m=90}]'
+CAMPAIGNS = {
+    "a repeater, level 1": lambda: scene("A3 repeater", 1),
+    "a repeater, level 2": lambda: scene("A3 repeater", 2),
+    "a nulled signal, level 3": lambda: scene("A7 gain −0.5 dB, 5°", 3),
+    "OSNMA denied, level 3": lambda: scene("A9 noise on E1", 3),
+    "a line of sight, level 1": lambda: single_line("epochs=60", "receiver.cn0_dbhz=29", "seed=5"),
+    "a line of sight, level 3": lambda: single_line(
+        "epochs=40", "processor.level=3", "processor.search_s=9", "receiver.time_uncertainty_s=14", "seed=6"
+    ),
+    "a RECS each 7 s, own key": lambda: sky_scenario(
+        "epochs=30", "recs.every=7", "recs.key_delay=0", "processor.level=3", "processor.search_s=21", PUSH
+    ),
+    "half seconds, no sensors": lambda: sky_scenario(
+        "epochs=24", "interval_s=0.5", "recs.every=4", "receiver.accelerometers=none", "processor.level=2",
+        "constellation.svids=none", 'processor.detector="maximum"', "processor.spacing=2",
+    ),
+    "samples": lambda: sky_scenario(
+        "epochs=12", "recs.every=4", 'fidelity="samples"', "constellation.svids=[6, 7, 12, 13]", "processor.level=3"
+    ),
+}  # fmt: skip
+ONE_BY_ONE = {"a repeater, level 2", "a line of sight, level 1", "a line of sight, level 3", "samples"}
+
+
+@pytest.mark.parametrize("name", CAMPAIGNS)
+def test_one_by_one_as_blocks_and_as_a_campaign_are_the_same(name: str, tmp_path: Path) -> None:
+    """Status, state, cause, checks, ranges, searches and positions, to the bit."""
+    scenario = CAMPAIGNS[name]()
+    plan = ScenarioPlan(scenario=scenario)
+    results = direct_results(plan)
+    assert np.ptp(results["status"].values) > 0 or scenario.constellation is None
+    each = (1,) if name in ONE_BY_ONE else (1, 6, 1, 1, 8)  # simulating a block takes as long for one epoch as for ten
+    assert_says(results, said_of(scenario, blocks(scenario, each)))
+    for block_epochs in (7, scenario.epochs):
+        assert_says(results, said_of(scenario, vs.simulate(scenario, block_epochs=block_epochs)))
+    stored = run(plan, tmp_path / "a", chunk_epochs=9)
+    for column in results.data_vars:
+        assert stored[column].values.tobytes() == results[column].values.tobytes(), column
+
+
+def judged(results: xarray.Dataset, levels: tuple[int, ...]) -> list[dict[str, bytes]]:
+    """Return all that the processor says of stored results, level by level."""
+    found = []
+    for one in level_verdicts(results, levels):
+        block = one.block
+        assert block.position is not None
+        values = {
+            name: getattr(block, name) for name in ("status", "state", "cause", "range_in_use_m", "earlier", "searched")
+        }
+        for name, series in block.checks.items():
+            values |= {f"{name} statistic": series.statistic, f"{name} threshold": series.threshold}
+        values["position"] = block.position.position_m
+        found.append({name: array.tobytes() for name, array in values.items()})
+    return found
+
+
+def test_stored_results_are_judged_as_the_campaign_was() -> None:
+    for level in (1, 2, 3):
+        results = direct_results(ScenarioPlan(scenario=scene("A3 repeater", level)))
+        (found,) = level_verdicts(results, (level,))
+        for name, values in (("status", found.status), ("state", found.state), ("cause", found.block.cause)):
+            assert results[name].values.tobytes() == values.tobytes(), name
+        assert results["range_in_use_m"].values.tobytes() == found.block.range_in_use_m.tobytes()
+        assert found.block.position is not None
+        position_m = results["fix_position_m"].sel(fix="authenticated").values
+        assert position_m.tobytes() == found.block.position.position_m.tobytes()
+
+
+@pytest.mark.parametrize("name", ["A3 repeater", "A7 gain −0.5 dB, 5°", "A9 noise on E1"])
+def test_the_truth_cannot_matter(name: str) -> None:
+    """Every column of the truth is replaced by noise: what the processor says of the results has the same bits."""
+    results = direct_results(ScenarioPlan(scenario=scene(name, 3)))
+    rng = np.random.default_rng(11)
+    truths = [str(column) for column in results.data_vars if str(column).startswith("truth_")]
+    assert len(truths) > 20
+    noise = {}
+    for column in truths:
+        values = results[column]
+        drawn = 1e3 * rng.standard_normal(values.shape)
+        if values.dtype.kind == "c":
+            drawn = drawn + 1e3j * rng.standard_normal(values.shape)
+        made = drawn > 0 if values.dtype.kind == "b" else drawn.astype(values.dtype)
+        assert made.dtype == values.dtype
+        noise[column] = values.copy(data=made)
+    assert judged(results.assign(noise), (1, 2, 3)) == judged(results, (1, 2, 3))
+
+
+@pytest.mark.parametrize("damaged", [(3,), (0, 5), (8,)])
+def test_a_resumed_run_has_the_same_bits(damaged: tuple[int, ...], tmp_path: Path) -> None:
+    """Chunks in the middle are measured again, and judged with the state that the stored ones before them leave."""
+    plan = ScenarioPlan(scenario=scene("A3 repeater", 3))
+    whole = direct_results(plan)
+    run(plan, tmp_path / "a", chunk_epochs=4)
+    for chunk in damaged:
+        torn = sorted((tmp_path / "a" / "state").rglob(f"c/{chunk}/*"))
+        assert torn
+        torn[0].write_bytes(b"torn")
+    again = run(plan, tmp_path / "a", chunk_epochs=4)
+    for column in whole.data_vars:
+        assert again[column].values.tobytes() == whole[column].values.tobytes(), column
