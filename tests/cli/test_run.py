@@ -15,6 +15,7 @@ import xarray
 from click.testing import CliRunner, Result
 
 from builders import MEACONED
+from vestige.acas_processor.measurement import Availability
 from vestige.campaign.executors import ONE_THREAD
 from vestige.campaign.results import open_results
 from vestige.cli.attack_report import attack_lines, attack_values
@@ -22,6 +23,7 @@ from vestige.cli.plot import command as plot
 from vestige.cli.run import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
+from vestige.records import Status
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -285,10 +287,14 @@ def test_what_the_front_end_said_is_in_the_results(tmp_path: Path) -> None:
     assert drawn["e6_saturated"].values.tolist() == [-1] * 5
 
 
-def test_errors_beyond_the_samples_end_the_run_with_one_line(tmp_path: Path) -> None:
+def test_errors_beyond_the_samples_leave_nothing_to_correlate(tmp_path: Path) -> None:
+    """E6 is expected 1000 km beside its samples: as of a recording, that is a reason and not the end of the run."""
     bias = ("--set", 'receiver.bias={kind="bias", bgd_sigma_m=1e6}', "--set", "epochs=4")
     result = _invoke(QUICK, "-o", tmp_path / "a", *bias, "--fidelity", "samples", "-j", 2)
-    assert isinstance(result.exception, VestigeError)
+    assert result.exception is None
+    found = open_results(tmp_path / "a").dataset
+    assert (found["availability"].values == Availability.OUTSIDE).all()
+    assert (found["status"].values == list(Status).index(Status.NOT_AVAILABLE)).all()
 
 
 @pytest.mark.parametrize("sweep", [(), ("--sweep", "receiver.cn0_dbhz=33,35")])

@@ -68,8 +68,8 @@ class SampledSearches:
         times = [
             self.snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in self.snapshot.observations.values()
         ]
-        segments = segments_between(request.assistance.assistance, min(times), max(times)) if times else ()
-        return replace(request.assistance.assistance, segments=segments)
+        segments = segments_between(request.assistance, min(times), max(times)) if times else ()
+        return replace(request.assistance, segments=segments)
 
     @staticmethod
     def _uncertainty(request: SearchRequest) -> TimeUncertainty:
@@ -93,7 +93,10 @@ class SampledSearches:
         return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))
 
     def _sent_with(self, svid: int, sent: GalileoTime, request: SearchRequest) -> bool:
-        """Return whether a RECS is that of the snapshot."""
-        travel_s = self.snapshot.observations[svid].pseudorange_m / SPEED_OF_LIGHT_MPS
-        own = segment_at(request.assistance.assistance, svid, self.snapshot.time + -travel_s)
+        """Return whether a RECS is that of the snapshot; not if E1 does not show the satellite."""
+        observation = self.snapshot.observations.get(svid)
+        if observation is None:
+            return False
+        travel_s = observation.pseudorange_m / SPEED_OF_LIGHT_MPS
+        own = segment_at(request.assistance, svid, self.snapshot.time + -travel_s)
         return own is not None and own.transmit_time == sent

@@ -132,29 +132,3 @@ def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) ->
 def _times(rows: list[list[GalileoTime]], shape: tuple[int, int]) -> GalileoTimes:
     flat = GalileoTimes.of(time for row in rows for time in row)
     return GalileoTimes(flat.second.reshape(shape), flat.fraction.reshape(shape))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DownloadedAssistance:
-    """Assistance that was downloaded, as the block processor asks for it."""
-
-    assistance: Assistance
-
-    @property
-    def group_delays(self) -> tuple[GroupDelay, ...]:
-        """Broadcast group delays."""
-        return self.assistance.group_delays
-
-    @property
-    def hardware_bias_e1_e6_s(self) -> float:
-        """Calibrated delay of the E6 front end minus that of E1, in s."""
-        return self.assistance.hardware_bias_e1_e6_s
-
-    @property
-    def ionosphere_e1_m(self) -> Mapping[int, float]:
-        """Predicted slant ionospheric delay on E1 by SVID, in m."""
-        return self.assistance.ionosphere_e1_m
-
-    def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS that the satellites of a block sent, with their keys."""
-        return find_recs(snapshots, self.assistance)

@@ -14,7 +14,6 @@ from vestige.acas_processor.sampled_snapshot import block_of
 from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
 from vestige.crypto.recs import CipherMode
 from vestige.records import Assistance, Band, GroupDelay, Outcome, Snapshot, Status
-from vestige.records.recs_block import DownloadedAssistance
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.scenario.campaign import CampaignScenario
@@ -67,7 +66,7 @@ def _step(assistance: Assistance, mode: CipherMode, convention: GroupDelayConven
     processor = AcasProcessor(level=3, cipher_mode=mode, group_delay_convention=convention)
     processor = replace(processor, monitoring=replace(processor.monitoring, exhaustive_search=EXHAUSTIVE))
     snapshot, _ = _received()
-    return processor.step(None, block_of(snapshot), DownloadedAssistance(assistance=assistance))
+    return processor.step(None, block_of(snapshot), assistance)
 
 
 def _found(step: Step) -> tuple[float, float]:

@@ -24,11 +24,7 @@ NAMES = ["clock innovation", "clock consistency", "clock slope", "RAIM", "soluti
 def _night(late_m: list[dict[int, float]], fix: FixSettings = FIX) -> list[dict[str, CheckResult]]:
     """Return the checks of the fix of every epoch, 30 s apart."""
     block = exact_block(PLACE, 30.0 * np.arange(len(late_m)), late_m=late_m, drift_mps=0.5)
-    found = (
-        AcasProcessor(level=2, monitoring=MonitoringSettings(fix=fix))
-        .step(None, block, DownloadedAssistance(assistance=Assistance()))
-        .block
-    )
+    found = AcasProcessor(level=2, monitoring=MonitoringSettings(fix=fix)).step(None, block, Assistance()).block
     return [
         {name: found.checks[name].result(epoch, 0) for name in found.checks if name in NAMES}  # type: ignore[misc]
         for epoch in range(len(late_m))

@@ -20,7 +20,6 @@ from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Tr
 from vestige.records import Assistance, CheckResult, Outcome
 from vestige.records.checks import CheckName
 from vestige.records.inertial import LONGEST_STEP_S, Accelerations
-from vestige.records.recs_block import DownloadedAssistance
 from vestige.records.snapshot_block import SnapshotBlock
 
 STANDING = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)
@@ -48,7 +47,7 @@ def _epoch(
 
 
 def _step(state: ReceiverState | None, block: SnapshotBlock) -> Step:
-    return PROCESSOR.step(state, block, DownloadedAssistance(assistance=Assistance()))
+    return PROCESSOR.step(state, block, Assistance())
 
 
 def _checks(step: Step) -> dict[int, CheckResult]:

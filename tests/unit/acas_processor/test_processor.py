@@ -29,7 +29,6 @@ from vestige.records import (
     Verdict,
 )
 from vestige.records.inertial import Accelerations
-from vestige.records.recs_block import DownloadedAssistance
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -86,7 +85,7 @@ def _world(
 
 def _verdict(snapshot: Snapshot, assistance: Assistance, processor: AcasProcessor | None = None) -> Verdict:
     processor = processor or AcasProcessor()
-    (verdict,) = processor.step(None, block_of(snapshot), DownloadedAssistance(assistance=assistance)).verdicts
+    (verdict,) = processor.step(None, block_of(snapshot), assistance).verdicts
     return verdict
 
 
@@ -281,9 +280,7 @@ def test_the_recs_of_other_times_do_not_count(monkeypatch: pytest.MonkeyPatch) -
         return ()
 
     monkeypatch.setattr(E1VestigialSearch, "search", search)
-    AcasProcessor(level=2).step(
-        None, block_of(snapshot), DownloadedAssistance(assistance=replace(assistance, segments=others))
-    )
+    AcasProcessor(level=2).step(None, block_of(snapshot), replace(assistance, segments=others))
     assert [round(one.transmit_time - START, 6) for one in seen[0].segments] == [0.0, 0.4]
 
 
@@ -303,6 +300,6 @@ def test_cipher_mode_and_convention_reach_the_searches(monkeypatch: pytest.Monke
         monkeypatch.setattr("vestige.acas_processor.sampled_searches.E6ExhaustiveSearch.search", lambda *_, **__: ())
     convention = replace(OS_ICD_CONVENTION, sign=-1)
     processor = AcasProcessor(level=3, cipher_mode=CipherMode.CTR, group_delay_convention=convention)
-    processor.step(None, block_of(snapshot), DownloadedAssistance(assistance=assistance))
+    processor.step(None, block_of(snapshot), assistance)
     assert seen[0].cipher_mode is CipherMode.CTR
     assert getattr(seen[0], "group_delay_convention", convention) == convention

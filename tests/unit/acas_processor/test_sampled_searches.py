@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from kept_acquisitions import e1_acquired_once
+from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
+from vestige.acas_processor.sampled_snapshot import block_of
 from vestige.acas_processor.state import TimeUncertainty
-from vestige.records import Assistance, Band, Snapshot
+from vestige.records import Assistance, Band, E1Observation, Snapshot, Status
+from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
@@ -154,3 +160,18 @@ def test_the_uncertainty_shrinks_with_a_fix_and_grows_with_the_clock() -> None:
     assert after.at(snapshot.time + 30.0) == pytest.approx(32e-6)
     assert after.at(snapshot.time + 1e9) == 15.0
     assert before.fixed_at is None
+
+
+def test_a_satellite_that_e1_does_not_show_is_searched_in_e6_all_the_same() -> None:
+    """Two signals, and E1 shows another satellite only: no E1 range is there that the earliest could stand beside."""
+    snapshot, assistance, _ = _received(True)
+    unknown = dict.fromkeys(("carrier_phase_cycles", "cn0_dbhz"), math.nan)
+    other = E1Observation(svid=12, pseudorange_m=2.5e7, doppler_hz=0.0, doppler_rate_hz_per_s=0.0, **unknown)
+    block = block_of(replace(snapshot, observations={12: other}, recs=frozenset({11})))
+    processor = AcasProcessor(level=3, monitoring=replace(MonitoringSettings(), exhaustive_search=EXHAUSTIVE))
+    step = processor.step(None, block, assistance)
+    found = step.block.exhaustive_search
+    assert found.carrying[0].tolist()[0] == 2
+    assert np.isnan(found.earliest_m[0, 0])
+    assert step.block.failed[CheckName.E6_EXHAUSTIVE_SEARCH][0].tolist() == [True, False]
+    assert {verdict.svid: verdict.status for verdict in step.verdicts} == {12: Status.SUSPECT}
