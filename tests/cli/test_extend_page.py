@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from extend_page import Section, sections, write_page
 
+from extend_page import Section, sections, write_page
 from vestige.campaign.results import open_dataset
 
 LONGEST = 40  # lines of a file

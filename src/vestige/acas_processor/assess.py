@@ -126,7 +126,8 @@ class _Assessment:
         if processor.monitoring.second_signal_filtered:
             self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
         self._fixed = self._series(
-            {name: check for name, check in self._checks.items() if name not in self._needs_references}, self._evidence({})
+            {name: check for name, check in self._checks.items() if name not in self._needs_references},
+            self._evidence({}),
         )
         self._settle()
 
@@ -223,7 +224,9 @@ class _Assessment:
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
         """Return what follows from failures: the guess that would have been right, and status and cause."""
         available = self._fixed[CheckName.E6_POWER].run
-        status, cause = combine(self._processor.level, failed, available, [one.spec for one in self._processor.own_of_level])
+        status, cause = combine(
+            self._processor.level, failed, available, [one.spec for one in self._processor.own_of_level]
+        )
         due = self._seen | self._lost
         status = np.where(due, status, POSITION[Status.NOT_AVAILABLE]).astype(np.int8)
         quiet = ~np.any(is_alarm(status), axis=1)

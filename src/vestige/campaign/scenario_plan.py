@@ -129,7 +129,12 @@ class ScenarioPlan:
             {
                 "svid": Coord(dim="satellite", values=svids, units="1", long_name="satellite"),
                 "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
-                "detector": Coord(dim="detector", values=np.array(list(self.scenario.processor.detectors)), units="1", long_name="detector"),
+                "detector": Coord(
+                    dim="detector",
+                    values=np.array(list(self.scenario.processor.detectors)),
+                    units="1",
+                    long_name="detector",
+                ),
                 "check": Coord(dim="check", values=checks, units="1", long_name="check"),
                 "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
             }

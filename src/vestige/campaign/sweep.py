@@ -173,7 +173,9 @@ def run_sweep(
                 signal=signal,
                 detector=scenario.processor.detector,
                 epochs=results.sizes["epoch"],
-                detections={detector: summarise(results, detector).detections for detector in scenario.processor.detectors},
+                detections={
+                    detector: summarise(results, detector).detections for detector in scenario.processor.detectors
+                },
                 p_d_theory=theory,
                 false_alarms=false_alarms(results),
                 level=scenario.processor.level,
