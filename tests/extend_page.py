@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from vestige.own_parts import own_parts_from, part
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extend.md"
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -30,12 +38,12 @@ def scenario() -> str:
 def sections() -> dict[str, Section]:
     """Return the sections that have a file, by module."""
     found = {}
-    for part in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
-        if (name := _FILE.search(part)) is None:
+    for text in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
+        if (name := _FILE.search(text)) is None:
             continue
-        blocks = dict(_BLOCK.findall(part))
+        blocks = dict(_BLOCK.findall(text))
         commands = tuple(line for line in blocks[""].splitlines() if line)
-        found[name[1]] = Section(part.partition("\n")[0], name[1], blocks["python"], blocks["toml"], commands)
+        found[name[1]] = Section(text.partition("\n")[0], name[1], blocks["python"], blocks["toml"], commands)
     return found
 
 
@@ -44,3 +52,26 @@ def write_page(folder: Path) -> None:
     for section in sections().values():
         (folder / f"{section.module}.py").write_text(section.source, encoding="utf-8")
         (folder / f"{section.module}.toml").write_text(f"{scenario()}\n{section.tables}", encoding="utf-8")
+
+
+@cache
+def _folder() -> Path:
+    """Return a folder with the files of the page, from which parts may come until the tests end."""
+    kept = TemporaryDirectory(prefix="extend-")
+    atexit.register(kept.cleanup)
+    write_page(Path(kept.name))
+    own_parts_from(kept.name)
+    return Path(kept.name)
+
+
+def page_part(kind: str) -> Any:
+    """Return a class of the page, `my_attack:Swing`."""
+    _folder()
+    return part(kind, object)
+
+
+def page_scenario(module: str, *settings: str) -> CampaignScenario:
+    """Return the scenario of the page that names the part of a module."""
+    scenario = load_scenario(_folder() / f"{module}.toml", settings)
+    assert isinstance(scenario, CampaignScenario)
+    return scenario

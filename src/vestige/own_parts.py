@@ -83,7 +83,7 @@ def part(kind: str, base: type) -> Any:
     kind
         `module:Name`.
     base
-        The protocol that it has to satisfy, or the class from which it has to be derived.
+        The protocol that the class itself has to satisfy, or the class from which it has to be derived.
 
     Raises
     ------
@@ -108,9 +108,20 @@ def part(kind: str, base: type) -> Any:
             raise OwnPartError(
                 kind, f"a class that is not derived from {base.__name__}", f"{kind_of(base)} as its base"
             )
-    elif missing := _missing(found, base):
-        raise OwnPartError(kind, f"no {', '.join(missing)}", f"the members of {base.__module__}.{base.__name__}")
+    else:
+        require_members(kind, found, base)
     return found
+
+
+def require_members(kind: str, thing: object, protocol: type) -> None:
+    """Raise `OwnPartError` if a class or an object of it lacks members of a protocol."""
+    declared = {name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in _members(one)}
+    own = {field.name for field in fields(thing)} if is_dataclass(thing) else set()
+    missing = sorted(name for name in declared if name not in own and not hasattr(thing, name))
+    if missing:
+        raise OwnPartError(
+            kind, f"no {', '.join(missing)}", f"the members of {protocol.__module__}.{protocol.__name__}"
+        )
 
 
 def digest(kind: str) -> str:
@@ -155,23 +166,13 @@ def _module(kind: str, name: str) -> Any:
     try:
         module = importlib.import_module(name)
     except (Exception, SystemExit) as error:  # whatever a module does
-        line = (
-            getattr(error, "lineno", None)
-            if isinstance(error, SyntaxError)
-            else (_place(error.__traceback__) or [0, 0])[1]
-        )
-        what = f"line {line} of {path} raises {type(error).__name__}: {error}"
+        place = _place(error.__traceback__)
+        where = f"line {place[1]} of {place[0]}" if place else str(path)
+        what = f"{where} raises {type(error).__name__}: {error}"
         raise OwnPartError(kind, what, "a module that can be imported") from error
     if Path(str(getattr(module, "__file__", None))).resolve() != path.resolve():
         raise OwnPartError(kind, f"another module {name} that is already there", "a name that no other module has")
     return module
-
-
-def _missing(found: type, protocol: type) -> list[str]:
-    """Return the members of a protocol that a class has not."""
-    declared = {name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in _members(one)}
-    own = {field.name for field in fields(found)} if is_dataclass(found) else set()
-    return sorted(name for name in declared if name not in own and not hasattr(found, name))
 
 
 def _members(protocol: type) -> set[str]:

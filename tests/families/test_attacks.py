@@ -12,11 +12,13 @@ import pytest
 from tests.simulated_banks import Banks
 from tests.simulated_banks import banks as banks_of
 
+from extend_page import page_part
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.spoofer.attack import Attack
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam, OsnmaDenial
 from vestige.spoofer.jammers import Chirp, ContinuousWave, Pulsed
@@ -31,16 +33,17 @@ from vestige.spoofer.repeaters import (
     Scer,
     TimePush,
 )
-from vestige.spoofer.spoofer import ALL_ATTACKS, NOBODY, Attacks, Spoofer
+from vestige.spoofer.spoofer import ALL_ATTACKS, NOBODY, Spoofer
 
 pytestmark = pytest.mark.many_epochs
 
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
 PULL = Ramp(first=0.0, last=30.0, start_s=0.0, stop_s=15.0)
 OFF = {"power_db": -inf}
+SWING = page_part("my_attack:Swing")  # of a user: docs/extend.md
 
 # An attack, and what makes it powerless
-CASES: dict[str, tuple[Attacks, dict[str, float]]] = {
+CASES: dict[str, tuple[Attack, dict[str, float]]] = {
     "e1-asynchronous": (E1Asynchronous(delay_m=4000.0), OFF),
     "lift-off": (LiftOff(delay_m=PULL, power_db=3.0), OFF),
     "early lift-off": (LiftOff(delay_m=-20.0, power_db=3.0), OFF),
@@ -58,18 +61,19 @@ CASES: dict[str, tuple[Attacks, dict[str, float]]] = {
     "chirp": (Jam(j_over_n_db=6.0, waveform=Chirp()), {"j_over_n_db": -inf}),
     "pulsed": (Jam(j_over_n_db=6.0, waveform=Pulsed()), {"j_over_n_db": -inf}),
     "osnma-denial": (OsnmaDenial(), {"j_over_n_db": -inf}),
+    "my_attack:Swing": (SWING(swing_m=40.0, period_s=20.0), OFF),
 }
 every_attack = pytest.mark.parametrize(("attack", "off"), CASES.values(), ids=CASES)
 BOTH: tuple[Fidelity, ...] = ("samples", "correlators")
 
 
-def _simulation(*attacks: Attacks, epochs: int = 20) -> Simulation:
+def _simulation(*attacks: Attack, epochs: int = 20) -> Simulation:
     scenario = load_scenario(QUICK, [f"epochs={epochs}"])
     assert isinstance(scenario, CampaignScenario)
     return replace(scenario.simulation(), spoofer=Spoofer(attacks=attacks))
 
 
-def _run(fidelity: Fidelity, *attacks: Attacks, epochs: int = 20) -> tuple[TruthBlock, Banks]:
+def _run(fidelity: Fidelity, *attacks: Attack, epochs: int = 20) -> tuple[TruthBlock, Banks]:
     simulation = _simulation(*attacks, epochs=epochs)
     truth = simulation.truth().advance(0, epochs)
     return truth, banks_of(simulation, fidelity, 0, truth)
@@ -81,14 +85,14 @@ def undisturbed() -> dict[Fidelity, tuple[TruthBlock, Banks]]:
 
 
 def test_every_attack_has_a_case() -> None:
-    assert {type(attack) for attack, _ in CASES.values()} == set(ALL_ATTACKS)
+    assert {type(attack) for attack, _ in CASES.values()} == {*ALL_ATTACKS, SWING}
     assert {attack.kind for attack, _ in CASES.values()} <= set(CASES)
 
 
 @every_attack
 @pytest.mark.parametrize("fidelity", BOTH)
 def test_without_power_nothing_changes(
-    attack: Attacks, off: dict[str, float], fidelity: Fidelity, undisturbed: dict[Fidelity, tuple[TruthBlock, Banks]]
+    attack: Attack, off: dict[str, float], fidelity: Fidelity, undisturbed: dict[Fidelity, tuple[TruthBlock, Banks]]
 ) -> None:
     """Bit for bit, at both fidelities: powerless, over before it began, or not yet begun."""
     truth, banks = undisturbed[fidelity]
@@ -105,7 +109,7 @@ def test_without_power_nothing_changes(
 @every_attack
 @pytest.mark.parametrize("fidelity", BOTH)
 def test_with_power_something_changes(
-    attack: Attacks, off: dict[str, float], fidelity: Fidelity, undisturbed: dict[Fidelity, tuple[TruthBlock, Banks]]
+    attack: Attack, off: dict[str, float], fidelity: Fidelity, undisturbed: dict[Fidelity, tuple[TruthBlock, Banks]]
 ) -> None:
     """Whatever it is aimed at: the correlators, E1, or the keys."""
     truth, banks = undisturbed[fidelity]
@@ -116,7 +120,7 @@ def test_with_power_something_changes(
 
 @every_attack
 @pytest.mark.parametrize("fidelity", BOTH)
-def test_results_do_not_depend_on_the_cut(attack: Attacks, off: dict[str, float], fidelity: Fidelity) -> None:
+def test_results_do_not_depend_on_the_cut(attack: Attack, off: dict[str, float], fidelity: Fidelity) -> None:
     n = 8 if fidelity == "samples" else 1100
     simulation = _simulation(attack, epochs=n)
     whole = banks_of(simulation, fidelity, 0, simulation.truth().advance(0, n))
@@ -129,7 +133,7 @@ def test_results_do_not_depend_on_the_cut(attack: Attacks, off: dict[str, float]
 
 
 @every_attack
-def test_off_outside_its_time(attack: Attacks, off: dict[str, float]) -> None:
+def test_off_outside_its_time(attack: Attack, off: dict[str, float]) -> None:
     brief = replace(attack, start_s=5.0, stop_s=8.0)
     times_s = np.array([0.0, 4.999, 8.0, 20.0])
     for band in Band:
@@ -140,7 +144,7 @@ def test_off_outside_its_time(attack: Attacks, off: dict[str, float]) -> None:
 
 
 @every_attack
-def test_counterfeits_are_for_its_satellites(attack: Attacks, off: dict[str, float]) -> None:
+def test_counterfeits_are_for_its_satellites(attack: Attack, off: dict[str, float]) -> None:
     if attack.kind == "time-push":
         return
     aimed = Spoofer(attacks=(replace(attack, svids=(4, 7)),))
@@ -151,14 +155,14 @@ def test_counterfeits_are_for_its_satellites(attack: Attacks, off: dict[str, flo
 
 
 @every_attack
-def test_frozen_and_pickled(attack: Attacks, off: dict[str, float]) -> None:
+def test_frozen_and_pickled(attack: Attack, off: dict[str, float]) -> None:
     with pytest.raises((FrozenInstanceError, AttributeError)):
         attack.start_s = 3.0  # type: ignore[misc]
     assert pickle.loads(pickle.dumps(attack)) == attack  # noqa: S301
 
 
 @every_attack
-def test_outside_assumption_2(attack: Attacks, off: dict[str, float]) -> None:
+def test_outside_assumption_2(attack: Attack, off: dict[str, float]) -> None:
     """Only what nulls E6, or comes before the true signal on E6, is beyond the paper's attacker."""
     beyond = {CASES["nulling of both"][0], CASES["early lift-off"][0]}
     assert bool(attack.outside_assumption_2) == (attack in beyond)

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from extend_page import page_part
 from vestige.receiver.bias import BiasResiduals
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
@@ -54,6 +55,7 @@ class Case:
 
 
 RAYS = ("delay_m", "amplitude", "amplitude_e1", "doppler_hz")
+GUSTS = page_part("my_error:Gusts")  # of a user: docs/extend.md
 SAMPLES_M = np.random.default_rng(1).laplace(size=50)
 CORE = {"core_sigma_m": 1.24, "tail_start_m": 2.65, "tail_scale_m": 1.17}
 NO_TAIL = {"core_sigma_m": 0.0, "tail_start_m": 2.65, "tail_scale_m": 1.17, "tail_probability": 0.0}
@@ -118,6 +120,7 @@ CASES = {
         start=one_run,
         start_zero=one_run,
     ),
+    "my_error:Gusts": ionosphere(GUSTS(quiet_m=1.0, disturbed_m=6.0), GUSTS(quiet_m=0.0, disturbed_m=0.0)),
 }
 
 
@@ -136,7 +139,7 @@ def bits(columns: Columns) -> dict[str, bytes]:
 
 
 def test_every_model_has_a_case() -> None:
-    assert {type(case.model) for case in CASES.values()} == set(ALL_MODELS)
+    assert {type(case.model) for case in CASES.values()} == {*ALL_MODELS, GUSTS}
 
 
 @every_case

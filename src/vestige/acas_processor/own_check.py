@@ -18,10 +18,11 @@ import numpy as np
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
-from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, require_members
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
+_MOST_CONFIRM = 1000
 _OWN_STEP = 8  # after those of [WFO, Sec. IV]
 
 
@@ -69,6 +70,7 @@ class OwnCheck:
             If something of that cannot be.
         """
         kind = kind_of(type(check))
+        require_members(kind, check, OwnCheckProtocol)
 
         def attribute(name: str, default: Any, good: Any, expected: str) -> Any:
             with blamed_on_own_parts():
@@ -94,7 +96,9 @@ class OwnCheck:
             cadence=attribute(
                 "cadence", TestCadence.OBSERVATION, lambda one: isinstance(one, TestCadence), "a TestCadence"
             ),
-            confirm=attribute("confirm", 1, lambda one: type(one) is int and 1 <= one <= 1000, "a number from 1 to 1000"),
+            confirm=attribute(
+                "confirm", 1, lambda one: type(one) is int and 1 <= one <= _MOST_CONFIRM, f"1 to {_MOST_CONFIRM}"
+            ),
             own_p_fa=True,
         )  # fmt: skip
         attribute("unit", None, lambda one: isinstance(one, str), "a text")

@@ -29,9 +29,11 @@ from vestige.campaign.results import attributes_of, scenario_of
 from vestige.campaign.scenario_plan import COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.errors import VestigeError
+from vestige.own_parts import digest
 from vestige.records import Assistance, Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.scenario.scenario_processor import Overhead, receiver_processor
+from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
     import xarray
@@ -210,12 +212,23 @@ def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdi
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
     """Return the processor of the receiver of a campaign, and what that measured in all epochs."""
     scenario, attributes = scenario_of(results), attributes_of(results)
+    _check_own_parts(scenario, attributes.own_parts)
     overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
     processor = receiver_processor(scenario, overhead, attributes.navigation)
     columns = {name: results[name].transpose(*column.dims).values for name, column in _READ.items() if name in results}
     of = Judged(scenario=scenario, processor=processor, svids=tuple(results["svid"].values.tolist()))
     epoch = np.rint(columns["time_s"] / scenario.interval_s).astype(np.int64)
     return processor, measured_block(of, epoch, columns)
+
+
+def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
+    """Raise if a part of the user's with which results would be judged is not the one that made them."""
+    for kind in scenario.own_kinds:
+        found = f"{kind}@{digest(kind)}"
+        if found not in recorded.split():
+            raise VestigeError(
+                f"results of a campaign: own_parts: found {found} now, expected {recorded}, as they were made"
+            )
 
 
 def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: MeasurementBlock) -> LevelVerdicts:

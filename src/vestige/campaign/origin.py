@@ -1,4 +1,4 @@
-"""What besides a scenario decides the bits of its results: the source of vestige and of the user's parts, the processor.
+"""What besides a scenario decides the bits of its results: the source of vestige and of the user's parts, processor.
 
 The kind of processor matters for sums of samples alone.
 """

@@ -53,6 +53,8 @@ class RunAttributes(BaseModel):
         The kind of processor on which bits depend; None if they do not.
     navigation
         RINEX text of the ephemerides of a sky; None of a single line of sight.
+    own_parts
+        The parts of the user's, `module:Name@digest` of each, with spaces between them.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
@@ -70,6 +72,7 @@ class RunAttributes(BaseModel):
     vestige_version: str = ""
     processor: str | None = None
     navigation: str | None = None
+    own_parts: str = ""
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:

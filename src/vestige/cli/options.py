@@ -47,6 +47,11 @@ class WidthType(click.ParamType[tuple[float, bool]]):
         return (number / 100, True) if text.endswith("%") else (number, False)
 
 
+def _name_folders(_context: click.Context, _parameter: click.Parameter, folders: tuple[Path, ...]) -> None:
+    for folder in folders:
+        own_parts_from(folder)
+
+
 def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add `--parts FOLDER` to a verb, which lets scenarios name the user's own classes; see `own_parts`."""
     return click.option(
@@ -56,7 +61,7 @@ def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
         metavar="FOLDER",
         expose_value=False,
         is_eager=True,
-        callback=lambda _context, _parameter, folders: [own_parts_from(folder) for folder in folders],
+        callback=_name_folders,
         help="Folder of your own detectors, attacks, error models and checks; scenarios name them `module:Name`.",
     )(command)
 

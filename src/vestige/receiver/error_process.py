@@ -92,6 +92,10 @@ class MultipathModel(Protocol):
 class TrackingModel(Protocol):
     """Noise of E1 observations. The receiver knows its own loops, so the standard deviations are asked for, too."""
 
+    def __hash__(self) -> int:
+        """Return a number that equal models share."""
+        ...
+
     @property
     def loop_bandwidth_hz(self) -> float:
         """One-sided noise bandwidth of the code loop."""

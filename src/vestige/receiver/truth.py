@@ -153,7 +153,7 @@ class TruthProcess:
         self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
-        if elevation and hasattr(self._ionosphere, "shared"):
+        if self._ionosphere and elevation and hasattr(self._ionosphere, "shared"):
             self._ionosphere.shared(receiver, elevation.ionosphere_common)
         self._multipath = models.multipath and models.multipath.process(own)
         self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)

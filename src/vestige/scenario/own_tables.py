@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, is_dataclass
-from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import (
@@ -71,7 +70,7 @@ class OrOwn:
         if self.base is None:
             return OwnKind(kind=kind)
         cls = named_part(kind, self.base, "kind")
-        if not (is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
+        if not (is_dataclass(cls) and getattr(cls, "__dataclass_params__").frozen):  # noqa: B009  (mypy knows it not)
             raise MisfitError("kind", kind, f"a class with @dataclass(frozen=True), which {cls.__name__} is not")
         adapter = _adapter(cls)
         raw = {"part": {key: inner for key, inner in value.items() if key != "kind"}}
@@ -91,20 +90,14 @@ def named_part(kind: str, base: type, place: str = "") -> Any:
         raise MisfitError(place, f"{error.kind} and {error.found}", error.expected) from error
 
 
-@lru_cache(maxsize=64)
-def _adapter(cls: type) -> TypeAdapter[Any]:
+def _adapter(cls: Any) -> TypeAdapter[Any]:
     """Return what checks the fields of a class; an unknown key is an error, as in a `Section`."""
     return TypeAdapter(create_model("Own", __base__=Section, part=(cls, ...)))
 
 
-@lru_cache(maxsize=64)
-def _writer(cls: type) -> TypeAdapter[Any]:
-    return TypeAdapter(cls)
-
-
 def _tables(value: Any) -> Any:
     """Return an object of a user's class as its table."""
-    return {"kind": kind_of(type(value))} | _writer(type(value)).dump_python(value, mode="json")
+    return {"kind": kind_of(type(value))} | TypeAdapter(type(value)).dump_python(value, mode="json")
 
 
 def whose(value: Any) -> str:

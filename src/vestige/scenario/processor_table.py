@@ -7,21 +7,23 @@ from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, WithJsonSchema, model_validator
 
 from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
-from vestige.acas_processor.own_check import OwnCheck, OwnCheckProtocol
+from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part, require_members
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.clock import TwoStateClock
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.own_tables import named_part
 from vestige.scenario.toml_file import MisfitError, Section
 from vestige.signals.definitions import E6C
+
+_DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": ":"}]}
 
 
 class OscillatorTable(Section):
@@ -41,8 +43,8 @@ class InertialTable(Section):
 class ProcessorTable(Section):
     """The processing; both detectors are evaluated, `detector` gives the status.
 
-    `detector` may name a class of the user's, `module:Name`, which is then evaluated beside the two of vestige. `checks`
-    names checks of the user's, which the levels have after their own.
+    `detector` may name a class of the user's, `module:Name`, which is then evaluated beside the two of vestige.
+    `checks` names checks of the user's, which the levels have after their own.
 
     `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
     multipath at 16° that the check for a second signal allows for. None of it follows from the errors that a scenario
@@ -50,7 +52,7 @@ class ProcessorTable(Section):
     """
 
     level: Literal[1, 2, 3] = 1
-    detector: str = "early"
+    detector: Annotated[str, WithJsonSchema(_DETECTOR)] = "early"
     spacing: Annotated[int, Field(ge=1, le=20)] = 1
     p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
     n_taps: Annotated[int, Field(ge=3, le=63)] = 11
@@ -66,10 +68,10 @@ class ProcessorTable(Section):
     _own_detector: Any = PrivateAttr(None)
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
-    def model_post_init(self, context: Any) -> None:
+    def model_post_init(self, _context: Any) -> None:
         """Import the detector and the checks of the user's: workers get them by this table."""
         if is_own(self.detector):
-            self._own_detector = named_part(self.detector, Detector, "detector")
+            self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:
             raise MisfitError("detector", self.detector, f"{' or '.join(map(repr, DETECTORS))}, or 'module:Name'")
         try:
@@ -86,8 +88,8 @@ class ProcessorTable(Section):
         return ours | ({self.detector: self._made_detector} if is_own(self.detector) else {})
 
     def _made_detector(self) -> Detector:
-        with blamed_on_own_parts():
-            detector = self._own_detector(spacing=self.spacing)
+        detector = _object(self.detector, self._own_detector, spacing=self.spacing)
+        require_members(self.detector, detector, Detector)
         if detector.spacing != self.spacing:
             raise OwnPartError(self.detector, f"spacing {detector.spacing}", f"{self.spacing}, as it was made with")
         return OwnDetector(kind=self.detector, detector=detector)
@@ -117,6 +119,16 @@ class ProcessorTable(Section):
 
 
 def _made(kind: str) -> OwnCheck:
-    cls = part(kind, OwnCheckProtocol)
-    with blamed_on_own_parts():
-        return OwnCheck.of(cls())
+    return OwnCheck.of(_object(kind, part(kind, object)))
+
+
+def _object(kind: str, cls: Any, **settings: int) -> Any:
+    """Return an object of a user's class."""
+    try:
+        with blamed_on_own_parts():
+            return cls(**settings)
+    except TypeError as error:  # of the call itself: there is no line of the user's in it
+        how = ", ".join(f"{name}={value}" for name, value in settings.items())
+        raise OwnPartError(
+            kind, f"{type(error).__name__}: {error}", f"a class that {cls.__name__}({how}) makes"
+        ) from error

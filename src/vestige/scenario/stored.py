@@ -13,12 +13,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from vestige.errors import VestigeError
+from vestige.own_parts import is_own, kind_of
 from vestige.receiver.accelerometer import Accelerometers
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
 from vestige.scenario.limits import MAX_EPOCHS
-from vestige.scenario.own_tables import OrOwn
+from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import PositionTable
 from vestige.scenario.toml_file import LARGEST_NUMBER, OURS, OWN, MisfitError
@@ -85,6 +86,13 @@ class StoredScenario(_Part):
     def start_time(self) -> GalileoTime:
         """`start` as a time."""
         return GalileoTime.parse(self.start)
+
+    @property
+    def own_kinds(self) -> tuple[str, ...]:
+        """The classes of the user's with which results are judged."""
+        loops, processor = self.receiver.e1_tracking, self.processor
+        kinds = [] if loops is None or whose(loops) != OWN else [kind_of(type(loops))]
+        return (*kinds, *(one for one in (processor.detector, *processor.checks) if is_own(one)))
 
     @property
     def recs_interval_s(self) -> float:

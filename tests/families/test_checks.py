@@ -1,0 +1,104 @@
+"""Laws that hold for every check of level 3, and for that of a user beside them."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from block_builder import Keys, MadeUpSky, cut, settings
+from extend_page import page_part, page_scenario
+from vestige.acas_processor.own_check import OwnCheck
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.verdict_block import VerdictBlock
+from vestige.campaign.direct import direct_results
+from vestige.campaign.levels import level_verdicts
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.records.checks import CheckName
+
+pytestmark = pytest.mark.many_epochs
+
+N = 24
+OWN = "early power"
+NAMES = [*(name.value for name in CheckName), OWN]
+
+
+@pytest.fixture(scope="module")
+def processor() -> AcasProcessor:
+    check = OwnCheck.of(page_part("my_check:EarlyPower")())
+    return AcasProcessor(
+        level=3, monitoring=settings(), own_checks=(replace(check, spec=replace(check.spec, confirm=2)),)
+    )
+
+
+def verdicts(processor: AcasProcessor, trouble: float, edges: list[int]) -> list[VerdictBlock]:
+    whole = MadeUpSky(seed=5, n=N, trouble=trouble).whole
+    blocks = [cut(whole, first, last) for first, last in pairwise(edges)]
+    return [step.block for step in processor.steps(blocks, assistance=Keys())]  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def whole(processor: AcasProcessor) -> VerdictBlock:
+    (block,) = verdicts(processor, 0.3, [0, N])
+    return block
+
+
+@pytest.fixture(scope="module", params=["epoch by epoch", "in pieces"])
+def pieces(request: pytest.FixtureRequest, processor: AcasProcessor) -> list[VerdictBlock]:
+    return verdicts(processor, 0.3, list(range(N + 1)) if request.param == "epoch by epoch" else [0, 1, 7, 20, 21, N])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_cut_changes_no_bit(name: str, whole: VerdictBlock, pieces: list[VerdictBlock]) -> None:
+    assert (name in whole.checks) == all(name in one.checks for one in pieces)
+    if name in whole.checks:
+        for values in ("statistic", "threshold"):
+            joined = np.concatenate([getattr(one.checks[name], values) for one in pieces])  # type: ignore[index]
+            assert joined.tobytes() == getattr(whole.checks[name], values).tobytes()  # type: ignore[index]
+        joined = np.concatenate([one.failed[name] for one in pieces])  # type: ignore[index]
+        assert joined.tobytes() == whole.failed[name].tobytes()  # type: ignore[index]
+
+
+def test_the_cut_changes_no_verdict(whole: VerdictBlock, pieces: list[VerdictBlock]) -> None:
+    for values in ("status", "cause", "state", "range_in_use_m"):
+        joined = np.concatenate([getattr(one, values) for one in pieces])
+        assert joined.tobytes() == getattr(whole, values).tobytes()
+    reasons = [one.reason(epoch, 1) for one in pieces for epoch in range(len(one.status))]
+    assert reasons == [whole.reason(epoch, 1) for epoch in range(N)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_reason_is_written_where_it_failed_or_was_not_run(name: str, whole: VerdictBlock) -> None:
+    if name not in whole.checks:
+        return
+    series = whole.checks[name]  # type: ignore[index]
+    for epoch, satellite in ((0, 0), (N // 2, 1), (N - 1, 2)):
+        result = series.result(epoch, satellite)
+        assert result.name == name
+        assert bool(result.reason) == (result.outcome.name != "PASS")
+
+
+def test_the_check_of_a_user_runs_and_fails_somewhere(whole: VerdictBlock) -> None:
+    assert whole.checks[OWN].run.any()  # type: ignore[index]
+    assert whole.checks[OWN].failed.any()  # type: ignore[index]
+    assert whole.specs[-1].name == OWN
+
+
+def test_the_check_of_a_user_can_be_the_cause(processor: AcasProcessor) -> None:
+    (block,) = verdicts(replace(processor, level=1), 0.3, [0, N])
+    assert "times the power of noise before the signal" in " ".join(
+        block.reason(*here) for here in np.argwhere(block.cause == 2).tolist()
+    )
+
+
+@pytest.mark.parametrize("module", ["my_check", "my_detector", "my_error", "my_attack"])
+def test_stored_results_are_judged_again_alike(module: str) -> None:
+    plan = ScenarioPlan(scenario=page_scenario(module, "epochs=30", "processor.level=2"))
+    results = direct_results(plan)
+    (found,) = level_verdicts(results, (2,))
+    np.testing.assert_array_equal(results["status"].values, found.status)
+    np.testing.assert_array_equal(results["cause"].values, found.block.cause)
+    assert pickle.loads(pickle.dumps(plan)).attrs == plan.attrs  # noqa: S301
