@@ -21,7 +21,8 @@ from vestige.crypto.key_file import read_key_file, write_key_file
 from vestige.crypto.merkle_tree import MerkleTree, path_root
 from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.osnma_report import ProblemKind
-from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.public_key import PublicKey
+from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
@@ -252,6 +253,55 @@ def test_the_end_of_a_chain_withdraws_nothing() -> None:
     assert report.withheld == ()
 
 
+def shifted(subframes: Iterable[Sequence[InavPage]], seconds: int) -> list[list[InavPage]]:
+    """The same pages with other times, which nobody signs."""
+    return [[replace(page, time=page.time + seconds) for page in pages] for pages in subframes]
+
+
+LATE_S, EARLY_S = 50 * 30, -3 * 3600
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_page_times_do_not_switch_a_withdrawal_off(kind: str, tmp_path: Path) -> None:
+    """The genuine withdrawal is received with times of the future or of the past before it comes with its own."""
+    told = withdrawal(kind)
+    first = WITHDRAWN_AT + len(told)
+    known_from = START + 30 * (first - 1)
+    forged = forged_subframes(first, 37)
+    receiver, times = received([*nominal(), *shifted(told, LATE_S), *told, *forged])
+    assert all(time < known_from for time in times)
+    report = receiver.report()
+    withdrawn = [root.received_at for root in report.verified_roots if root.header.withdraws]
+    assert [*withdrawn, *report.alerts] == [START + 30 * WITHDRAWN_AT]  # its first block completes the message again
+    path = tmp_path / "keys.csv"
+    write_key_file(path, OLD.validated_keys()[:first], report.verified_roots, report.alerts)
+    with pytest.raises(AuthenticationError, match="leave out the keys from then on"):
+        read_key_file(path, PUBLIC)
+    _, times = received([*shifted(told, EARLY_S), *nominal(), *told, *forged])
+    assert times == set()  # the root key of before has the time of the withdrawal, or an earlier one
+
+
+@pytest.mark.parametrize("kind", ["chain revoked", "public key revoked", "do not use"])
+def test_an_earlier_time_costs_no_signature(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A withdrawal, and a message whose signature is wrong, with twenty times, each an hour before the last one."""
+    told = withdrawal(kind)
+    header = header_of(DONT_USE, 1, NOMINAL)
+    wrong = signed("old", header)[:-20] + bytes(20)
+    told += [subframe(index, header, wrong, dsm_id=6) for index in range(20, 28)]
+    verified, verify = [], PublicKey.verify
+
+    def counted(self: PublicKey, message: bytes, signature: bytes) -> None:
+        verified.append(message)
+        verify(self, message, signature)
+
+    monkeypatch.setattr(PublicKey, "verify", counted)
+    receiver, _ = received([pages for hours in range(20) for pages in shifted(told, -3600 * hours)])
+    assert len(verified) == 2
+    (root,) = receiver.report().verified_roots
+    assert root.received_at < START + -18 * 3600
+    assert len(receiver.report().roots) == 2
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_key_file_does_not_bring_them_back(kind: str, tmp_path: Path) -> None:
     """What is written reads back; the file with all keys of the chain is refused."""
@@ -276,23 +326,51 @@ def test_gaps_are_not_filled_with_withdrawn_keys() -> None:
     assert [key.time for key in receiver.filled_keys()] == [START + 30 * k for k in kept]
 
 
+def root_of(name: str, header: int, received_at: GalileoTime, hour: GalileoTime | None = None) -> RootKey:
+    return verify_root_key(parse_kroot(signed(name, header, hour)), NmaHeader(header), PUBLIC, near=received_at)
+
+
+def test_a_root_key_that_was_known_before_a_withdrawal_does_not_end_it() -> None:
+    """The revocation is signed with an older root key, and received with a time before the newer one of the chain."""
+    hour = GalileoTime(1401, 0)
+    operational = header_of(OPERATIONAL, 1, NOMINAL)
+    register = ChainRegister()
+    register.add(root_of("old", operational, hour + 60, hour))
+    register.add(root_of("next", header_of(DONT_USE, 1, CHAIN_REVOKED), START + -3600))
+    (chain, _) = register.chains
+    register.add(root_of("old", operational, hour + 600, hour))
+    assert "chain revoked" in register.refusal(chain, hour + 630)
+    register.add(root_of("old", operational, hour + 3660, hour + 3600))
+    assert register.refusal(chain, hour + 3630) != ""
+    assert register.refusal(chain, hour + 3660) == ""
+
+
+def test_the_time_of_a_root_key_bounds_when_it_was_received() -> None:
+    hour = GalileoTime(1401, 0)
+    register = ChainRegister()
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), START + 60))
+    (chain,) = register.chains
+    changes = register.n_changes
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), START + 30))
+    assert register.n_changes == changes + 1
+    register.add(root_of("old", header_of(OPERATIONAL, 1, NOMINAL), START, hour))  # the key of 30 s before the hour
+    usable = [k for k in range(40) if register.refusal(chain, START + 30 * k) == ""]
+    assert usable == [0, *range(29, 40)]
+    assert register.n_changes == changes + 1
+
+
 def test_the_register_orders_root_keys_by_what_they_say() -> None:
     """A replayed revocation of long ago costs the keys until the next root key, and no longer."""
     register = ChainRegister()
     now = START + 600
 
-    def root_of(name: str, header: int, received_at: GalileoTime, hour: GalileoTime | None = None) -> None:
-        register.add(
-            verify_root_key(parse_kroot(signed(name, header, hour)), NmaHeader(header), PUBLIC, near=received_at)
-        )
-
-    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), START)
+    register.add(root_of("next", header_of(OPERATIONAL, 2, NOMINAL), START))
     (chain,) = register.chains
     assert register.refusal(chain, now) == ""
-    root_of("old", header_of(DONT_USE, 1, NOMINAL), now)  # once genuine
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), now))  # once genuine
     assert register.refusal(chain, now + -30) == ""
     assert "don't use" in register.refusal(chain, now)
     hour = GalileoTime(1401, 0)
-    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), hour + 120, hour)
+    register.add(root_of("next", header_of(OPERATIONAL, 2, NOMINAL), hour + 120, hour))
     assert register.refusal(chain, hour + 90) != ""
     assert register.refusal(chain, hour + 120) == ""
