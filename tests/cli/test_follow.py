@@ -204,9 +204,23 @@ def test_a_damaged_line_is_one_warning(night: Path, expected: Callable[[str], li
     assert result.stderr.count("observations.csv: line 4") == 1
 
 
+_STARTED: list[subprocess.Popen[bytes]] = []
+
+
+@pytest.fixture(autouse=True)
+def _no_process_is_left() -> Iterator[None]:
+    """A process that outlives a failed test would fail the next one in which the garbage collector finds it."""
+    yield
+    while _STARTED:
+        with _STARTED.pop() as run:
+            run.kill()
+
+
 def _run(*arguments: object, **options: object) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "vestige", "process", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)  # type: ignore[call-overload, no-any-return]  # noqa: S603
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)  # type: ignore[call-overload]  # noqa: S603
+    _STARTED.append(run)
+    return run  # type: ignore[no-any-return]
 
 
 def _wait_for(kept: Path, index: int) -> None:
