@@ -7,14 +7,16 @@ from typing import Any, NoReturn
 from vestige.time import GalileoTime
 
 _ROOM = "vestige.crypto.tesla"
+_KINDS: list[type] = []  # the one kind of validated key, from the moment when its class is there
 
 
 class ValidatedKey:
     """A TESLA key that leads to a signed root key; only `vestige.crypto.tesla.validate` makes one.
 
     Nothing else makes or changes one: not its constructor, not `dataclasses.replace`, not a pickle, which is validated
-    again where it is read. This protects against mistakes and short cuts. Code that calls `object.__setattr__`, or
-    replaces functions of vestige, can do anything in Python and is not kept from it.
+    again where it is read. This protects against mistakes and short cuts. Code that calls `object.__setattr__`, uses
+    attributes whose names begin with an underscore, or replaces functions of vestige, can do anything in Python and is
+    not kept from it.
     """
 
     __slots__ = ()
@@ -24,10 +26,11 @@ class ValidatedKey:
         raise TypeError(f"only {_ROOM}.validate makes a ValidatedKey")
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse kinds of other places."""
-        if cls.__module__ != _ROOM:
+        """Refuse every kind but the first, which is that of `vestige.crypto.tesla`."""
+        if cls.__module__ != _ROOM or _KINDS:
             raise TypeError(f"only {_ROOM} may derive from ValidatedKey")
         super().__init_subclass__(**options)
+        _KINDS.append(cls)
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
         """Refuse."""
@@ -65,4 +68,4 @@ class ValidatedKey:
 
 def is_validated(key: object) -> bool:
     """Return whether a thing is a validated key; what only looks like one is none."""
-    return issubclass(type(key), ValidatedKey)
+    return type(key) in _KINDS

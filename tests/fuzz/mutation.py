@@ -240,8 +240,24 @@ def spoil_json(rng: Random, data: bytes) -> bytes:
 
 
 def spoil_toml(rng: Random, data: bytes) -> bytes:
-    """Return TOML whose tree or text was spoiled."""
+    """Return TOML whose tree or text was spoiled, or that has a line with a key of many parts."""
+    if rng.random() < 0.05:
+        return _with_long_key(rng, data)
     return _spoil_document(rng, data, lambda content: tomllib.loads(content.decode()), toml_of)
+
+
+_KEY_LINES = (
+    b"%s = 1\n", b"[%s]\n", b"[[%s]]\n", b"x = {%s = 1}\n", b"%s", b'x = {y = """a"""", %s = 1, z = ""}\n',
+)  # fmt: skip
+
+
+def _with_long_key(rng: Random, data: bytes) -> bytes:
+    parts = [rng.choice((b"a", b'"a.b"', b"'c'", b"1"))] * rng.choice((19, 21, 900, 40_000))
+    key = rng.choice((b".", b" . ")).join(parts)
+    lines = data.splitlines(keepends=True)
+    line = rng.choice(_KEY_LINES)
+    lines.insert(rng.randrange(len(lines) + 1), line % key)
+    return b"".join(lines)
 
 
 def _spoil_document(rng: Random, data: bytes, parse: Callable[[bytes], Any], write: Callable[[Any], bytes]) -> bytes:

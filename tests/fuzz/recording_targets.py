@@ -348,7 +348,7 @@ def _journals() -> Sequence[Files]:
 
 
 def _spoil_journal(rng: Random, files: Files) -> Files:
-    """The state more often than the lines, of which only the number counts."""
+    """The state more often than the lines, of which any change is refused."""
     if rng.random() < 0.2:
         return spoil_files(rng, files)
     return dict(files) | {STATE: spoil_files(rng, {STATE: files[STATE]}).get(STATE, b"")}

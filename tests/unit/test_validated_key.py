@@ -13,8 +13,9 @@ from unittest.mock import Mock
 import pytest
 
 from vestige.crypto.recs import decrypt
+from vestige.crypto.root_key import RootKey
 from vestige.crypto.simulated_chain import make_chain
-from vestige.crypto.tesla import Chain, Key, validate
+from vestige.crypto.tesla import Chain, Key, one_way, validate
 from vestige.errors import AuthenticationError
 from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
@@ -50,8 +51,85 @@ def test_it_cannot_be_changed() -> None:
             delattr(thing, name)
     assert not hasattr(thing, "__dict__")
     chain: Any = Chain(ROOT)
-    with pytest.raises(AttributeError):
-        chain.root = ROOT
+    for name in ("root", "check", "parameters", "other"):
+        with pytest.raises(AttributeError):
+            setattr(chain, name, ROOT)
+
+
+def test_it_has_one_kind() -> None:
+    """A class that says that it comes from the same module is refused, and so is one that derives from the kind."""
+    for base in (ValidatedKey, type(KEYS[0])):
+        with pytest.raises(TypeError, match="may derive"):
+            type("Mine", (base,), {"__module__": "vestige.crypto.tesla", "__slots__": ()})
+    assert is_validated(KEYS[0])
+    assert not is_validated(Mock(spec=ValidatedKey))
+    assert not is_validated(object())
+
+
+class LateTime(GalileoTime):
+    """A time that adds an hour."""
+
+    def __add__(self, seconds: float) -> GalileoTime:
+        return GalileoTime(self.week, self.second) + (seconds + 3600)
+
+
+class Number(int):
+    """A number that may become another one."""
+
+
+class Bytes(bytes):
+    """Bytes that may say anything."""
+
+
+TIME, DATA = KEYS[1].time, KEYS[1].data
+
+
+@pytest.mark.parametrize(
+    ("time", "data"),
+    [
+        (TIME, bytearray(DATA)), (TIME, memoryview(DATA)), (TIME, Bytes(DATA)),
+        (LateTime(TIME.week, TIME.second), DATA),
+        (GalileoTime(Number(TIME.week), TIME.second), DATA), (GalileoTime(TIME.week, Number(TIME.second)), DATA),
+    ],
+)  # fmt: skip
+def test_a_key_of_what_can_change_later_is_refused(time: Any, data: Any) -> None:
+    chain = Chain(ROOT)
+    for check in (chain.check, chain.accepts, lambda key: validate(key, chain)):
+        with pytest.raises(TypeError, match="Key"):
+            check(Key(time=time, data=data))
+    assert not chain.knows(Key(time=TIME, data=DATA))
+
+
+def test_a_chain_cannot_be_led_to_another_key_by_its_buffer() -> None:
+    """If the chain remembered the buffer, its owner could write into it what a forged later key hashes to."""
+    chain, buffer, forged = Chain(ROOT), bytearray(DATA), bytes(16)
+    with pytest.raises(TypeError):
+        validate(Key(time=TIME, data=buffer), chain)  # type: ignore[arg-type]
+    buffer[:] = one_way(forged, TIME, chain.parameters)
+    with pytest.raises(AuthenticationError):
+        validate(Key(time=TIME + 30, data=forged), chain)
+
+
+def test_a_chain_hangs_on_a_root_key_and_nothing_like_it() -> None:
+    class Unchecked(RootKey):
+        def __post_init__(self) -> None:
+            """Verify nothing."""
+
+    values: dict[str, Any] = {field.name: getattr(ROOT, field.name) for field in dataclasses.fields(ROOT)}
+    values["kroot"] = dataclasses.replace(ROOT.kroot, root_key=bytes(16))
+    for fake in (Unchecked(**values), SimpleNamespace(time=ROOT.time, data=bytes(16))):
+        with pytest.raises(TypeError, match="hangs on a RootKey"):
+            Chain(fake)  # type: ignore[arg-type]
+
+
+def test_a_root_key_verifies_what_nobody_else_has() -> None:
+    buffer = bytearray(ROOT.data)
+    root = dataclasses.replace(ROOT, kroot=dataclasses.replace(ROOT.kroot, root_key=buffer))  # type: ignore[arg-type]
+    buffer[:] = bytes(16)
+    assert Chain(root).root.data == ROOT.data
+    for part in ("kroot", "header", "public_key", "time", "received_at"):
+        with pytest.raises(TypeError, match="a RootKey has a"):
+            dataclasses.replace(ROOT, **{part: Mock(spec=getattr(ROOT, part))})
 
 
 def test_keys_travel_to_workers_and_are_validated_there() -> None:
@@ -106,5 +184,5 @@ def test_a_chain_that_checks_nothing_validates_nothing() -> None:
         def check(self, key: Key) -> None:
             """Accept it."""
 
-    with pytest.raises(TypeError, match="along a Chain, not a Key along Loose"):
+    with pytest.raises(TypeError, match="along a Chain, not along a Loose"):
         validate(Key(time=START, data=bytes(16)), Loose(ROOT))

@@ -3,6 +3,10 @@
 Blocks are collected twice: from all satellites together, which is fast, and from each satellite on its own, so that one
 satellite with false blocks cannot keep the message of the others from being completed. Whatever gets complete is only a
 claim; the signature decides.
+
+A message is handed on again when it comes with an earlier time than before. Nobody signs that time, so the first one
+may be false, and a withdrawal has to count from the earliest on. The verifier keeps what it verified, so this costs no
+signature.
 """
 
 from __future__ import annotations
@@ -67,11 +71,11 @@ class _Collection:
 
 
 class DsmCollector:
-    """Collects blocks; every different message is handed out once."""
+    """Collects blocks; every different message is handed out once, and again with each earlier time."""
 
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
-        self._handed_out: set[DsmMessage] = set()
+        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # by the earliest time
         self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages whose last page is zero, by when they came first
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
@@ -102,8 +106,8 @@ class DsmCollector:
                 continue
             if data is not None:
                 message = DsmMessage(header=NmaHeader(header), dsm_id=dsm_id, data=data)
-                if message not in self._handed_out:
-                    self._handed_out.add(message)
+                if message not in self._handed_out or subframe.time < self._handed_out[message]:
+                    self._handed_out[message] = subframe.time
                     messages.append(message)
         if unsupported is not None and not messages:
             raise unsupported

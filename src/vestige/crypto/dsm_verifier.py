@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 from vestige.crypto.alert_message import is_alert, verify_alert
 from vestige.crypto.chain_register import ChainRegister, RevokedKeyError
-from vestige.crypto.dsm import parse_kroot
+from vestige.crypto.dsm import DsmKroot, NmaHeader, parse_kroot
 from vestige.crypto.dsm_collector import DsmCollector, DsmMessage
 from vestige.crypto.merkle_tree import MerkleTree, verify_broadcast_key
 from vestige.crypto.osnma_report import Problem, ProblemKind, ProblemLog, RootCheck
 from vestige.crypto.public_key import PublicKey
-from vestige.crypto.root_key import verify_root_key
+from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.subframe import Epoch
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
@@ -40,6 +42,8 @@ class DsmVerifier:
         self._register = register
         self._problems = problems
         self._collector = DsmCollector()
+        self._place: dict[DsmMessage, int] = {}  # in `roots`
+        self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # each signature is verified once
         self.roots: list[RootCheck] = []
         self.alerts: list[GalileoTime] = []
 
@@ -76,14 +80,17 @@ class DsmVerifier:
 
     def _take_alert(self, time: GalileoTime) -> None:
         self._register.add_alert(time)
-        self.alerts.append(time)
+        self.alerts = [min([time, *self.alerts])]
         self._problems.report_once(ProblemKind.STATUS, time, "alert message: OSNMA is not used from here on")
 
     def _take_root(self, message: DsmMessage, time: GalileoTime) -> None:
+        if message in self._place:
+            self._take_earlier(self._place[message], time)
+            return
         kroot, root, reason, kind, on_known_chain = None, None, "", ProblemKind.ROOT_KEY, False
         try:
             kroot = parse_kroot(message.data)
-            verified = verify_root_key(kroot, message.header, self._public_keys, near=time)
+            verified = self._root_key(message, kroot, time)
             on_known_chain = self._register.add(verified)
             root = verified
         except RevokedKeyError as error:
@@ -94,6 +101,7 @@ class DsmVerifier:
             reason, kind = str(error), ProblemKind.IGNORED
         if root is None:
             self._problems.report(Problem(kind=kind, time=time, text=f"DSM {message.dsm_id}: {reason}"))
+        self._place[message] = len(self.roots)
         self.roots.append(
             RootCheck(
                 dsm_id=message.dsm_id,
@@ -105,3 +113,20 @@ class DsmVerifier:
                 reason=reason,
             )
         )
+
+    def _take_earlier(self, place: int, time: GalileoTime) -> None:
+        """Take in that a message came before, with an earlier time; one that was refused stays refused."""
+        check = self.roots[place]
+        if check.root is None:
+            return
+        root = check.root.received(time)
+        with suppress(RevokedKeyError):
+            self._register.add(root)
+            self.roots[place] = replace(check, root=root, received_at=time)
+
+    def _root_key(self, message: DsmMessage, kroot: DsmKroot, time: GalileoTime) -> RootKey:
+        content = message.header, message.data
+        if content in self._verified:
+            return self._verified[content].received(time)
+        self._verified[content] = verify_root_key(kroot, message.header, self._public_keys, near=time)
+        return self._verified[content]

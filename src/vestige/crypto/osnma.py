@@ -168,9 +168,9 @@ class OsnmaReceiver:
         for epoch in epochs:
             message = self._read(epoch)
             messages = [message] if message is not None else []
-            n_chains, n_withdrawals = len(self._register.chains), self._register.n_withdrawals
+            n_chains, n_changes = len(self._register.chains), self._register.n_changes
             self._dsms.take(epoch)
-            if self._register.n_withdrawals > n_withdrawals:
+            if self._register.n_changes > n_changes:
                 self._withdraw()
             if len(self._register.chains) > n_chains:
                 messages, self._waiting = self._waiting + messages, []

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from vestige.crypto.chain_parameters import ChainParameters
-from vestige.crypto.dsm import DsmKroot, NmaHeader
+from vestige.crypto.dsm import DsmKroot, NmaHeader, parse_kroot
 from vestige.crypto.public_key import PublicKey
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.time import GalileoTime
@@ -28,6 +28,13 @@ class RootKey:
         The key that verified it.
     received_at
         Subframe in which it was received, as whoever received it says: from then on its status counts.
+
+    Raises
+    ------
+    AuthenticationError
+        If signature, padding or time do not verify.
+    TypeError
+        If a part is not of exactly its type: a subclass could verify anything.
     """
 
     kroot: DsmKroot
@@ -37,6 +44,13 @@ class RootKey:
     received_at: GalileoTime
 
     def __post_init__(self) -> None:
+        parts = (self.kroot, self.header, self.time, self.public_key, self.received_at)
+        expected = (DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime)
+        for part, kind in zip(parts, expected, strict=True):
+            if type(part) is not kind:
+                raise TypeError(f"a RootKey has a {kind.__name__}, not a {type(part).__name__}")
+        # What is verified is a copy, which nobody else has: the message may hold a bytearray, which can change.
+        object.__setattr__(self, "kroot", parse_kroot(self.kroot.serialise()))
         self.public_key.verify(self.kroot.signed_message(self.header), self.kroot.signature)
         found, expected = self.kroot.padding, self.kroot.expected_padding(self.header)
         if found != expected:
@@ -49,6 +63,17 @@ class RootKey:
     ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
         """Return what makes, and so checks, it again."""
         return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
+
+    def received(self, time: GalileoTime) -> RootKey:
+        """Return the same root key as received in the subframe of `time`.
+
+        Nobody signs the time of reception, so nothing is verified again.
+        """
+        again = object.__new__(RootKey)
+        for field in fields(self):
+            object.__setattr__(again, field.name, getattr(self, field.name))
+        object.__setattr__(again, "received_at", time)
+        return again
 
     @property
     def chain_id(self) -> int:

@@ -84,9 +84,18 @@ class Chain:
     ----------
     root
         The root key.
+
+    Raises
+    ------
+    TypeError
+        If it is no `RootKey`: making one verifies its signature.
     """
 
+    __slots__ = ("_known", "_root", "_times")  # nothing else can be set, so `check` cannot be replaced
+
     def __init__(self, root: RootKey) -> None:
+        if type(root) is not RootKey:
+            raise TypeError(f"a Chain hangs on a RootKey, not on a {type(root).__name__}")
         self._root = root
         self._known = {root.time.gst_seconds: root.data}
         self._times = [root.time.gst_seconds]
@@ -120,7 +129,10 @@ class Chain:
         ------
         AuthenticationError
             If it does not, or is not the kind of key that could.
+        TypeError
+            If its time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
         """
+        _check_types(key)
         time = key.time.gst_seconds
         if key.time.fraction or (time - self._times[0]) % SUBFRAME_S:
             raise AuthenticationError(f"key of {key.time}: not the start of a subframe")
@@ -187,6 +199,18 @@ class Chain:
             raise AuthenticationError(f"key of {time}: more than {MAX_STEPS} steps from the nearest validated key")
 
 
+def _check_types(key: Key) -> None:
+    """Raise a TypeError unless a key consists of what cannot change: subclasses can, and so can a bytearray."""
+    if type(key) is not Key:
+        raise TypeError(f"a Key is validated along a Chain, not a {type(key).__name__}")
+    if type(key.data) is not bytes or type(key.time) is not GalileoTime:
+        raise TypeError(
+            f"a Key has a GalileoTime and bytes, not a {type(key.time).__name__} and a {type(key.data).__name__}"
+        )
+    if (type(key.time.week), type(key.time.second)) != (int, int):
+        raise TypeError("the time of a Key has a week and a second of the type int")
+
+
 class _KeyOfChain(ValidatedKey):
     """The one kind of validated key: making it checks it."""
 
@@ -196,10 +220,8 @@ class _KeyOfChain(ValidatedKey):
     _time: GalileoTime
 
     def __new__(cls, key: Key, chain: Chain) -> _KeyOfChain:
-        if (type(key), type(chain)) != (Key, Chain):
-            raise TypeError(
-                f"a Key is validated along a Chain, not a {type(key).__name__} along {type(chain).__name__}"
-            )
+        if type(chain) is not Chain:
+            raise TypeError(f"a Key is validated along a Chain, not along a {type(chain).__name__}")
         chain.check(key)
         self = object.__new__(cls)
         for name, value in (("_chain", chain), ("_data", key.data), ("_time", key.time)):
@@ -258,6 +280,8 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
     ------
     AuthenticationError
         If it does not chain.
+    TypeError
+        If key, chain, or the key's time or data is something that can change later.
     """
     return _KeyOfChain(key, chain)
 

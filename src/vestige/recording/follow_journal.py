@@ -1,13 +1,15 @@
 """What a receiver that follows a recording keeps on disk, so that after any interruption it goes on where it was.
 
-`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count,
-which epoch was the last, and what the receiver remembers; it is replaced as a whole after the lines were
-written. So a run that was killed between the two has lines that do not count: they are cut off, and written again when
-the epoch is processed again from the same state, with the same result. None is lost, none is there twice.
+`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count
+and what their SHA-256 is, which epoch was the last, and what the receiver remembers; it is replaced as a whole
+after the lines were written. So a run that was killed between the two has lines that do not count: they are cut off,
+and written again when the epoch is processed again from the same state, with the same result. None is lost, none is
+there twice. Lines that count and are not those that were written are an error: nothing is cut off then.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -15,11 +17,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Annotated
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from vestige.acas_processor.state import ReceiverState
-from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.file_bytes import open_file, read_bytes
 from vestige.errors import InputFileError
 from vestige.folder_lock import only_writer
 from vestige.output import check_output, naming, replacement
@@ -28,6 +31,9 @@ from vestige.time import GalileoTime
 LINES, STATE = "verdicts.jsonl", "state.json"
 FORMAT = 2
 MAX_BYTES = 1 << 24
+
+_BLOCK_BYTES = 1 << 20
+_Count = Annotated[int, Field(ge=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +48,7 @@ class Progress:
         What is remembered after it.
     """
 
-    index: int
+    index: _Count
     sent: GalileoTime
     state: ReceiverState
 
@@ -51,7 +57,8 @@ class Progress:
 class _State:
     format: int
     settings: dict[str, str]
-    n_bytes: int
+    n_bytes: _Count
+    sha256: str  # of so many bytes
     progress: Progress | None
 
 
@@ -76,23 +83,31 @@ class FollowJournal:
         self._adapter = TypeAdapter(_State)
         with ExitStack() as held:
             self._lock = held.enter_context(only_writer(folder))
-            self.progress, self._n_bytes = self._opened()
+            self.progress, self._n_bytes, self._hash = self._opened()
             check_output(folder / LINES, ())  # no link to another file
             self._lines = held.enter_context((folder / LINES).open("ab"))
             self._lines.truncate(self._n_bytes)
             self._held = held.pop_all()
 
-    def _opened(self) -> tuple[Progress | None, int]:
+    def _opened(self) -> tuple[Progress | None, int, hashlib._Hash]:
         if not (self._folder / STATE).exists():
             if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
                 raise InputFileError(self._folder, "folder", "something there already", expected)
-            self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, progress=None))
+            nothing = hashlib.sha256().hexdigest()
+            self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, sha256=nothing, progress=None))
         state = self._read()
-        size = (self._folder / LINES).stat().st_size if (self._folder / LINES).exists() else 0
-        if size < state.n_bytes:
-            raise InputFileError(self._folder / LINES, "length", f"{size} bytes", f"{state.n_bytes}, as {STATE} says")
-        return state.progress, state.n_bytes
+        found, left = hashlib.sha256(), state.n_bytes
+        if left:
+            with open_file(self._folder / LINES) as lines, naming(self._folder / LINES):
+                while left and (block := lines.read(min(left, _BLOCK_BYTES))):
+                    found.update(block)
+                    left -= len(block)
+        if left or found.hexdigest() != state.sha256:
+            what = f"{state.n_bytes - left} bytes" if left else f"other contents in its first {state.n_bytes} bytes"
+            expected = f"{state.n_bytes} bytes as they were written; put the file back, or use another folder for -o"
+            raise InputFileError(self._folder / LINES, "lines", what, expected)
+        return state.progress, state.n_bytes, found
 
     def _read(self) -> _State:
         path = self._folder / STATE
@@ -121,7 +136,16 @@ class FollowJournal:
             self._lines.flush()
             os.fsync(self._lines.fileno())
         self._n_bytes += len(data)
-        self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=self._n_bytes, progress=progress))
+        self._hash.update(data)
+        self._keep(
+            _State(
+                format=FORMAT,
+                settings=self._settings,
+                n_bytes=self._n_bytes,
+                sha256=self._hash.hexdigest(),
+                progress=progress,
+            )
+        )
         self.progress = progress
 
     def _keep(self, state: _State) -> None:

@@ -13,12 +13,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.file_toml import parse_toml
 from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.recording.observation_epoch import checked_svid
@@ -42,8 +42,8 @@ def read_hardware_bias(path: Path) -> float:
         If the file is not TOML, or does not hold exactly one of the two keys with a number of at most ± 1 ms.
     """
     try:
-        table = tomllib.loads(read_bytes(path, at_most=1 << 20).decode())
-    except (ValueError, RecursionError) as error:
+        table = parse_toml(read_bytes(path, at_most=1 << 20).decode())
+    except ValueError as error:
         raise InputFileError(path, "content", str(error), "a TOML file") from error
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
         raise InputFileError(path, "keys", ", ".join(table) or "none", f"one of {' and '.join(_UNIT_S)}")

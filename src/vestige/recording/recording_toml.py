@@ -29,7 +29,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -37,6 +36,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.file_toml import parse_toml
 from vestige.errors import InputFileError
 from vestige.recording.description import (
     FIRST_SAMPLE,
@@ -115,8 +115,8 @@ def read_recording_toml(path: Path) -> RecordingDescription:
 
 def _table(path: Path) -> _RecordingTable:
     try:
-        content = tomllib.loads(read_bytes(path, at_most=MAX_BYTES).decode())
-    except (ValueError, RecursionError) as error:
+        content = parse_toml(read_bytes(path, at_most=MAX_BYTES).decode())
+    except ValueError as error:
         raise InputFileError(path, "content", str(error), "a TOML file") from error
     try:
         return _RecordingTable.model_validate(content)

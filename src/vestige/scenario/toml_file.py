@@ -6,7 +6,6 @@ import difflib
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from datetime import date, time
 from pathlib import Path
@@ -16,13 +15,13 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from vestige.crypto.file_bytes import read_text
+from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # as the value of a setting
 OURS, OWN = "a kind of vestige", "a kind of the user"  # in places of errors, between the keys
 LARGEST_NUMBER = 1e15
 MAX_FILE_BYTES = 1 << 20
-_DEEPEST = 20  # tables and lists in each other; the deepest that means anything is 5
 _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
@@ -54,11 +53,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputFileError
-        If it cannot be read, or is not TOML.
+        If it cannot be read, is not TOML, or has keys or tables beyond all reason (`parse_toml`).
     """
     try:
-        return tomllib.loads(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
-    except (ValueError, RecursionError) as error:  # tomllib's own errors, integers of 5000 digits, endless brackets
+        return parse_toml(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
+    except ValueError as error:  # tomllib's own errors, integers of 5000 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 
@@ -79,6 +78,8 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
         *tables, key = name.strip().split(".")
         if not equals or not key:
             raise VestigeError(f"--set {setting}: expected table.key=value")
+        if (n_parts := len(tables) + 1) > DEEPEST:
+            raise VestigeError(f"--set {name[:40]}…: found a key of {n_parts} parts, expected at most {DEEPEST}")
         place: Any = result
         for table in tables:
             inner = _inside(place, table)
@@ -99,8 +100,8 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
 def _value(setting: str, text: str) -> Any:
     """Return what `text` says in TOML: one value, nothing behind it."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError) as error:
+        parsed = parse_toml(f"value = {text}")
+    except ValueError as error:
         raise VestigeError(f"--set {setting}: found {text!r}, expected a TOML value ({error})") from error
     if parsed.keys() != {"value"}:
         raise VestigeError(f"--set {setting}: found {text!r}, expected one TOML value")
@@ -222,8 +223,8 @@ def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
 
     Only the power of an attack may be −inf dB.
     """
-    if depth > _DEEPEST:
-        raise InputFileError(path, f"{place[:40]}…", "tables and lists in each other", f"at most {_DEEPEST}")
+    if depth > DEEPEST:
+        raise InputFileError(path, f"{place[:40]}…", "tables and lists in each other", f"at most {DEEPEST}")
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_values(inner, f"{place}.{key}" if place else key, path, depth + 1)

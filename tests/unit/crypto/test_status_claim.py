@@ -56,6 +56,16 @@ def test_a_forged_do_not_use_costs_30_s_and_no_key() -> None:
     assert all(count.failed == 0 for count in report.tags.by_adkd.values())
 
 
+@pytest.mark.parametrize("number", range(1, 15))
+def test_one_forged_byte_and_a_lost_page_cost_the_key(number: int) -> None:
+    """The tags are read as a whole: if a page with tags is lost, they disprove nothing. Pages 11 to 14 hold the key."""
+    pages = with_header(PAGES, 7, 6, 0xD2)
+    report = run([page for page in pages if (page.svid, page.time) != (7, START + (181 + 2 * number))])
+    lost = [START + 180] if number <= 10 else []
+    assert [withheld.time for withheld in report.withheld] == lost
+    assert [key.time for key in report.keys] == [START + 30 * k for k in range(N) if START + 30 * k not in lost]
+
+
 @pytest.mark.parametrize("what", ["tags", "data", "another satellite"])
 def test_without_a_good_tag_of_the_same_satellite_do_not_use_holds(what: str) -> None:
     """The tags of E07 are damaged, or its navigation data of before is lost; those of the others are good."""

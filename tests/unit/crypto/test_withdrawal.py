@@ -1,141 +1,49 @@
 """No key of a withdrawn chain is ever accepted, whatever the headers say that nobody signed.
 
-The pages hold what decides it: NMA header, DSM block and key. Consecutive subframes have consecutive header values, so
-one run forges all 256 of them.
+`tests/statistical/test_all_headers.py` tries all values of the header with all kinds of withdrawal.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from vestige.crypto.chain_register import ChainRegister
-from vestige.crypto.dsm import DsmKroot, NmaHeader, parse_kroot
-from vestige.crypto.inav import InavPage, page_checksum
+from vestige.crypto.dsm import NmaHeader, parse_kroot
+from vestige.crypto.inav import InavPage
 from vestige.crypto.key_file import read_key_file, write_key_file
-from vestige.crypto.merkle_tree import MerkleTree, path_root
-from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.osnma_report import ProblemKind
-from vestige.crypto.root_key import verify_root_key
-from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
+from vestige.crypto.public_key import PublicKey
+from vestige.crypto.root_key import RootKey, verify_root_key
+from vestige.crypto.simulated_chain import SimulatedChain
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
-
-START = GalileoTime(1400, 604_800 - 30 * 30)  # a quarter of an hour before the end of the week
-WITHDRAWN_AT = 12  # first subframe whose header says so
-N = WITHDRAWN_AT + 50 + 256
-
-OLD = make_chain(b"withdrawn", START, N, chain_id=1, pkid=4)
-NEXT = replace(make_chain(b"next", START, N, chain_id=2, pkid=4), private_key=OLD.private_key)
-NEW_KEY = make_chain(b"new public key", START, N, chain_id=2, pkid=5)
-PUBLIC = (OLD.public_key, NEW_KEY.public_key)
-
-OPERATIONAL, DONT_USE = 2, 3
-NOMINAL, END_OF_CHAIN, CHAIN_REVOKED, KEY_REVOKED, ALERT = 1, 2, 3, 5, 7
-
-
-def header_of(status: int, chain_id: int, keys: int) -> int:
-    return status << 6 | chain_id << 4 | keys << 1
-
-
-@cache
-def signed(chain_name: str, header: int, hour_start: GalileoTime | None = None) -> bytes:
-    """The DSM-KROOT of a chain under a header, for the hour of the chain or a later one."""
-    chain = {"old": OLD, "next": NEXT, "new key": NEW_KEY}[chain_name]
-    kroot: DsmKroot = chain.kroot
-    if hour_start is not None:
-        key = next(key for key in chain.keys if key.time == hour_start + -30)
-        kroot = replace(kroot, root_week=hour_start.week, root_hour=hour_start.second // 3600, root_key=key.data)
-    return sign_kroot(kroot, NmaHeader(header), chain.private_key).serialise()
-
-
-def alert_message() -> tuple[bytes, MerkleTree]:
-    """A DSM-PKR of 13 blocks with a notice, and the tree that it belongs to."""
-    siblings = [hashlib.sha256(bytes([k])).digest() for k in range(4)]
-    leaf = bytes([4 << 4]) + b"OSNMA alert message".ljust(39, b".")
-    tree = MerkleTree(nodes={(4, 0): path_root(15, hashlib.sha256(leaf).digest(), siblings)})
-    message = bytes([7 << 4 | 15]) + b"".join(siblings) + leaf
-    assert len(message) == 13 * 13
-    return message, tree
-
-
-def page_of(svid: int, time: GalileoTime, osnma: bytes) -> InavPage:
-    bits = 1 << 119 | int.from_bytes(osnma, "big") << 62  # an odd half after an even one; word type 0 without time
-    checksum = page_checksum(bits.to_bytes(30, "big"))
-    return InavPage(svid=svid, time=time, data=(bits | checksum << 14).to_bytes(30, "big"))
-
-
-def subframe(
-    index: int,
-    header: int,
-    dsm: bytes,
-    chain: SimulatedChain = OLD,
-    svid: int = 2,
-    dsm_id: int = 3,
-    block: int | None = None,
-) -> list[InavPage]:
-    """One subframe of one satellite: the tags are noise, the key is true. Consecutive ones send consecutive blocks."""
-    time = START + 30 * index
-    number = index % (len(dsm) // 13) if block is None else block
-    hkroot = bytes([header, dsm_id << 4 | number]) + dsm[13 * number : 13 * number + 13]
-    mack = hashlib.sha512(bytes([svid, index % 256])).digest()[:42] + chain.keys[index].data + bytes(2)
-    return [page_of(svid, time + (1 + 2 * k), hkroot[k : k + 1] + mack[4 * k : 4 * k + 4]) for k in range(15)]
-
-
-def nominal(first: int = 0, last: int = WITHDRAWN_AT) -> list[list[InavPage]]:
-    header = header_of(OPERATIONAL, 1, NOMINAL)
-    return [subframe(index, header, signed("old", header)) for index in range(first, last)]
-
-
-def withdrawal(kind: str, first: int = WITHDRAWN_AT) -> list[list[InavPage]]:
-    """Subframes that tell the withdrawal until its DSM is there: 8 blocks, or 13 of an alert message."""
-    if kind == "alert message":
-        header = header_of(DONT_USE, 1, ALERT)
-        return [subframe(index, header, alert_message()[0], dsm_id=12) for index in range(first, first + 13)]
-    chain_name, header = {
-        "chain revoked": ("next", header_of(DONT_USE, 1, CHAIN_REVOKED)),
-        "public key revoked": ("new key", header_of(DONT_USE, 1, KEY_REVOKED)),
-        "signed alert": ("old", header_of(DONT_USE, 1, ALERT)),
-        "do not use": ("old", header_of(DONT_USE, 1, NOMINAL)),
-        "revoked, next in force": ("next", header_of(OPERATIONAL, 2, CHAIN_REVOKED)),
-        "reserved status": ("old", header_of(0, 1, NOMINAL)),
-    }[kind]
-    return [subframe(index, header, signed(chain_name, header)) for index in range(first, first + 8)]
-
-
-KINDS = (
-    "chain revoked", "public key revoked", "signed alert", "do not use", "revoked, next in force", "reserved status",
-    "alert message",
+from withdrawal_builder import (
+    CHAIN_REVOKED,
+    DONT_USE,
+    END_OF_CHAIN,
+    KEY_REVOKED,
+    KINDS,
+    NEW_KEY,
+    NEXT,
+    NOMINAL,
+    OLD,
+    OPERATIONAL,
+    PUBLIC,
+    START,
+    WITHDRAWN_AT,
+    forged_subframes,
+    header_of,
+    nominal,
+    page_of,
+    received,
+    signed,
+    subframe,
+    withdrawal,
 )  # fmt: skip
-
-
-def received(subframes: Iterable[Sequence[InavPage]]) -> tuple[OsnmaReceiver, set[GalileoTime]]:
-    """The receiver at the end, and the times of all keys that it gave out while pages came or afterwards."""
-    receiver = OsnmaReceiver(PUBLIC, alert_message()[1])
-    keys = [key for pages in subframes for page in pages for key in receiver.process(page)]
-    keys += receiver.finish()
-    keys += (*receiver.report().keys, *receiver.filled_keys())
-    return receiver, {key.time for key in keys if key.chain_id == 1}
-
-
-@cache
-def forged_subframes(first: int, step: int = 1) -> list[list[InavPage]]:
-    """What an attacker with the keys of the withdrawn chain may send: root keys of before, then headers of all values.
-
-    Under a header of its own in each subframe no DSM completes, so there the pages with header and key are enough.
-    """
-    operational, announcing = header_of(OPERATIONAL, 1, NOMINAL), header_of(OPERATIONAL, 1, END_OF_CHAIN)
-    sent = [subframe(first + k, operational, signed("old", operational), dsm_id=4) for k in range(8)]
-    sent += [subframe(first + k, announcing, signed("old", announcing), dsm_id=5) for k in range(8, 16)]
-    for k, value in enumerate(range(0, 256, step)):
-        pages = subframe(first + 16 + k, value, signed("old", operational))
-        sent.append([pages[0], *pages[10:]])
-    return sent
 
 
 @pytest.mark.parametrize(
@@ -252,6 +160,55 @@ def test_the_end_of_a_chain_withdraws_nothing() -> None:
     assert report.withheld == ()
 
 
+def shifted(subframes: Iterable[Sequence[InavPage]], seconds: int) -> list[list[InavPage]]:
+    """The same pages with other times, which nobody signs."""
+    return [[replace(page, time=page.time + seconds) for page in pages] for pages in subframes]
+
+
+LATE_S, EARLY_S = 50 * 30, -3 * 3600
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_page_times_do_not_switch_a_withdrawal_off(kind: str, tmp_path: Path) -> None:
+    """The genuine withdrawal is received with times of the future or of the past before it comes with its own."""
+    told = withdrawal(kind)
+    first = WITHDRAWN_AT + len(told)
+    known_from = START + 30 * (first - 1)
+    forged = forged_subframes(first, 37)
+    receiver, times = received([*nominal(), *shifted(told, LATE_S), *told, *forged])
+    assert all(time < known_from for time in times)
+    report = receiver.report()
+    withdrawn = [root.received_at for root in report.verified_roots if root.header.withdraws]
+    assert [*withdrawn, *report.alerts] == [START + 30 * WITHDRAWN_AT]  # its first block completes the message again
+    path = tmp_path / "keys.csv"
+    write_key_file(path, OLD.validated_keys()[:first], report.verified_roots, report.alerts)
+    with pytest.raises(AuthenticationError, match="leave out the keys from then on"):
+        read_key_file(path, PUBLIC)
+    _, times = received([*shifted(told, EARLY_S), *nominal(), *told, *forged])
+    assert times == set()  # the root key of before has the time of the withdrawal, or an earlier one
+
+
+@pytest.mark.parametrize("kind", ["chain revoked", "public key revoked", "do not use"])
+def test_an_earlier_time_costs_no_signature(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A withdrawal, and a message whose signature is wrong, with twenty times, each an hour before the last one."""
+    told = withdrawal(kind)
+    header = header_of(DONT_USE, 1, NOMINAL)
+    wrong = signed("old", header)[:-20] + bytes(20)
+    told += [subframe(index, header, wrong, dsm_id=6) for index in range(20, 28)]
+    verified, verify = [], PublicKey.verify
+
+    def counted(self: PublicKey, message: bytes, signature: bytes) -> None:
+        verified.append(message)
+        verify(self, message, signature)
+
+    monkeypatch.setattr(PublicKey, "verify", counted)
+    receiver, _ = received([pages for hours in range(20) for pages in shifted(told, -3600 * hours)])
+    assert len(verified) == 2
+    (root,) = receiver.report().verified_roots
+    assert root.received_at < START + -18 * 3600
+    assert len(receiver.report().roots) == 2
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_key_file_does_not_bring_them_back(kind: str, tmp_path: Path) -> None:
     """What is written reads back; the file with all keys of the chain is refused."""
@@ -276,23 +233,51 @@ def test_gaps_are_not_filled_with_withdrawn_keys() -> None:
     assert [key.time for key in receiver.filled_keys()] == [START + 30 * k for k in kept]
 
 
+def root_of(name: str, header: int, received_at: GalileoTime, hour: GalileoTime | None = None) -> RootKey:
+    return verify_root_key(parse_kroot(signed(name, header, hour)), NmaHeader(header), PUBLIC, near=received_at)
+
+
+def test_a_root_key_that_was_known_before_a_withdrawal_does_not_end_it() -> None:
+    """The revocation is signed with an older root key, and received with a time before the newer one of the chain."""
+    hour = GalileoTime(1401, 0)
+    operational = header_of(OPERATIONAL, 1, NOMINAL)
+    register = ChainRegister()
+    register.add(root_of("old", operational, hour + 60, hour))
+    register.add(root_of("next", header_of(DONT_USE, 1, CHAIN_REVOKED), START + -3600))
+    (chain, _) = register.chains
+    register.add(root_of("old", operational, hour + 600, hour))
+    assert "chain revoked" in register.refusal(chain, hour + 630)
+    register.add(root_of("old", operational, hour + 3660, hour + 3600))
+    assert register.refusal(chain, hour + 3630) != ""
+    assert register.refusal(chain, hour + 3660) == ""
+
+
+def test_the_time_of_a_root_key_bounds_when_it_was_received() -> None:
+    hour = GalileoTime(1401, 0)
+    register = ChainRegister()
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), START + 60))
+    (chain,) = register.chains
+    changes = register.n_changes
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), START + 30))
+    assert register.n_changes == changes + 1
+    register.add(root_of("old", header_of(OPERATIONAL, 1, NOMINAL), START, hour))  # the key of 30 s before the hour
+    usable = [k for k in range(40) if register.refusal(chain, START + 30 * k) == ""]
+    assert usable == [0, *range(29, 40)]
+    assert register.n_changes == changes + 1
+
+
 def test_the_register_orders_root_keys_by_what_they_say() -> None:
     """A replayed revocation of long ago costs the keys until the next root key, and no longer."""
     register = ChainRegister()
     now = START + 600
 
-    def root_of(name: str, header: int, received_at: GalileoTime, hour: GalileoTime | None = None) -> None:
-        register.add(
-            verify_root_key(parse_kroot(signed(name, header, hour)), NmaHeader(header), PUBLIC, near=received_at)
-        )
-
-    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), START)
+    register.add(root_of("next", header_of(OPERATIONAL, 2, NOMINAL), START))
     (chain,) = register.chains
     assert register.refusal(chain, now) == ""
-    root_of("old", header_of(DONT_USE, 1, NOMINAL), now)  # once genuine
+    register.add(root_of("old", header_of(DONT_USE, 1, NOMINAL), now))  # once genuine
     assert register.refusal(chain, now + -30) == ""
     assert "don't use" in register.refusal(chain, now)
     hour = GalileoTime(1401, 0)
-    root_of("next", header_of(OPERATIONAL, 2, NOMINAL), hour + 120, hour)
+    register.add(root_of("next", header_of(OPERATIONAL, 2, NOMINAL), hour + 120, hour))
     assert register.refusal(chain, hour + 90) != ""
     assert register.refusal(chain, hour + 120) == ""

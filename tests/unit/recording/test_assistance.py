@@ -19,6 +19,7 @@ from vestige.crypto import recs, recs_file
 from vestige.crypto.dsm import NmaHeader
 from vestige.crypto.file_signature import SignatureStatus
 from vestige.crypto.inav import InavPage
+from vestige.crypto.key_file import write_key_file
 from vestige.crypto.recs_name import time_of_deciseconds
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
@@ -129,6 +130,32 @@ def test_a_withdrawal_in_the_pages_holds_for_the_key_file_too(folder: Path, chai
     growing = GrowingAssistance(folder, warn=lambda _error: None)
     growing.look(first, first + 300)
     assert {key.time for key in growing.found.assistance.keys} == {first + 30 * k for k in range(7)}
+
+
+@pytest.mark.parametrize("received_in", [0, 3, 4, 5, 200])
+def test_a_revoked_public_key_brings_no_chain_back(tmp_path: Path, received_in: int) -> None:
+    """A folder below has keys and the root key of a new public key, which revokes the old one from subframe 4 on.
+
+    Above lies the old chain. Its root key is genuine, and nobody signs when it was received: so that may be later.
+    """
+    start = GalileoTime(1400, 7200)
+    old, new = make_chain(b"old", start, 12, chain_id=1), make_chain(b"new", start, 12, chain_id=2)
+    header = NmaHeader(0xAA)  # operational, chain 2, public key revoked
+    revocation = dataclasses.replace(
+        new.root, kroot=sign_kroot(new.kroot, header, new.private_key), header=header, received_at=start + 4 * 30
+    )
+    (tmp_path / "new").mkdir()
+    write_key_file(tmp_path / "new" / "keys.csv", new.validated_keys()[6:9], [revocation])
+    root = dataclasses.replace(old.root, received_at=start + received_in * 30)
+    write_key_file(tmp_path / "keys.csv", old.validated_keys()[2:], [root])
+    for name, chain in (("old.pem", old), ("new.pem", new)):
+        point = chain.private_key.public_key()
+        (tmp_path / name).write_bytes(point.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    result = read_assistance(tmp_path)
+    assert result.assistance.keys == (*old.validated_keys()[2:4], *new.validated_keys()[6:9])
+    (problem,) = result.problems
+    assert "keys.csv: 8 keys are not used" in str(problem)
+    assert "public key revoked" in str(problem)
 
 
 def test_segments_are_in_the_order_of_time_and_decrypt(folder: Path) -> None:

@@ -103,5 +103,9 @@ def test_a_table_of_many_digits_is_one_line() -> None:
 
 
 def test_endless_nesting_is_one_line() -> None:
-    with pytest.raises(InputFileError, match=r"expected at most 20$"):
+    with pytest.raises(VestigeError, match="more than 20 tables and lists in each other"):
         load_scenario(QUICK, ("attack=" + 300 * "[" + 300 * "]",))
+    # 39 tables in each other, of keys that are short enough
+    settings = [f"{'a.' * 19}{name}={{{'a.' * 19}a=1}}" for name in "ab"]
+    with pytest.raises(InputFileError, match=r"expected at most 20$"):
+        load_scenario(QUICK, settings)

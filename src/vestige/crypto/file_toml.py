@@ -1,0 +1,61 @@
+"""TOML from outside, parsed in bounded time: keys and nesting have an end.
+
+Python's parser takes a time that grows with the square of the number of parts of a key `a.b.c`: a file of 80 kB takes a
+minute. And whatever walks through tables in each other needs a stack as deep as they are.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+DEEPEST = 20  # tables and lists in each other, and parts of a key; the deepest that means anything is 5
+
+# Strings of several lines and of one, and comments. An atomic group: a backslash and what it escapes stay together.
+_TEXTS = re.compile(
+    r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*"' r"|'[^'\n]*'" r"|\#[^\n]*",
+    re.DOTALL,
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST}}}")
+_TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    r"""Return the tables of a TOML document.
+
+    Parameters
+    ----------
+    text
+        The document, of at most some MB.
+
+    Raises
+    ------
+    ValueError
+        If it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each other.
+
+    Examples
+    --------
+    >>> parse_toml("[receiver]\nclock.kind = 'none'")
+    {'receiver': {'clock': {'kind': 'none'}}}
+    """
+    bare = _TEXTS.sub(lambda found: "_" + "\n" * found[0].count("\n"), text)
+    if (key := _LONG_KEY.search(bare)) is not None:
+        line = bare.count("\n", 0, key.start()) + 1
+        raise ValueError(f"line {line}: a key of more than {DEEPEST} parts")
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:  # endless brackets
+        raise ValueError(_TOO_DEEP) from None
+    _check_depth(tables)
+    return tables
+
+
+def _check_depth(tables: dict[str, Any]) -> None:
+    holders: list[Any] = [tables]
+    for _ in range(DEEPEST + 1):
+        values = (value for one in holders for value in (one.values() if isinstance(one, dict) else one))
+        holders = [value for value in values if isinstance(value, dict | list)]
+        if not holders:
+            return
+    raise ValueError(_TOO_DEEP)
