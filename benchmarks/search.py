@@ -33,7 +33,6 @@ from pathlib import Path
 import numpy as np
 from scipy import fft
 
-from vestige.acas_processor.search_budget import search_budget
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.recording.recording import open_recording
 from vestige.records import Band, ChipSequence, SampleBatch
@@ -48,6 +47,7 @@ from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
 from vestige.signals.definitions import E1C
+from vestige.theory.search_budget import search_budget
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 480_600)

@@ -15,8 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from vestige.acas_processor.search_budget import roc
-from vestige.acas_processor.thresholds import single_event_pfa, threshold
 from vestige.constants import E6_CARRIER_HZ
 from vestige.plots import roc_curves, write
 from vestige.records import Band, ChipSequence, SampleBatch
@@ -26,6 +24,8 @@ from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
+from vestige.theory.search_budget import roc
+from vestige.theory.thresholds import single_event_pfa, threshold
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 480_600)

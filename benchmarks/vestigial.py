@@ -26,7 +26,6 @@ from pathlib import Path
 import numpy as np
 from scipy.special import bdtr
 
-from vestige.acas_processor.search_budget import search_budget
 from vestige.acas_processor.vestigial import LineStretch, decide_vestigial, handover_line, handover_peaks
 from vestige.receiver.simulation import SVID
 from vestige.records import Band, ChipSequence
@@ -42,6 +41,7 @@ from vestige.scenario.simulated_recording import SimulatedRecording
 from vestige.scenario.test_case import AcasTestCase
 from vestige.scenario.test_case_folder import simulated
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+from vestige.theory.search_budget import search_budget
 
 SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "vestigial.toml"
 UNCERTAINTY_S = 30.0  # ±15 s

@@ -36,8 +36,8 @@ def _once(search: Callable[..., tuple[Acquisition, ...]]) -> Callable[..., tuple
 def e1_acquired_once() -> Iterator[None]:
     """Let every user of the acquisition and of the search of E1 have what was found in equal samples before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vestige.recording.e1_observation.acquire", _once(acquire))
+        patch.setattr("vestige.recording.observations.e1_observation.acquire", _once(acquire))
         kept_search = _once(search_e1)
-        patch.setattr("vestige.recording.label_search.search_e1", kept_search)
+        patch.setattr("vestige.recording.observations.label_search.search_e1", kept_search)
         patch.setattr("vestige.acas_processor.sampled_searches.search_e1", kept_search)
         yield

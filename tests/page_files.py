@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 
 from vestige.crypto.inav import InavPage
-from vestige.recording.test_vector_csv import HEADER
+from vestige.recording.samples.test_vector_csv import HEADER
 
 
 def sbf_block(body: bytes, number: int = 4023, length: int | None = None) -> bytes:

@@ -6,7 +6,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from vestige.navigation.ephemeris import Ephemeris, ephemeris_from_words
-from vestige.recording.navigation_pages import read_pages
+from vestige.recording.navigation.navigation_pages import read_pages
 
 ECCENTRIC = 18  # E18 was left in an orbit of eccentricity 0.16 by its launcher
 

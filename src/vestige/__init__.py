@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
     from vestige.acas_processor.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
-    from vestige.acas_processor.thresholds import probability_of_detection, required_cn0_dbhz, threshold
     from vestige.campaign.results import Results, open_results
     from vestige.errors import VestigeError
-    from vestige.recording.assistance import read_assistance
+    from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource
     from vestige.records import Outcome, Status, Verdict
     from vestige.scenario.load import load_scenario
     from vestige.scenario.scenario_processor import processor_of
     from vestige.scenario.simulated_source import simulate
+    from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, threshold
     from vestige.time import GalileoTime
 
 _HOME = {
@@ -43,11 +43,11 @@ _HOME = {
     "processor_of": "scenario.scenario_processor",
     "open_recording": "recording.recording",
     "open_results": "campaign.results",
-    "probability_of_detection": "acas_processor.thresholds",
-    "read_assistance": "recording.assistance",
-    "required_cn0_dbhz": "acas_processor.thresholds",
+    "probability_of_detection": "theory.thresholds",
+    "read_assistance": "recording.assistance.folder",
+    "required_cn0_dbhz": "theory.thresholds",
     "simulate": "scenario.simulated_source",
-    "threshold": "acas_processor.thresholds",
+    "threshold": "theory.thresholds",
 }
 
 __all__ = [  # noqa: RUF022  (the order of use)

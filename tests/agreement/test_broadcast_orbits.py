@@ -14,7 +14,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import satellite_state
 from vestige.receiver.constellation import INCLINATION_DEG, walker_ephemerides
-from vestige.recording.rinex_navigation import WEEK_OFFSET, read_rinex_navigation, write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import WEEK_OFFSET, read_rinex_navigation, write_rinex_navigation
 from vestige.time import GalileoTime
 
 pyrtklib = pytest.importorskip("pyrtklib", reason="needs pyrtklib, which has no wheel for every Python and system")

@@ -26,7 +26,7 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.rinex import command as rinex
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
 from vestige.navigation.position_fix import geometry_of_sky
-from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 
 ALL_SATELLITES = "constellation.svids=none"
 WEEKS_END = 'start="2026-11-21T23:57:00 GST"'  # week 1422 begins in the middle of 90 epochs

@@ -11,8 +11,8 @@ import pytest
 
 from report_builder import LIFT_OFF, QUICK, SKY, made, threat_folder
 from vestige.campaign.results import open_results
-from vestige.campaign.threat_table import TABLE
 from vestige.report import run_page, threat_page, write_page
+from vestige.threats.table import TABLE
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium, of the extra dev")
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

@@ -19,10 +19,10 @@ from vestige.navigation.earth import local_axes_at
 from vestige.navigation.line_of_sight import ReceiverMotion
 from vestige.receiver.constellation import sky, walker_ephemerides
 from vestige.receiver.trajectory import StaticTrajectory
-from vestige.recording.csv_observations import write_csv_observations
-from vestige.recording.follow_journal import LINES, FollowJournal, Progress
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.recording.live.follow_journal import LINES, FollowJournal, Progress
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

@@ -25,8 +25,8 @@ from vestige.cli.main import main
 from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.follow_journal import LINES, STATE, FollowJournal, Progress
-from vestige.recording.following import Following
+from vestige.recording.live.follow_journal import LINES, STATE, FollowJournal, Progress
+from vestige.recording.live.following import Following
 from vestige.scenario.load import load_scenario
 from vestige.scenario.test_case import AcasTestCase, placed
 from vestige.scenario.test_case_folder import write_companions

@@ -13,7 +13,7 @@ from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.group_delay import inter_frequency_delay_s
-from vestige.recording.assistance import read_assistance
+from vestige.recording.assistance.folder import read_assistance
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "vestigial.toml"
 SMALL = ("--set", "receiver.sample_rate_hz=6.2e6")

@@ -14,7 +14,7 @@ from vestige.cli.recs_make import command as recs_make
 from vestige.cli.simulate import command as simulate
 from vestige.receiver.constellation import sky, walker_ephemerides
 from vestige.receiver.trajectory import StaticTrajectory
-from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.time import GalileoTime
 
 START = GalileoTime.parse("2026-11-21T12:00:16 GST")

@@ -24,12 +24,12 @@ from vestige.cli.simulate import command as simulate
 from vestige.cli.verdicts import COLUMNS, csv_writer
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.assistance import read_assistance
-from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
-from vestige.recording.receiver_corrections import read_hardware_bias
+from vestige.recording.assistance.folder import read_assistance
+from vestige.recording.assistance.receiver_corrections import read_hardware_bias
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
 from vestige.recording.recording import open_recording
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.recording.snapshots import MARGIN_S, RecordingSource
 from vestige.records import Band, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples

@@ -19,9 +19,9 @@ from vestige.cli.inspect import command as inspect
 from vestige.cli.process import command as process
 from vestige.cli.simulate import command as simulate
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
-from vestige.recording.observations import open_observations
+from vestige.recording.observations.observation_file import open_observations
 from vestige.recording.recording import open_recording
-from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Status
 from vestige.scenario import simulated_recording
 from vestige.scenario.campaign import CampaignScenario

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from vestige.acas_processor.thresholds import probability_of_detection, required_cn0_dbhz
 from vestige.cli.theory import command
+from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz
 
 
 def run(*arguments: str) -> Result:

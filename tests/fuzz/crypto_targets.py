@@ -42,8 +42,8 @@ from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree, r
 from vestige.crypto.recs import LENGTHS
 from vestige.crypto.recs_name import parse_name
 from vestige.crypto.simulated_chain import SimulatedChain
-from vestige.recording.navigation_pages import read_pages
-from vestige.recording.sbf import SbfCounts
+from vestige.recording.navigation.navigation_pages import read_pages
+from vestige.recording.observations.sbf import SbfCounts
 from vestige.records import ValidatedKey
 
 # --- RECS, their names and signatures

@@ -26,9 +26,9 @@ from fuzz.mutation import NUMBERS
 from page_files import inav_block
 from vestige.cli.main import main
 from vestige.errors import VestigeError
-from vestige.recording.assistance import read_assistance
-from vestige.recording.assistance_writer import write_assistance
-from vestige.recording.growing_assistance import GrowingAssistance
+from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.assistance.folder import read_assistance
+from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.records import Assistance
 
 _ARGUMENTS = "arguments.json"

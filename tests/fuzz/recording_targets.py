@@ -21,21 +21,21 @@ from vestige.acas_processor.memory import ClockEpoch, OsnmaMemory, RateMemory, S
 from vestige.acas_processor.state import ReceiverState, SearchMemory, TimeUncertainty
 from vestige.errors import VestigeError
 from vestige.receiver.constellation import walker_ephemerides
-from vestige.recording.accelerations import COLUMNS, GrowingAccelerations, read_accelerations
-from vestige.recording.csv_observations import write_csv_observations
+from vestige.recording.assistance.receiver_corrections import read_hardware_bias, read_ionosphere
 from vestige.recording.description import BandFile
-from vestige.recording.follow_journal import STATE, FollowJournal, Progress
-from vestige.recording.growing_observations import GrowingObservations
-from vestige.recording.live_recording import LiveRecording, awaited_observations
+from vestige.recording.live.follow_journal import STATE, FollowJournal, Progress
+from vestige.recording.live.live_recording import LiveRecording, awaited_observations
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
-from vestige.recording.observation_epoch import LIMITS, ObservationEpoch
-from vestige.recording.observations import ObservationTrack, open_observations
-from vestige.recording.receiver_corrections import read_hardware_bias, read_ionosphere
+from vestige.recording.observations.accelerations import COLUMNS, GrowingAccelerations, read_accelerations
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.growing_observations import GrowingObservations
+from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch
+from vestige.recording.observations.observation_file import ObservationTrack, open_observations
+from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.recording.recording import open_recording
-from vestige.recording.rinex_navigation import read_rinex_navigation, write_rinex_navigation
-from vestige.recording.rinex_writer import write_rinex_observations
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sample_stream import SampleStream
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sample_stream import SampleStream
 from vestige.recording.search_log import SearchLog
 from vestige.records import Band, E1Observation, Status
 from vestige.records.checks import CheckName

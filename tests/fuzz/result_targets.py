@@ -27,19 +27,19 @@ from vestige.campaign.store import kept_chunk_epochs, open_store
 from vestige.campaign.store_skeleton import PROGRESS, WORK, work_digest
 from vestige.campaign.sweep import _check_folder as check_folder
 from vestige.campaign.sweep_axes import grid, parse_axis, store_name
-from vestige.campaign.threat_outcome import RunOutcome
-from vestige.campaign.threat_runs import RUNS, read_runs, write_runs
-from vestige.campaign.threat_table import STORE, read_threat_dataset
 from vestige.plots.sweep import read_sweep
 from vestige.receiver.constellation import walker_ephemerides
 from vestige.receiver.empirical_ionosphere import COLUMN, read_residuals
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS
-from vestige.recording.rinex_navigation import write_rinex_navigation
 from vestige.report import Page, is_report, run_page, threat_page, write_page
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario
 from vestige.spoofer.profile_table import read_profile_table
+from vestige.threats.runs import RUNS, read_runs, write_runs
+from vestige.threats.scene_outcome import RunOutcome
+from vestige.threats.table import STORE, read_threat_dataset
 from vestige.time import GalileoTime
 
 _SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"

@@ -34,7 +34,7 @@ INSIDE = {
     "campaign/origin.py: source_digest": _PACKAGE,
     "cli/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
     "crypto/file_signature.py: sign": "the server's side: it signs what it has written",
-    "recording/made_recs.py: make_assistance": _OWN,
+    "recording/assistance/made_recs.py: make_assistance": _OWN,
     "report/page.py: _part": _PACKAGE,
     "scenario/simulated_recording.py: SimulatedRecording.write": _OWN,
     "signals/codes.py: _section": _PACKAGE,

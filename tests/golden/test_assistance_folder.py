@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vestige.crypto import recs, recs_file
-from vestige.recording.assistance import read_assistance
+from vestige.recording.assistance.folder import read_assistance
 from vestige.records import ChipSequence
 from vestige.time import GalileoTime
 

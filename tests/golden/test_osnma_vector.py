@@ -28,7 +28,7 @@ from vestige.crypto.public_key_file import load_public_keys
 from vestige.crypto.root_key import RootKey, verify_root_key
 from vestige.crypto.tesla import Chain, Key, validate
 from vestige.errors import AuthenticationError, VestigeError
-from vestige.recording.navigation_pages import read_pages
+from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.time import GalileoTime
 
 VECTOR = "test_vector_configuration_1_2023-08-16T0500.csv"

@@ -19,7 +19,7 @@ from vestige.acas_processor.processor import AcasProcessor, Step
 from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
 from vestige.cli.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.recording.assistance import read_assistance
+from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import open_recording
 from vestige.recording.snapshots import RecordingSource

@@ -22,7 +22,7 @@ from vestige.cli.process import command as process
 from vestige.cli.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs import encrypt
-from vestige.recording.assistance import read_assistance
+from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording
 from vestige.recording.snapshots import RecordingSource
 from vestige.records import Assistance, ChipSequence, Handover, SampleBatch, Snapshot, Status

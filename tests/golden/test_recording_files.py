@@ -9,8 +9,8 @@ import pytest
 
 from vestige.recording.levels import levels
 from vestige.recording.recording import Recording, open_recording
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sigmf_writer import write_collection, write_sigmf
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Band
 from vestige.time import GalileoTime
 

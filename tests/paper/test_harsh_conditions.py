@@ -19,12 +19,12 @@ from scipy import stats
 from tests.simulated_banks import banks as banks_of
 
 from vestige.acas_processor.detectors import EarlyDetector
-from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import CLUSTER_M, binomial_interval, binomial_test, summarise
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.theory.thresholds import probability_of_detection, threshold
 
 HARSH = Path(__file__).resolve().parents[2] / "scenarios" / "harsh.toml"
 SURE = 1 - 1e-4

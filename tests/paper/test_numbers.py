@@ -6,9 +6,9 @@ from decimal import Decimal
 
 import pytest
 
-from vestige.acas_processor.marcum_q import marcum_q
-from vestige.acas_processor.paper_numbers import NOT_COMPUTED, PaperNumber, Quantity, paper_numbers
-from vestige.acas_processor.thresholds import (
+from vestige.theory.marcum_q import marcum_q
+from vestige.theory.paper_numbers import NOT_COMPUTED, PaperNumber, Quantity, paper_numbers
+from vestige.theory.thresholds import (
     amplitude,
     miss_probability,
     overall_pfa,

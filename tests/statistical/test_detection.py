@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
-from vestige.acas_processor.hypotheses import effective_taps
-from vestige.acas_processor.range_offset import range_offset_m
-from vestige.acas_processor.thresholds import miss_probability, threshold
+from vestige.theory.hypotheses import effective_taps
+from vestige.theory.range_offset import range_offset_m
+from vestige.theory.thresholds import miss_probability, threshold
 
 CHIP_M = 299_792_458 / 5.115e6
 BANK_M = 15.0 * (np.arange(11) - 5)

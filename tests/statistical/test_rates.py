@@ -21,11 +21,11 @@ from tests.simulated_banks import banks as banks_of
 
 from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import MaximumDetector
-from vestige.acas_processor.thresholds import probability_of_detection, threshold
 from vestige.campaign.statistics import binomial_test
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.toml_file import overridden
+from vestige.theory.thresholds import probability_of_detection, threshold
 
 APART_M = 60.0  # more than a chip
 ALPHA = 1e-6

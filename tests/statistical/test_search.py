@@ -13,12 +13,12 @@ from scipy.special import bdtr, pdtr
 
 from builders import START, random_chips
 from search_builder import arrival, e6_source
-from vestige.acas_processor.hypotheses import effective_taps
-from vestige.acas_processor.search_budget import grid_probability_of_detection
-from vestige.acas_processor.thresholds import probability_of_detection, single_event_pfa, threshold
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
 from vestige.sample_processor.search.peak import shortened
+from vestige.theory.hypotheses import effective_taps
+from vestige.theory.search_budget import grid_probability_of_detection
+from vestige.theory.thresholds import probability_of_detection, single_event_pfa, threshold
 
 CHIP_S = 1 / 5.115e6
 TRIALS = 200

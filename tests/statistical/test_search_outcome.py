@@ -12,13 +12,13 @@ from scipy.special import bdtr
 
 from builders import START, random_chips, received_batch, satellite
 from search_builder import arrival, e6_source
-from vestige.acas_processor.search_budget import search_budget
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.search_outcome import WINDOW_S, Air, SearchOutcome, outcome, search_draws
 from vestige.records import Band
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
+from vestige.theory.search_budget import search_budget
 
 ERROR = 1e-4
 NEIGHBOURS = 0.06

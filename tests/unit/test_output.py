@@ -12,19 +12,19 @@ import pytest
 from builders import START
 from full_disk import files_of_at_most
 from vestige import plots
-from vestige.campaign.threat_runs import write_runs
 from vestige.crypto.key_file import write_key_file
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import InputFileError
 from vestige.output import check_output, new_folder, replacement
-from vestige.recording.follow_journal import LINES, FollowJournal
-from vestige.recording.receiver_corrections import write_hardware_bias
-from vestige.recording.sample_format import SampleFormat
+from vestige.recording.assistance.receiver_corrections import write_hardware_bias
+from vestige.recording.live.follow_journal import LINES, FollowJournal
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import SigmfWriter
 from vestige.recording.search_log import SearchLog
-from vestige.recording.sigmf_writer import SigmfWriter
 from vestige.records import Band, SampleBatch
 from vestige.report.page import Page, write_page
 from vestige.sample_processor.search.exhaustive_search import SearchState
+from vestige.threats.runs import write_runs
 
 CHAIN = make_chain(b"test of outputs", START, 3)
 STATE = SearchState(done=1.0, total=2.0, peaks=(), block_start=START, block_magnitude=1.0, blocks=1)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Complex128, Float, Int
 
 from vestige.acas_processor.detectors import Detector
-from vestige.acas_processor.range_offset import range_offset_m
+from vestige.theory.range_offset import range_offset_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.handover import assisted_delay_m
-from vestige.acas_processor.search_budget import search_budget
 from vestige.acas_processor.state import TimeUncertainty
 from vestige.acas_processor.vestigial import (
     E1_WINDOW_S,
@@ -40,6 +39,7 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
+from vestige.theory.search_budget import search_budget
 from vestige.time import GalileoTime
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vestige.acas_processor.search_budget import SearchBudget, search_budget
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.disclosure import ReceptionProof
 from vestige.records import Assistance, ChipSequence
@@ -27,6 +26,7 @@ from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 from vestige.sample_processor.search.handover_search import HandoverLine, positions, search_handover
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import SampleSource
+from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary code

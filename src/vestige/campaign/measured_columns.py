@@ -16,7 +16,6 @@ from jaxtyping import Float, Int64
 from vestige.acas_processor.fix_measurement import LazyFix
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.plan import Column
 from vestige.receiver.e1_taps import TAP_CHIPS
 from vestige.receiver.osnma_reception import as_mask, of_mask, pages_due
@@ -29,6 +28,7 @@ from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Sn
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.stored import StoredScenario
+from vestige.theory.thresholds import threshold
 from vestige.time import GalileoTime
 
 Columns = Mapping[str, np.ndarray]

@@ -20,9 +20,9 @@ from vestige.campaign.results import NAVIGATION_TEXT, attributes_of, scenario_of
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
 from vestige.output import new_folder
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
-from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.recording.navigation.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

@@ -19,7 +19,6 @@ from jaxtyping import Float
 from vestige.acas_processor.measure import detect
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.state import ReceiverState
-from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
 from vestige.campaign.judged_columns import JUDGED_COLUMNS, judged_columns
 from vestige.campaign.measured_columns import (
@@ -48,6 +47,7 @@ from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
+from vestige.theory.thresholds import threshold
 
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")

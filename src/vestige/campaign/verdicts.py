@@ -17,8 +17,8 @@ from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
 from vestige.campaign.results import scenario_of
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.threat_outcome import DAY_S
 from vestige.records import Status
+from vestige.threats.scene_outcome import DAY_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,14 +11,14 @@ from typing import Any
 
 import xarray
 
-from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.results import attributes_of
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
 from vestige.campaign.sweep import Row
-from vestige.campaign.threat_outcome import RunOutcome
 from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.level_report import level_lines, level_values
+from vestige.theory.thresholds import probability_of_detection
+from vestige.threats.scene_outcome import RunOutcome
 
 
 def campaign_json(results: xarray.Dataset) -> str:

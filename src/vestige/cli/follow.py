@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.cli.verdicts import Tally
     from vestige.recording.description import BandFile, RecordingDescription
-    from vestige.recording.follow_journal import FollowJournal
-    from vestige.recording.following import Following
-    from vestige.recording.live_recording import LiveRecording
+    from vestige.recording.live.follow_journal import FollowJournal
+    from vestige.recording.live.following import Following
+    from vestige.recording.live.live_recording import LiveRecording
 
 STDIN = Path("-")
 FINISHED_ONLY = ("calibrate", "write_bias", "strict")
@@ -58,7 +58,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 
 def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
     """Print verdicts and changes of state as they become available, until there is nothing more to come."""
-    from vestige.recording.follow_journal import FollowJournal
+    from vestige.recording.live.follow_journal import FollowJournal
 
     warn = _Warnings()
     following = _following(recording, options, warn)
@@ -78,7 +78,7 @@ def _run(
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.verdicts import Tally, lines, print_changes, print_snapshot
-    from vestige.recording.follow_journal import Progress
+    from vestige.recording.live.follow_journal import Progress
 
     state, tally = None, Tally()
     if journal is not None and journal.progress is not None:
@@ -174,10 +174,10 @@ def _say_what_is_missing(
 def _following(recording: Path, options: dict[str, Any], warn: Callable[[object], None]) -> Following:
     from vestige.constants import SPEED_OF_LIGHT_MPS
     from vestige.errors import VestigeError
-    from vestige.recording.accelerations import GrowingAccelerations
-    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
-    from vestige.recording.following import Following, Patience
-    from vestige.recording.growing_assistance import GrowingAssistance
+    from vestige.recording.assistance.growing_assistance import GrowingAssistance
+    from vestige.recording.live.following import Following, Patience
+    from vestige.recording.observations.accelerations import GrowingAccelerations
+    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
     from vestige.recording.recording import named_observations, unread_observations
 
     description = _stdin_description(options) if recording == STDIN else _description(recording, options)
@@ -245,8 +245,8 @@ def _live(
     around_s: float,
 ) -> LiveRecording:
     from vestige.errors import VestigeError
-    from vestige.recording.live_recording import LiveRecording, buffer_s
-    from vestige.recording.sample_stream import SampleStream
+    from vestige.recording.live.live_recording import LiveRecording, buffer_s
+    from vestige.recording.samples.sample_stream import SampleStream
     from vestige.records import Band
 
     stream, e6 = None, description.bands.get(Band.E6)
@@ -275,7 +275,7 @@ def _description(recording: Path, options: dict[str, Any]) -> RecordingDescripti
     from dataclasses import replace
 
     from vestige.recording.description import redated
-    from vestige.recording.live_recording import awaited_observations
+    from vestige.recording.live.live_recording import awaited_observations
     from vestige.recording.recording import describe_recording, unread_observations
 
     found = describe_recording(recording)
@@ -306,7 +306,7 @@ def _stdin_description(options: dict[str, Any]) -> RecordingDescription:
 def _stdin_file(options: dict[str, Any]) -> BandFile:
     from vestige.errors import VestigeError
     from vestige.recording.description import SAMPLE_RATE_HZ, BandFile, band_of
-    from vestige.recording.sample_format import SampleFormat
+    from vestige.recording.samples.sample_format import SampleFormat
     from vestige.records import Band
 
     needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz",

@@ -13,7 +13,7 @@ from vestige.output import check_output
 
 if TYPE_CHECKING:
     from vestige.crypto.osnma_report import OsnmaReport
-    from vestige.recording.sbf import SbfCounts
+    from vestige.recording.observations.sbf import SbfCounts
     from vestige.time import GalileoTime
     from vestige.validated_key import ValidatedKey
 
@@ -57,8 +57,8 @@ def verify(
     from vestige.crypto.key_file import write_key_file
     from vestige.crypto.osnma import OsnmaReceiver
     from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
-    from vestige.recording.navigation_pages import read_pages
-    from vestige.recording.sbf import SbfCounts
+    from vestige.recording.navigation.navigation_pages import read_pages
+    from vestige.recording.observations.sbf import SbfCounts
 
     if public_key is None and merkle_tree is None:
         raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")

@@ -148,7 +148,7 @@ def command(
 def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
     """Draw the map of a threat table and print the name of the file."""
     from vestige import plots
-    from vestige.campaign.threat_table import read_threat_dataset
+    from vestige.threats.table import read_threat_dataset
 
     if len(folders) > 1:
         raise click.UsageError(f"threats is of one table, found {len(folders)}")

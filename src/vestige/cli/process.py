@@ -118,8 +118,8 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
 
     from vestige.cli.progress import progress
     from vestige.cli.verdicts import csv_writer, print_json, print_table
-    from vestige.recording.assistance import read_assistance
-    from vestige.recording.receiver_corrections import RECEIVER_NAME, write_hardware_bias
+    from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
 
@@ -181,7 +181,7 @@ def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[S
 
 def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
     """Return the uncertainty of the time label where it matters, else 0: E1 samples tell time modulo 100 ms only."""
-    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
     return 0.0 if recording.observations is not None or around_s <= LABEL_TOLERANCE_S else min(around_s, MAX_LABEL_S)
@@ -189,8 +189,8 @@ def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
 
 def _label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
     """Return by how much the time label is late, from the RECS in the samples; says what it found."""
-    from vestige.recording.e1_observation import LABEL_TOLERANCE_S
-    from vestige.recording.label_search import search_label
+    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.observations.label_search import search_label
 
     found = search_label(
         recording,
@@ -258,7 +258,7 @@ def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
     from vestige.acas_processor.fix_measurement import FixSettings
     from vestige.acas_processor.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
-    from vestige.recording.rinex_navigation import read_rinex_navigation
+    from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 
     navigation, settings = options["navigation"], MonitoringSettings()
@@ -274,7 +274,7 @@ def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
 
 def _channels(options: dict[str, Any]) -> OtherChannels:
     """Return what comes beside samples and assistance; of a recording that grows, it comes with each epoch."""
-    from vestige.recording.accelerations import read_accelerations
+    from vestige.recording.observations.accelerations import read_accelerations
     from vestige.recording.recorded_block import OtherChannels
 
     path = options["accelerations"]
@@ -287,7 +287,7 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
     """Return the OSNMA of the second channel, None without one; says what is wrong with them."""
     from vestige.errors import VestigeError
-    from vestige.recording.assistance import read_assistance
+    from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]
     if folder is None:

@@ -56,7 +56,7 @@ def command(
 
     from vestige.cli.options import parse_svids
     from vestige.cli.progress import progress
-    from vestige.recording.made_recs import make_assistance
+    from vestige.recording.assistance.made_recs import make_assistance
     from vestige.recording.recording import open_recording
 
     recording = open_recording(recording_path, start=start)

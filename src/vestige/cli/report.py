@@ -41,10 +41,10 @@ def command(result: Path, output: Path, question: str) -> None:
 def _page(path: Path, question: str) -> Page:
     from vestige.campaign.results import open_results
     from vestige.campaign.sweep import TABLE as SWEEP
-    from vestige.campaign.threat_table import STORE
-    from vestige.campaign.threat_table import TABLE as THREATS
     from vestige.errors import InputFileError, VestigeError
     from vestige.report import run_page, threat_page
+    from vestige.threats.table import STORE
+    from vestige.threats.table import TABLE as THREATS
 
     name = path.resolve().name.removesuffix(".zarr")
     if not (path / "zarr.json").is_file() and not any((path / one).is_file() for one in (THREATS, SWEEP)):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from vestige.cli.search_report import Answer
     from vestige.crypto.recs import CipherMode
     from vestige.recording.recording import Recording
-    from vestige.recording.samples import SampleReader
+    from vestige.recording.samples.sample_file import SampleReader
     from vestige.recording.search_log import SearchLog
     from vestige.records import Assistance, ChipSequence
     from vestige.sample_processor.search.e1_jump import Jump
@@ -205,12 +205,12 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     What the search costs is printed before it starts, and what it finds at once. Ctrl-C ends it; what was found until
     then is printed.
     """
-    from vestige.acas_processor.search_budget import search_budget
     from vestige.acas_processor.vestigial import decide_vestigial, reception_proof
     from vestige.cli.search_figure import SearchFigure
     from vestige.cli.search_report import Answer, follow, print_answers, print_budget
     from vestige.records import Band
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+    from vestige.theory.search_budget import search_budget
 
     recording = _open(recording_path, start)
     folder = _assistance_folder(recording_path, options["assistance"])
@@ -319,7 +319,7 @@ def _codes(
     """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
     from vestige.crypto.recs import decrypt
     from vestige.errors import VestigeError
-    from vestige.recording.assistance import read_assistance
+    from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.snapshots import time_span
 
     found = read_assistance(

@@ -13,10 +13,10 @@ from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.search_budget import SearchBudget
     from vestige.acas_processor.vestigial import VestigialDecision
     from vestige.records import ChipSequence, SampleBatch
     from vestige.sample_processor.acquisition import Acquisition, CellPowers
+    from vestige.theory.search_budget import SearchBudget
     from vestige.time import GalileoTime
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.search_budget import SearchBudget
     from vestige.acas_processor.vestigial import VestigialDecision
     from vestige.crypto.disclosure import ReceptionProof
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
     from vestige.sample_processor.search.peak import Peak
+    from vestige.theory.search_budget import SearchBudget
     from vestige.time import GalileoTime
 
 REPORT_EVERY_S = 5.0  # a line of progress

@@ -13,7 +13,7 @@ from vestige.cli.terminal import echo
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from vestige.acas_processor.paper_numbers import PaperNumber
+    from vestige.theory.paper_numbers import PaperNumber
 
 DEFAULT_P_FA = 1e-7  # [WFO, Sec. VI-A]
 
@@ -70,7 +70,7 @@ def command(
     if p_fa is not None and p_fa_overall is not None:
         raise click.UsageError("give --p-fa or --p-fa-overall, not both")
 
-    from vestige.acas_processor import thresholds as theory
+    from vestige.theory import thresholds as theory
 
     single = DEFAULT_P_FA if p_fa is None else p_fa
     if p_fa_overall is not None:
@@ -121,7 +121,7 @@ def _print_result(result: Mapping[str, float]) -> None:
 
 
 def _print_paper(as_json: bool) -> None:
-    from vestige.acas_processor.paper_numbers import NOT_COMPUTED, paper_numbers
+    from vestige.theory.paper_numbers import NOT_COMPUTED, paper_numbers
 
     rows = paper_numbers()
     if as_json:

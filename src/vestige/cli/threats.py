@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from concurrent.futures import Executor
 
-    from vestige.campaign.threat_matrix import Case, Cell
     from vestige.scenario.campaign import CampaignScenario
-    from vestige.scenario.threats import Threat
+    from vestige.threats.matrix import Case, Cell
+    from vestige.threats.scenes import Threat
 
 QUICK_SEEDS, SEEDS = 6, 100  # six of six are the fewest that say more than a half
 FIGURE = "threats.png"
@@ -84,9 +84,9 @@ def command(
 
     os.environ.update(ONE_THREAD)  # before numpy is loaded: runs are what is parallel
 
-    from vestige.campaign.threat_matrix import case_of, cases
     from vestige.cli.threats_report import expectations_text, threats_json, threats_text
-    from vestige.scenario.threats import LEVELS, read_threats
+    from vestige.threats.matrix import case_of, cases
+    from vestige.threats.scenes import LEVELS, read_threats
 
     threats, shown = _chosen(read_threats(), ids), levels or LEVELS
     if expected:
@@ -130,8 +130,8 @@ def _measured(
     chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
 ) -> Iterator[Cell]:
     """Yield the cells; runs are kept as they end."""
-    from vestige.campaign.threat_matrix import measure_threats
     from vestige.cli.progress import progress
+    from vestige.threats.matrix import measure_threats
 
     kept = "" if output is None else f"what was measured is stored in {output}; the same command again continues there"
     try:
@@ -148,7 +148,7 @@ def _measured(
 def _written(folder: Path, cells: list[Cell]) -> Iterator[Path]:
     """Yield the files of the table and its figure as they are written."""
     from vestige import plots
-    from vestige.campaign.threat_table import STORE, TABLE, threat_dataset, write_table
+    from vestige.threats.table import STORE, TABLE, threat_dataset, write_table
 
     write_table(folder, cells)
     yield folder / TABLE

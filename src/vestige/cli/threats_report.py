@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from vestige.campaign.statistics import Proportion
-from vestige.campaign.threat_matrix import Cell
-from vestige.campaign.threat_outcome import DAY_S, Agreement, SceneOutcome
-from vestige.campaign.threat_table import statistics_of
 from vestige.cli.campaign_report import as_json
-from vestige.scenario.threats import LEVELS, Threat
+from vestige.threats.matrix import Cell
+from vestige.threats.scene_outcome import DAY_S, Agreement, SceneOutcome
+from vestige.threats.scenes import LEVELS, Threat
+from vestige.threats.table import statistics_of
 
 _LONG = 1e6
 WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off

@@ -12,11 +12,11 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from scipy.special import betaincinv
 
-from vestige.acas_processor.thresholds import miss_probability, probability_of_detection
 from vestige.errors import VestigeError
 from vestige.plots.epochs import attribute
 from vestige.plots.figure import BLACK, dress, legend, new_axes
 from vestige.plots.sweep_curves import CN0, COLOURS, abscissa, curves
+from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 CONFIDENCE = 0.95
 _CURVE_POINTS = 300

@@ -6,11 +6,11 @@ import numpy as np
 import xarray
 from matplotlib.axes import Axes
 
-from vestige.acas_processor.marcum_q import marcum_q
-from vestige.acas_processor.thresholds import amplitude
 from vestige.plots.epochs import attribute, column, is_detected, is_missed, magnitudes_sigma, select, title_of
 from vestige.plots.figure import BLACK, BLUE, RED, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
+from vestige.theory.marcum_q import marcum_q
+from vestige.theory.thresholds import amplitude
 
 BIN_SIGMA = 0.25
 _BELOW_LEGEND = 0.84  # of the height of the axes

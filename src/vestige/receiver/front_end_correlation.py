@@ -21,12 +21,12 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.range_offset import range_offset_m
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.front_end import FrontEnd
 from vestige.receiver.quantiser import QUANTISERS
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
+from vestige.theory.range_offset import range_offset_m
 
 LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate: the signal then adds 1 % to the power that is quantised
 

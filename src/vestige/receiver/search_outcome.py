@@ -37,8 +37,6 @@ from functools import cache
 import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int64
 
-from vestige.acas_processor.thermal_noise import MBOC, snapshot_noise_bound_m
-from vestige.acas_processor.thresholds import amplitude, probability_of_detection, threshold
 from vestige.constants import E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -48,6 +46,8 @@ from vestige.signals.definitions import E1C, E6C
 from vestige.signals.pulse import BOC11, BPSK, autocorrelation, band_limited_autocorrelation
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
+from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
+from vestige.theory.thresholds import amplitude, probability_of_detection, threshold
 
 P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it

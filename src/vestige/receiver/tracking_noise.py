@@ -26,12 +26,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.thermal_noise import MBOC, dll_noise_m
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.error_process import Streams, TrackingModel
 from vestige.receiver.gauss_markov import GaussMarkovProcess
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, BPSK, Pulse
+from vestige.theory.thermal_noise import MBOC, dll_noise_m
 
 PulseName = Literal["BOC(1,1)", "MBOC", "BPSK"]
 SHARES: Mapping[PulseName, Mapping[Pulse, float]] = MappingProxyType(

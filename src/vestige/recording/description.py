@@ -21,7 +21,7 @@ from pathlib import Path
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.errors import InputFileError
 from vestige.recording.exact_time import later
-from vestige.recording.sample_format import SampleFormat
+from vestige.recording.samples.sample_format import SampleFormat
 from vestige.records import Band
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty

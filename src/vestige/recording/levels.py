@@ -16,7 +16,7 @@ import scipy.fft
 from jaxtyping import Complex64
 
 from vestige.recording.description import CARRIER_HZ
-from vestige.recording.samples import SampleReader
+from vestige.recording.samples.sample_file import SampleReader
 
 LOOKED_AT = 1 << 20  # samples
 SEGMENT = 1024  # samples of one spectrum

@@ -19,10 +19,10 @@ from pathlib import Path
 
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.description import RecordingDescription, redated
-from vestige.recording.observations import ObservationFile, kind_of, open_observations
+from vestige.recording.observations.observation_file import ObservationFile, kind_of, open_observations
 from vestige.recording.recording_toml import NAME, read_recording_toml
-from vestige.recording.samples import SampleReader, open_samples
-from vestige.recording.sigmf_file import ARCHIVE, COLLECTION, DATA, META, read_collection, read_sigmf
+from vestige.recording.samples.sample_file import SampleReader, open_samples
+from vestige.recording.samples.sigmf_file import ARCHIVE, COLLECTION, DATA, META, read_collection, read_sigmf
 from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 

@@ -49,7 +49,7 @@ from vestige.recording.description import (
     sample_file,
 )
 from vestige.recording.exact_time import later
-from vestige.recording.sample_format import Component, Layout, SampleFormat
+from vestige.recording.samples.sample_format import Component, Layout, SampleFormat
 from vestige.records import Band
 from vestige.time import GalileoTime
 

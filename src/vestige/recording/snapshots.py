@@ -14,12 +14,12 @@ from typing import TypedDict
 
 from vestige.acas_processor.vestigial import TRAVEL_TIME_S
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
-from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
-from vestige.recording.front_end_power import front_end_status
-from vestige.recording.observations import ObservationTrack
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import Recording
-from vestige.recording.samples import SampleReader
+from vestige.recording.samples.front_end_power import front_end_status
+from vestige.recording.samples.sample_file import SampleReader
 from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.sample_processor.correlator import CorrelatableSamples

@@ -8,7 +8,7 @@ from pathlib import Path
 from vestige.report.markup import Html, card, element, joined, markup, number, section, table
 from vestige.report.page import Page
 from vestige.report.threat_table import Cell, ThreatTable, read_threat_table
-from vestige.scenario.threats import read_threats
+from vestige.threats.scenes import read_threats
 
 OWN = "–"  # what stands for the threat of a scenario of the user's
 QUESTION = "Which attack does each mitigation level detect, mitigate or miss, and is that what was expected?"

@@ -26,7 +26,7 @@ from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
 from vestige.receiver.clock import TwoStateClock
 from vestige.receiver.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
-from vestige.recording.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
+from vestige.recording.navigation.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
 from vestige.records import Band
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11

@@ -18,10 +18,10 @@ import numpy as np
 from vestige.errors import VestigeError
 from vestige.output import new_folder
 from vestige.receiver.recorder import ReceivedSatellite, record_band
-from vestige.recording.exports import COPY_BYTES, export
 from vestige.recording.recording import open_recording
-from vestige.recording.sample_format import Component, SampleFormat
-from vestige.recording.sigmf_writer import SigmfWriter, write_collection
+from vestige.recording.samples.exports import COPY_BYTES, export
+from vestige.recording.samples.sample_format import Component, SampleFormat
+from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.time import GalileoTime

@@ -17,8 +17,8 @@ from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
 from vestige.receiver.constellation import ElevationCn0, walker_ephemerides
 from vestige.receiver.elevation import ElevationEffects, SatelliteRange
 from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
-from vestige.recording.rinex_navigation import read_rinex_navigation
 from vestige.scenario.toml_file import MisfitError, Section
 from vestige.time import GalileoTime
 

@@ -24,8 +24,8 @@ from vestige.receiver.simulation import CLOCK_FOLLOWS_S, SVID, Simulation
 from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
 from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
-from vestige.recording.e1_observation import MEDIAN_TRAVEL_TIME_S
-from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
+from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import Assistance, Band, E1Observation, GroupDelay
 from vestige.scenario.campaign import CampaignScenario
 from vestige.signal_generator.keystream import encrypted_component, encryption_key

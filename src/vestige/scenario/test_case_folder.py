@@ -8,9 +8,9 @@ from pathlib import Path
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from vestige.receiver.simulation import SVID
-from vestige.recording.assistance_writer import write_assistance
-from vestige.recording.csv_observations import write_csv_observations
-from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import Band
 from vestige.scenario.simulated_recording import SimulatedRecording
 from vestige.scenario.test_case import AcasTestCase

@@ -111,7 +111,7 @@ def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
         "from distributed import LocalCluster\n"
         "from vestige.cli import threats\n"
         "from vestige.cli.main import main\n"
-        "import vestige.campaign.threat_matrix as matrix\n"
+        "import vestige.threats.matrix as matrix\n"
         "if __name__ == '__main__':\n"
         "    cluster = LocalCluster(n_workers=1, processes=False, dashboard_address=':0', protocol='tcp')\n"
         "    submitted = matrix.measure_threats\n"

@@ -23,15 +23,15 @@ from toy_plan import ToyPlan
 from vestige.campaign.results import attributes_of, open_results, scenario_of
 from vestige.campaign.run import run
 from vestige.campaign.store import open_store
-from vestige.campaign.threat_table import STORE, read_threat_dataset, write_table
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
 from vestige.report import run_page
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.scenario.stored import stored_scenario
-from vestige.scenario.threats import read_threats
-from vestige.scenario.threats import scenario_of as scenario_of_threat
+from vestige.threats.scenes import read_threats
+from vestige.threats.scenes import scenario_of as scenario_of_threat
+from vestige.threats.table import STORE, read_threat_dataset, write_table
 
 PLAN = ToyPlan(n_epochs=10)
 TRUTH = PLAN.measure(0, PLAN.prepare().advance(0, 10))

@@ -13,8 +13,8 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError
 from vestige.navigation.orbit import satellite_state
 from vestige.receiver.constellation import walker_ephemerides
-from vestige.recording.observations import open_observations
-from vestige.recording.rinex_navigation import read_rinex_navigation, write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
+from vestige.recording.observations.observation_file import open_observations
 from vestige.time import GalileoTime
 
 pytestmark = pytest.mark.many_epochs

@@ -20,7 +20,6 @@ import pytest
 import xarray
 
 from vestige.acas_processor.detectors import DETECTORS
-from vestige.acas_processor.thresholds import threshold
 from vestige.campaign.cluster import connect
 from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run
@@ -29,6 +28,7 @@ from vestige.campaign.statistics import summarise
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.theory.thresholds import threshold
 
 pytestmark = pytest.mark.many_epochs
 

@@ -16,7 +16,7 @@ from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.constellation import walker_ephemerides
-from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.records import Status
 from vestige.time import GalileoTime
 

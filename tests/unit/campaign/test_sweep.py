@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from tests.sky_builder import sky_scenario
 
-from vestige.acas_processor.thresholds import probability_of_detection
 from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
 from vestige.campaign.sweep import TABLE, Row, Width, run_sweep
-from vestige.campaign.threat_matrix import measure, window_of
 from vestige.cli.campaign_report import sweep_table
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.theory.thresholds import probability_of_detection
+from vestige.threats.matrix import measure, window_of
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 CHUNK = 500

@@ -14,7 +14,7 @@ from vestige.crypto.file_signature import verify
 from vestige.errors import InputFileError
 from vestige.plots.sweep import read_sweep
 from vestige.receiver.empirical_ionosphere import read_residuals
-from vestige.recording.assistance_files import Settings, read_recs
+from vestige.recording.assistance.assistance_files import Settings, read_recs
 from vestige.report.threat_table import read_threat_table
 from vestige.scenario.load import load_scenario
 from vestige.spoofer.profile_table import read_profile_table

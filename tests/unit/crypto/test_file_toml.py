@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.receiver_corrections import read_hardware_bias
+from vestige.recording.assistance.receiver_corrections import read_hardware_bias
 from vestige.recording.recording_toml import read_recording_toml
 from vestige.scenario.load import load_scenario
 from vestige.scenario.toml_file import overridden, read_toml

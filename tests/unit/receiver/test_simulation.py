@@ -9,7 +9,6 @@ from scipy import stats
 from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 
 from vestige.acas_processor.measurement import Availability
-from vestige.acas_processor.range_offset import range_offset_m
 from vestige.receiver.front_end_correlation import range_offset_scale
 from vestige.receiver.sampled_epoch import received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
@@ -20,6 +19,7 @@ from vestige.scenario.load import load_scenario
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import amplitude, synthesize
+from vestige.theory.range_offset import range_offset_m
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 

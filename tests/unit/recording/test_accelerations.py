@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.accelerations import GrowingAccelerations, read_accelerations
+from vestige.recording.observations.accelerations import GrowingAccelerations, read_accelerations
 from vestige.time import GalileoTime
 
 HEADER = "gst_week,gst_second,east_mps2,north_mps2,up_mps2\n"

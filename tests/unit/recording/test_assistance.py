@@ -23,11 +23,11 @@ from vestige.crypto.key_file import write_key_file
 from vestige.crypto.recs_name import time_of_deciseconds
 from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.recording.assistance import AssistanceFolder, read_assistance
-from vestige.recording.assistance_files import Kind
-from vestige.recording.assistance_writer import write_assistance
-from vestige.recording.growing_assistance import GrowingAssistance
-from vestige.recording.test_vector_csv import HEADER
+from vestige.recording.assistance.assistance_files import Kind
+from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
+from vestige.recording.assistance.growing_assistance import GrowingAssistance
+from vestige.recording.samples.test_vector_csv import HEADER
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay, ReceivedOsnma
 from vestige.time import GalileoTime
 

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.csv_observations import read_csv_observations, write_csv_observations
-from vestige.recording.observation_epoch import LIMITS, ObservationEpoch
+from vestige.recording.observations.csv_observations import read_csv_observations, write_csv_observations
+from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

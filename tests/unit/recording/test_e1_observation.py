@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from builders import START, received_batch, satellite
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.recording.e1_observation import observe, place_travel_times
+from vestige.recording.observations.e1_observation import observe, place_travel_times
 from vestige.records import Band
 
 

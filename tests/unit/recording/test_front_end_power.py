@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from builders import batch_of
-from vestige.recording.front_end_power import front_end_status
-from vestige.recording.sample_format import SampleFormat
+from vestige.recording.samples.front_end_power import front_end_status
+from vestige.recording.samples.sample_format import SampleFormat
 
 
 def test_the_power_is_that_of_the_numbers() -> None:

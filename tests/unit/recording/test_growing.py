@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 
 from builders import START
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.csv_observations import write_csv_observations
+from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.description import BandFile
-from vestige.recording.growing_assistance import GrowingAssistance
-from vestige.recording.growing_observations import GrowingObservations
-from vestige.recording.interpolation import interpolate, is_final
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.observations import ObservationTrack
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sample_stream import BLOCK_BYTES, SampleStream
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.growing_observations import GrowingObservations
+from vestige.recording.observations.interpolation import interpolate, is_final
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.observations.observation_file import ObservationTrack
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.recording.text_lines import LONGEST, GrowingLines
 from vestige.records import Band, E1Observation
 
@@ -255,7 +255,7 @@ def test_what_is_kept_is_whole_and_no_more_than_that(
 def test_problems_of_the_assistance_folder_are_told_when_they_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from vestige.recording import growing_assistance
+    from vestige.recording.assistance import growing_assistance
 
     clock = [100.0]
     monkeypatch.setattr(growing_assistance.time, "monotonic", lambda: clock[0])

@@ -13,11 +13,11 @@ from vestige.crypto import recs, recs_file
 from vestige.crypto.key_file import write_key_file
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.csv_observations import write_csv_observations
 from vestige.recording.inspection import Inspection, inspect_recording
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sigmf_writer import write_sigmf
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import write_sigmf
 from vestige.records import Band, ChipSequence, E1Observation, SampleBatch
 from vestige.time import GalileoTime
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.recording.interpolation import interpolate
-from vestige.recording.observation_epoch import ObservationEpoch
+from vestige.recording.observations.interpolation import interpolate
+from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

@@ -8,8 +8,8 @@ import pytest
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
 from vestige.recording.levels import levels
-from vestige.recording.sample_format import SampleFormat, encode
-from vestige.recording.samples import SampleReader, open_samples
+from vestige.recording.samples.sample_file import SampleReader, open_samples
+from vestige.recording.samples.sample_format import SampleFormat, encode
 from vestige.records import Band
 
 RATE = 12.5e6

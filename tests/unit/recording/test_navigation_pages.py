@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
-from vestige.recording.navigation_pages import read_pages
+from vestige.recording.navigation.navigation_pages import read_pages
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
-from vestige.recording.csv_observations import write_csv_observations
-from vestige.recording.interpolation import interpolate
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.observations import ObservationTrack, kind_of, open_observations
-from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.interpolation import interpolate
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.observations.observation_file import ObservationTrack, kind_of, open_observations
+from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
-from vestige.recording import receiver_corrections
+from vestige.recording.assistance import receiver_corrections
 
 in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.receiver.constellation import walker_ephemerides
-from vestige.recording.rinex_navigation import read_rinex_navigation, write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.time import GalileoTime
 
 TOE = GalileoTime(1372, 604_200)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
-from vestige.recording.rinex_observations import read_rinex_observations
+from vestige.recording.observations.rinex_observations import read_rinex_observations
 from vestige.time import GalileoTime
 
 # Laid out by hand after the tables of the RINEX 3.05 document: mixed GPS and Galileo, events, missing observations.

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vestige.recording.observation_epoch import ObservationEpoch
-from vestige.recording.rinex_observations import read_rinex_observations
-from vestige.recording.rinex_writer import write_rinex_observations
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.observations.rinex_observations import read_rinex_observations
+from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sigmf.sigmffile import dtype_info
 
-from vestige.recording.sample_format import COMPONENTS, SIGMF_FORMATS, SampleFormat, decode, encode
+from vestige.recording.samples.sample_format import COMPONENTS, SIGMF_FORMATS, SampleFormat, decode, encode
 
 FORMATS = [
     SampleFormat(component=component, layout=layout, big_endian=big_endian)  # type: ignore[arg-type]

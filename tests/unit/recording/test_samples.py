@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
-from vestige.recording.sample_format import COMPONENTS, SampleFormat
-from vestige.recording.samples import SampleReader, open_samples
+from vestige.recording.samples.sample_file import SampleReader, open_samples
+from vestige.recording.samples.sample_format import COMPONENTS, SampleFormat
 from vestige.records import Band
 from vestige.time import GalileoTime
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from osnma_builder import make_page, make_word
 from page_files import inav_block, sbf_block
 from vestige.errors import InputFileError
-from vestige.recording.sbf import SbfCounts, read_sbf
+from vestige.recording.observations.sbf import SbfCounts, read_sbf
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 604_799)  # the page ends in the next week

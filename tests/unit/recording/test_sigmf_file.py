@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.recording.description import RecordingDescription
-from vestige.recording.sigmf_file import read_collection, read_sigmf
+from vestige.recording.samples.sigmf_file import read_collection, read_sigmf
 from vestige.records import Band
 from vestige.time import GalileoTime
 

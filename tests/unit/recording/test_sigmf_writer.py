@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from vestige.errors import InputFileError
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.samples import open_samples
-from vestige.recording.sigmf_file import read_collection, read_sigmf
-from vestige.recording.sigmf_writer import SigmfWriter, write_collection, write_sigmf
+from vestige.recording.samples.sample_file import open_samples
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_file import read_collection, read_sigmf
+from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection, write_sigmf
 from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 

@@ -11,7 +11,7 @@ from page_files import vector_csv
 from vestige.crypto.inav import InavPage
 from vestige.crypto.simulated_chain import make_chain
 from vestige.errors import InputFileError
-from vestige.recording.test_vector_csv import HEADER, read_test_vector
+from vestige.recording.samples.test_vector_csv import HEADER, read_test_vector
 from vestige.time import GalileoTime
 
 START = GalileoTime(1251, 604_770)

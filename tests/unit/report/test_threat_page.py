@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from report_builder import rows_of, threat_folder
-from vestige.campaign.threat_table import TABLE
 from vestige.cli.threats import command as threats
 from vestige.report.threat_page import OWN, QUESTION, threat_page
+from vestige.threats.table import TABLE
 
 NOMINAL = {"threat": "A0", "attack": "none", "scene": "clean", "expected_level_1": "pass", "by_chance_of": "0"}
 DIFFERENT = {"scene": "two", "level_1": "DIFFERS", "note": "the bank <moves>"}

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from report_builder import THREAT_ROW, threat_folder
-from vestige.campaign.threat_table import TABLE
 from vestige.errors import InputFileError
 from vestige.report.threat_table import read_threat_table
+from vestige.threats.table import TABLE
 
 
 def table_of(tmp_path: Path, *rows: dict[str, str]) -> Path:

@@ -12,7 +12,7 @@ from tests.sky_builder import SCENARIO, sky_scenario
 from vestige.errors import VestigeError
 from vestige.receiver.constellation import walker_ephemerides
 from vestige.receiver.trajectory import WaypointTrajectory
-from vestige.recording.rinex_navigation import write_rinex_navigation
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.scenario.cautions import cautions
 from vestige.time import GalileoTime
 

@@ -21,8 +21,8 @@ from vestige.acas_processor.baseline import Quantity
 from vestige.acas_processor.checks.check import check_budget, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
-from vestige.acas_processor.thresholds import amplitude
 from vestige.records.checks import CheckName, CheckSeries
+from vestige.theory.thresholds import amplitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,8 +21,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from vestige.acas_processor.marcum_q import marcum_q
 from vestige.signals.pulse import BPSK, Pulse, autocorrelation
+from vestige.theory.marcum_q import marcum_q
 
 
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:

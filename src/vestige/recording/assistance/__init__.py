@@ -1,0 +1,1 @@
+"""The assistance folder: RECS, group delays, keys."""

@@ -1,0 +1,271 @@
+"""The files of an assistance folder, one by one: what each of them is, and what it holds.
+
+| file | what it gives |
+|---|---|
+| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs_file`; a `.bin` that is none (samples, say) is passed over |
+| `*.BGD` | group delays, see `vestige.crypto.group_delay` |
+| `keys.csv` | OSNMA keys, see `vestige.crypto.key_file` |
+| `*.sbf`, `*.csv` with navigation pages | OSNMA keys, see `vestige.recording.navigation.navigation_pages` |
+| `*.xml`, `*.pem` | public key or Merkle tree of OSNMA |
+| `receiver.toml`, `ionosphere.csv` | corrections, see `vestige.recording.assistance.receiver_corrections` |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
+
+from vestige.crypto import group_delay, recs_file
+from vestige.crypto.file_bytes import open_file, read_bytes
+from vestige.crypto.file_signature import SignatureStatus, verify_data
+from vestige.crypto.key_file import load_key_file
+from vestige.crypto.merkle_tree import MerkleTree
+from vestige.crypto.osnma import OsnmaReceiver
+from vestige.crypto.public_key import PublicKey
+from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
+from vestige.crypto.recs_name import parse_name
+from vestige.crypto.root_key import RootKey
+from vestige.errors import AuthenticationError, VestigeError
+from vestige.recording.assistance.receiver_corrections import (
+    IONOSPHERE_NAME,
+    RECEIVER_NAME,
+    read_hardware_bias,
+    read_ionosphere,
+)
+from vestige.recording.navigation.navigation_pages import read_pages
+from vestige.recording.samples import test_vector_csv
+from vestige.records import EncryptedSegment, GroupDelay, ReceivedOsnma
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+KEYS_NAME = "keys.csv"
+_HEAD_BYTES = 1 << 16
+
+
+class Kind(Enum):
+    """What a file of the folder is."""
+
+    RECS = "RECS"
+    GROUP_DELAY = "BGD"
+    KEYS = "OSNMA keys"
+    PAGES = "navigation pages"
+    PUBLIC_KEY = "OSNMA public key"
+    MERKLE_TREE = "OSNMA Merkle tree"
+    RECEIVER = "receiver corrections"
+    IONOSPHERE = "ionosphere"
+
+
+_BY_NAME = {KEYS_NAME: Kind.KEYS, RECEIVER_NAME: Kind.RECEIVER, IONOSPHERE_NAME: Kind.IONOSPHERE}
+_BY_SUFFIX = {".rcs": Kind.RECS, ".bgd": Kind.GROUP_DELAY, ".sbf": Kind.PAGES}
+_BY_HEAD: tuple[tuple[str, Kind, Callable[[bytes], bool]], ...] = (
+    (".bin", Kind.RECS, recs_file.has_recs_header),
+    (".csv", Kind.PAGES, lambda head: head.startswith(test_vector_csv.HEADER.encode())),
+    (".xml", Kind.MERKLE_TREE, lambda head: b"<MerkleTree" in head),
+    (".xml", Kind.PUBLIC_KEY, lambda head: b"<point>" in head),
+    (".pem", Kind.PUBLIC_KEY, lambda head: b"-----BEGIN PUBLIC KEY-----" in head),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trust:
+    """What OSNMA keys must lead to.
+
+    Attributes
+    ----------
+    public_keys
+        Keys that root keys may be signed with.
+    tree
+        The Merkle tree that they were verified against, or None.
+    """
+
+    public_keys: tuple[PublicKey, ...]
+    tree: MerkleTree | None
+
+    @classmethod
+    def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> Trust:
+        """Return the keys of public key files and of a Merkle tree file, verified against the tree if there is one.
+
+        Raises
+        ------
+        AuthenticationError
+            If a key does not lead to the root of the tree.
+        InputFileError, UnsupportedError
+            If a file is not usable.
+        """
+        paths: Sequence[Path | None] = public_keys or [None]  # a tree alone holds keys too
+        keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
+        return cls(public_keys=tuple(keys), tree=None if merkle_tree is None else read_merkle_tree(merkle_tree))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the readers need beside the file.
+
+    Attributes
+    ----------
+    trust
+        What OSNMA keys must lead to; None if nothing is known to trust.
+    server_keys
+        Keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them.
+    signatures
+        Signature files by folder and name of the signed file.
+    reference
+        Resolves 12-bit weeks.
+    window
+        First and last time of transmission of the RECS that are kept.
+    """
+
+    trust: Trust | None = None
+    server_keys: Sequence[EllipticCurvePublicKey] = ()
+    signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
+    reference: GalileoTime | None = None
+    window: tuple[GalileoTime, GalileoTime] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contents:
+    """What one file holds.
+
+    Attributes
+    ----------
+    summary
+        In one line.
+    signature
+        What is known of its origin; None for kinds that are not signed.
+    problems
+        What is wrong with a file of which a part is usable all the same.
+    """
+
+    summary: str
+    signature: SignatureStatus | None = None
+    segments: tuple[EncryptedSegment, ...] = ()
+    group_delays: tuple[GroupDelay, ...] = ()
+    keys: tuple[ValidatedKey, ...] = ()
+    roots: tuple[RootKey, ...] = ()
+    alerts: tuple[GalileoTime, ...] = ()
+    received: tuple[ReceivedOsnma, ...] = ()
+    hardware_bias_s: float | None = None
+    ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
+    problems: tuple[VestigeError, ...] = ()
+
+
+def kind_of(path: Path) -> Kind | None:
+    """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
+
+    Raises
+    ------
+    InputFileError
+        If it cannot be read, or has the name of a RECS file with a date that does not exist.
+    """
+    suffix = path.suffix.lower()
+    named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)
+    if named is not None:
+        return named
+    if suffix == ".bin" and parse_name(path.name) is not None:
+        return Kind.RECS
+    candidates = [(kind, test) for ending, kind, test in _BY_HEAD if ending == suffix]
+    if not candidates:
+        return None
+    with open_file(path) as file:
+        head = file.read(_HEAD_BYTES)
+    return next((kind for kind, test in candidates if test(head)), None)
+
+
+def read_recs(path: Path, settings: Settings) -> Contents:
+    """Return the RECS of a file, within the window."""
+    data, signature = _signed(path, settings, recs_file.MAX_FILE_BYTES)
+    file = recs_file.parse(data, path, reference=settings.reference)
+    segments = file.segments
+    if settings.window is not None:
+        first, last = settings.window
+        segments = tuple(segment for segment in segments if first <= segment.transmit_time <= last)
+    summary = f"E{file.svid:02d}, {len(segments)} RECS" + (f" of {file.n_segments}" if settings.window else "")
+    return Contents(summary=f"{summary}, from {file.start}", signature=signature, segments=segments)
+
+
+def read_group_delays(path: Path, settings: Settings) -> Contents:
+    """Return the group delays of a file."""
+    data, signature = _signed(path, settings, group_delay.MAX_FILE_BYTES)
+    file = group_delay.parse(data, path, reference=settings.reference)
+    summary = f"group delays of {len(file.delays)} satellites, from {file.valid_from}"
+    return Contents(summary=summary, signature=signature, group_delays=file.delays)
+
+
+def read_keys(path: Path, settings: Settings) -> Contents:
+    """Return the validated keys of a key file; who wrote it received them."""
+    file = load_key_file(path, _trust(path, settings).public_keys)
+    return Contents(
+        summary=f"{len(file.keys)} validated keys",
+        keys=file.keys,
+        roots=file.roots,
+        alerts=file.alerts,
+        received=tuple(ReceivedOsnma(svid=None, time=key.time, key=key.data) for key in file.keys),
+    )
+
+
+def read_navigation_pages(path: Path, settings: Settings) -> Contents:
+    """Return the keys that the OSNMA in recorded navigation pages proves, those of lost subframes among them.
+
+    What was demodulated is returned beside them: a forged key is in it. So are the root keys: they may withdraw keys of
+    other files.
+    """
+    trust = _trust(path, settings)
+    receiver = OsnmaReceiver(trust.public_keys, trust.tree)
+    for page in read_pages(path):
+        receiver.process(page)
+    receiver.finish()
+    report = receiver.report()
+    keys = receiver.filled_keys()
+    return Contents(
+        summary=f"{report.n_pages} pages, {len(keys)} validated keys",
+        keys=keys,
+        roots=report.verified_roots,
+        alerts=report.alerts,
+        received=receiver.received(),
+        problems=tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures),
+    )
+
+
+def read_receiver(path: Path, _settings: Settings) -> Contents:
+    """Return the receiver's corrections."""
+    bias_s = read_hardware_bias(path)
+    return Contents(summary=f"E6 front end {bias_s * 1e9:+.3f} ns later than that of E1", hardware_bias_s=bias_s)
+
+
+def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
+    """Return the predicted ionospheric delays."""
+    delays = read_ionosphere(path)
+    return Contents(summary=f"predicted delays of {len(delays)} satellites", ionosphere_e1_m=delays)
+
+
+# Trust is read before all of these, see `Trust.load`.
+READERS: Mapping[Kind, Callable[[Path, Settings], Contents]] = {
+    Kind.RECS: read_recs,
+    Kind.GROUP_DELAY: read_group_delays,
+    Kind.KEYS: read_keys,
+    Kind.PAGES: read_navigation_pages,
+    Kind.RECEIVER: read_receiver,
+    Kind.IONOSPHERE: read_ionosphere_delays,
+}
+
+
+def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, SignatureStatus]:
+    """Return the bytes of a file and what is known of the origin of these very bytes."""
+    data = read_bytes(path, at_most=at_most)
+    signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
+    status = verify_data(data, path, signatures, settings.server_keys)
+    if settings.server_keys and status is not SignatureStatus.VERIFIED:
+        raise AuthenticationError(f"{path}: {status.value}; not used, because a certificate was given")
+    return data, status
+
+
+def _trust(path: Path, settings: Settings) -> Trust:
+    if settings.trust is None:
+        raise AuthenticationError(
+            f"{path}: its keys prove nothing without an OSNMA public key or Merkle tree to lead to"
+        )
+    return settings.trust

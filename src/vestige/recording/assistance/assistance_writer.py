@@ -1,0 +1,97 @@
+"""Writing an assistance folder, for recordings that were made and for simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+
+from vestige.crypto import file_signature, group_delay, recs_file
+from vestige.crypto.key_file import write_key_file
+from vestige.crypto.recs_name import DECISECONDS_PER_WEEK, deciseconds_of_week
+from vestige.crypto.root_key import RootKey
+from vestige.recording.assistance.assistance_files import KEYS_NAME
+from vestige.recording.assistance.receiver_corrections import write_hardware_bias, write_ionosphere
+from vestige.records import Assistance, EncryptedSegment
+
+
+def write_assistance(
+    folder: Path,
+    assistance: Assistance,
+    *,
+    roots: Sequence[RootKey] = (),
+    provider: str = "GSCX",
+    server_key: EllipticCurvePrivateKey | None = None,
+) -> tuple[Path, ...]:
+    """Write all that `assistance` holds into `folder` as the server and the receiver would, and return the files.
+
+    RECS at equal intervals become aggregated files, others unitary ones. A hardware bias of zero and an empty set of
+    ionospheric delays are not written: nobody may have determined them, and without a file they are taken as zero.
+
+    Parameters
+    ----------
+    folder
+        The folder, made if it is not there. Files of the same names are overwritten.
+    assistance
+        What is written. Group delays are rounded to 2⁻³² s.
+    roots
+        Verified root keys that the keys lead to; a key file cannot do without.
+    provider
+        Four letters or digits.
+    server_key
+        Signs RECS and BGD files if given.
+    """
+    if assistance.keys and not roots:
+        raise ValueError("keys are written with the root keys that they lead to")
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [recs_file.from_segments(run, provider=provider) for run in _runs(assistance.segments)]
+    if len({str(file.name) for file in files}) < len(files):
+        raise ValueError(
+            "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
+        )
+    signed = [recs_file.write(file, folder) for file in files]
+    delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
+    for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
+        signed.append(group_delay.write(list(same_time), folder, provider=provider))
+    written = list(signed)
+    if server_key is not None:
+        written += [file_signature.sign(path, server_key) for path in signed]
+    if assistance.keys:
+        write_key_file(folder / KEYS_NAME, assistance.keys, roots)
+        written.append(folder / KEYS_NAME)
+    if assistance.hardware_bias_e1_e6_s:
+        written.append(write_hardware_bias(folder, assistance.hardware_bias_e1_e6_s))
+    if assistance.ionosphere_e1_m:
+        written.append(write_ionosphere(folder, assistance.ionosphere_e1_m))
+    return tuple(written)
+
+
+def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegment]]:
+    """Yield the segments that go into one file each: alike, at equal intervals, as many as fit into the header."""
+
+    def alike(segment: EncryptedSegment) -> tuple[int, int, int, int]:
+        return segment.svid, segment.n_chips, segment.key_delay, segment.random_offset
+
+    ordered = sorted(segments, key=lambda segment: (alike(segment), segment.transmit_time))
+    for _, group in groupby(ordered, key=alike):
+        run: list[EncryptedSegment] = []
+        epochs: list[int] = []
+        for segment in group:
+            time = segment.transmit_time
+            epoch = time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(time)
+            if run and not _fits(epochs, epoch):
+                yield run
+                run, epochs = [], []
+            run.append(segment)
+            epochs.append(epoch)
+        yield run
+
+
+def _fits(epochs: Sequence[int], epoch: int) -> bool:
+    """Return whether `epoch` goes on a run of epochs (ds) at equal intervals, within what a header can say."""
+    period = epoch - epochs[-1]
+    if not 0 < period <= recs_file.MAX_PERIOD_DS or (len(epochs) + 1) * period > recs_file.MAX_DURATION_DS:
+        return False
+    return len(epochs) == 1 or period == epochs[1] - epochs[0]

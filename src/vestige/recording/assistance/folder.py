@@ -1,0 +1,318 @@
+"""The assistance folder: RECS, group delays, OSNMA keys and corrections, as the processor wants them.
+
+What may stand in the folder, or one folder below, is listed in `vestige.recording.assistance.assistance_files`.
+
+Nothing is used that was not validated: a key must lead to the public key or the Merkle tree; when certificates are
+given, a RECS or BGD file must be signed with one of them (they are never taken from the folder itself). Where two files
+contradict each other, neither is used; a key that a signed root key of any file withdraws is not used either. A damaged
+file costs nothing but itself: it is one problem in the report.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vestige.crypto.chain_register import ChainRegister, RevokedKeyError
+from vestige.crypto.file_bytes import list_folder
+from vestige.crypto.file_signature import SignatureStatus, load_public_key, signatures_in
+from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.recording.assistance.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
+from vestige.records import Assistance
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+T = TypeVar("T")
+
+Remembered = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssistanceFile:
+    """A file that was used.
+
+    Attributes
+    ----------
+    content
+        What it holds, in one line.
+    signature
+        What is known of its origin; None for kinds that are not signed.
+    """
+
+    path: Path
+    kind: Kind
+    content: str
+    signature: SignatureStatus | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssistanceFolder:
+    """An assistance folder that was read.
+
+    Attributes
+    ----------
+    assistance
+        What the processor gets: segments and keys in the order of time.
+    files
+        The files that were used.
+    problems
+        Why others, or parts of them, were not.
+    missing
+        What is not there and the processor would want, one line for each kind.
+    """
+
+    assistance: Assistance
+    files: tuple[AssistanceFile, ...]
+    problems: tuple[VestigeError, ...]
+    missing: tuple[str, ...]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What the user should know before trusting a verdict: what was taken on the folder's own word."""
+        anchors = [file.path.name for file in self.files if file.kind in (Kind.PUBLIC_KEY, Kind.MERKLE_TREE)]
+        corrections = [file for file in self.files if file.kind in (Kind.RECEIVER, Kind.IONOSPHERE)]
+        trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "
+        trust += "name your own public key or Merkle tree"
+        return (*([trust] if anchors else []), *(f"{file.path}: {file.content}" for file in corrections))
+
+
+class _Problems:
+    """Collects errors, or raises the first one."""
+
+    def __init__(self, *, strict: bool) -> None:
+        self.collected: list[VestigeError] = []
+        self._strict = strict
+
+    def add(self, problems: Iterable[VestigeError]) -> None:
+        for problem in problems:
+            if self._strict:
+                raise problem
+            self.collected.append(problem)
+
+    def attempt(self, step: Callable[[], T]) -> T | None:
+        """Return what `step` returns, or None if it finds something wrong with a file."""
+        try:
+            return step()
+        except VestigeError as error:
+            self.add([error])
+            return None
+
+
+def read_assistance(
+    folder: Path | str,
+    *,
+    public_key: Path | None = None,
+    merkle_tree: Path | None = None,
+    certificates: Sequence[Path] = (),
+    reference: GalileoTime | None = None,
+    window: tuple[GalileoTime, GalileoTime] | None = None,
+    strict: bool = False,
+    remembered: Remembered | None = None,
+) -> AssistanceFolder:
+    """Return all usable assistance in `folder`, and what is wrong with the rest.
+
+    Parameters
+    ----------
+    folder
+        The folder; its direct subfolders are read too.
+    public_key, merkle_tree
+        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If one is given, those in the folder are not
+        used.
+    certificates
+        PEM public keys or X.509 certificates of the assistance server. If there are any, unsigned files are not used.
+    reference
+        A time within 39 years, which resolves 12-bit weeks where a file's name does not.
+    window
+        Only RECS that are transmitted from the first to the second time are kept: a week of RECS fills gigabytes.
+    strict
+        Raise the first problem instead of collecting it.
+    remembered
+        What the same call found before, brought up to date: RECS and BGD files that did not change are not read again.
+
+    Raises
+    ------
+    InputFileError
+        If there is no such folder, or a file that the caller names is not usable.
+    AuthenticationError
+        If the public key that the caller names does not lead to his Merkle tree.
+    VestigeError
+        If `strict`, for the first file that is not usable.
+    """
+    problems = _Problems(strict=strict)
+    by_kind = _sorted_files(Path(folder), problems)
+    trust_files = {Kind.PUBLIC_KEY: by_kind.pop(Kind.PUBLIC_KEY), Kind.MERKLE_TREE: by_kind.pop(Kind.MERKLE_TREE)}
+    files: list[AssistanceFile] = []
+    if public_key is not None or merkle_tree is not None:
+        trust: Trust | None = Trust.load([public_key] if public_key else [], merkle_tree)
+    else:
+        trust = problems.attempt(partial(_folder_trust, trust_files))
+        if trust is not None:
+            names = ", ".join(str(key) for key in trust.public_keys)
+            files += [
+                AssistanceFile(path=path, kind=kind, content=names)
+                for kind in trust_files
+                for path in trust_files[kind]
+            ]
+    parents = {path.parent for paths in by_kind.values() for path in paths}
+    settings = Settings(
+        trust=trust,
+        server_keys=tuple(load_public_key(path) for path in certificates),
+        signatures={parent: signatures_in(parent) for parent in parents},
+        reference=reference,
+        window=window,
+    )
+    if settings.server_keys:
+        for kind in (Kind.RECEIVER, Kind.IONOSPHERE):
+            problems.add(
+                InputFileError(path, "signature", "a correction, which nobody signs", "signed files only")
+                for path in by_kind[kind]
+            )
+            by_kind[kind] = []
+    read: list[tuple[Path, Contents]] = []
+    for kind, reader in READERS.items():
+        for path in by_kind[kind]:
+            contents = problems.attempt(partial(_contents, reader, path, settings, remembered))
+            if contents is not None:
+                problems.add(contents.problems)
+                read.append((path, contents))
+                files.append(
+                    AssistanceFile(path=path, kind=kind, content=contents.summary, signature=contents.signature)
+                )
+    if remembered is not None:
+        for path in remembered.keys() - {path for path, _ in read}:
+            del remembered[path]
+    assistance = _joined(read, problems)
+    missing = _missing(assistance, files, trust)
+    return AssistanceFolder(
+        assistance=assistance, files=tuple(files), problems=tuple(problems.collected), missing=missing
+    )
+
+
+def _contents(
+    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, remembered: Remembered | None
+) -> Contents:
+    if remembered is None or reader not in (READERS[Kind.RECS], READERS[Kind.GROUP_DELAY]):
+        return reader(path, settings)
+    state = path.stat()
+    signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
+    stamp = (state.st_size, state.st_mtime_ns, settings.window, signatures)
+    if path not in remembered or remembered[path][0] != stamp:
+        remembered[path] = stamp, reader(path, settings)
+    return remembered[path][1]
+
+
+def _sorted_files(folder: Path, problems: _Problems) -> dict[Kind, list[Path]]:
+    """Return the files of a folder, and of the folders in it, by kind."""
+    found = list(list_folder(folder))
+    for path in tuple(found):
+        if path.is_dir() and not path.name.startswith("."):
+            found += problems.attempt(partial(list_folder, path)) or ()
+    by_kind: dict[Kind, list[Path]] = {kind: [] for kind in Kind}
+    for path in found:
+        if path.is_file() and not path.name.startswith("."):
+            kind = problems.attempt(partial(kind_of, path))
+            if kind is not None:
+                by_kind[kind].append(path)
+    return by_kind
+
+
+def _folder_trust(files: Mapping[Kind, Sequence[Path]]) -> Trust | None:
+    """Return what the folder itself offers to trust, or None; two Merkle trees are none."""
+    public_keys, trees = files[Kind.PUBLIC_KEY], files[Kind.MERKLE_TREE]
+    if len(trees) > 1:
+        raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
+    return Trust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
+
+
+def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assistance:
+    """Return what all files hold together, RECS and keys in the order of time."""
+    segments = (
+        ((s.transmit_time, s.svid, -s.n_chips, s.key_delay, s.random_offset), s, path)
+        for path, contents in read
+        for s in contents.segments
+    )
+    delays = (((d.svid, d.valid_from), d, path) for path, contents in read for d in contents.group_delays)
+    keys = ((key.time, key, path) for path, key in _usable_keys(read, problems))
+    ionosphere = ((svid, (svid, m), path) for path, contents in read for svid, m in contents.ionosphere_e1_m.items())
+    biases = ((0, c.hardware_bias_s, path) for path, c in read if c.hardware_bias_s is not None)
+    return Assistance(
+        segments=_agreed("RECS", segments, problems),
+        group_delays=_agreed("group delays", delays, problems),
+        keys=_agreed("OSNMA keys", keys, problems),
+        received=tuple(sorted({one for _, contents in read for one in contents.received}, key=lambda one: one.time)),
+        hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # one or none
+        ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
+    )
+
+
+def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> list[tuple[Path, ValidatedKey]]:
+    """Return the keys that no signed root key withdraws, in whichever file it is."""
+    register = ChainRegister()
+    roots = (root for _, contents in read for root in contents.roots)
+    for root in sorted(roots, key=lambda root: root.received_at):
+        with suppress(RevokedKeyError):  # none of its keys was taken, unless by a file that did not know better
+            register.add(root)
+    for _, contents in read:
+        for time in contents.alerts:
+            register.add_alert(time)
+    usable = []
+    for path, contents in read:
+        refused = []
+        for key in contents.keys:
+            refusal = register.refusal_of(key)
+            if refusal:
+                refused.append(f"key of {key.time}: {refusal}")
+            else:
+                usable.append((path, key))
+        if refused:
+            problems.add([AuthenticationError(f"{path}: {len(refused)} keys are not used, the first: {refused[0]}")])
+    return usable
+
+
+def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:
+    """Return things in the order of their keys; what two files say differently under one key is left out."""
+    found: dict[Any, tuple[T, Path]] = {}
+    contradicted = set()
+    between: Counter[tuple[Path, Path]] = Counter()
+    for key, thing, path in things:
+        earlier, earlier_path = found.setdefault(key, (thing, path))
+        if earlier != thing:
+            contradicted.add(key)
+            between[path, earlier_path] += 1
+    problems.add(
+        InputFileError(path, what, f"{count} other than in {earlier_path.name}", "the same; neither is used")
+        for (path, earlier_path), count in between.items()
+    )
+    return tuple(found[key][0] for key in sorted(found) if key not in contradicted)
+
+
+def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Trust | None) -> tuple[str, ...]:
+    """Return what the processor would want beside what there is, one line for each kind."""
+    missing = []
+    if trust is None:
+        missing.append("OSNMA public key or Merkle tree: none, so no key can be validated")
+    if not assistance.segments:
+        missing.append("RECS: none")
+    needed = {segment.key_time for segment in assistance.segments}
+    absent = sorted(needed - {key.time for key in assistance.keys})
+    if absent:
+        missing.append(f"OSNMA keys: {len(absent)} of the {len(needed)} that the RECS need, the first of {absent[0]}")
+    elif not assistance.keys:
+        missing.append("OSNMA keys: none")
+    without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}
+    if without:
+        missing.append(f"group delays: none of {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
+    kinds = {file.kind for file in files}
+    if Kind.RECEIVER not in kinds:
+        missing.append("receiver.toml: none, so the delay between the front ends is taken as 0")
+    if Kind.IONOSPHERE not in kinds:
+        missing.append("ionosphere.csv: none, so no ionospheric delay is predicted")
+    unverified = sum(file.signature not in (None, SignatureStatus.VERIFIED) for file in files)
+    if unverified:
+        missing.append(f"signatures: {unverified} files are not verified to be the server's")
+    return tuple(missing)

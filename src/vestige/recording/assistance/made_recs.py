@@ -1,0 +1,194 @@
+"""RECS for a recording whose E6-C was not encrypted, so that the whole chain can run on a real signal.
+
+The transmitted E6-C chips (primary ⊕ secondary code) stand for the encrypted code: they are the ECS. Re-encrypted
+under an OSNMA key they become RECS, as a server would publish them, with times of transmission on whole deciseconds,
+where E6-C's secondary code starts. The processor learns nothing else from this. What it cannot show is secrecy:
+anybody knows these chips.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.recs import LENGTHS, SegmentLength, encrypt, key_time
+from vestige.errors import VestigeError
+from vestige.output import new_folder
+from vestige.recording.assistance.assistance_files import KEYS_NAME, kind_of
+from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.assistance.folder import read_assistance
+from vestige.recording.recording import Recording
+from vestige.recording.snapshots import ALL_SVIDS, satellites_in_view
+from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay
+from vestige.signals.codes import tiered_code
+from vestige.signals.definitions import E6C
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+
+def transmit_times(
+    first: GalileoTime, last: GalileoTime, *, travel_s: Iterable[float], duration_s: float, interval_s: float
+) -> tuple[GalileoTime, ...]:
+    """Return the deciseconds of transmission whose segments all satellites bring completely into the samples.
+
+    Parameters
+    ----------
+    first, last
+        Receiver-clock time of the first and after the last sample.
+    travel_s
+        Apparent travel times of the satellites, c · pseudorange, in s.
+    duration_s
+        Length of a segment.
+    interval_s
+        Time between segments, a multiple of 0.1 s.
+    """
+    travel = tuple(travel_s)
+    step = round(interval_s * 10)
+    if step < 1 or abs(step - interval_s * 10) > 1e-9:
+        raise ValueError(f"the interval between RECS must be a multiple of 0.1 s, not {interval_s}")
+    earliest, latest = first + -min(travel), last + -(max(travel) + duration_s)
+    tick = GalileoTime(earliest.week, earliest.second)
+    ticks = int((earliest - tick) * 10) + 1
+    times = []
+    while (time := tick + ticks / 10) <= latest:
+        exact = GalileoTime(time.week, time.second, round(time.fraction, 1) % 1.0)
+        times.append(exact)
+        ticks += step
+    return tuple(times)
+
+
+def make_segments(
+    svids: Iterable[int],
+    times: Iterable[GalileoTime],
+    keys: Iterable[ValidatedKey],
+    *,
+    length: SegmentLength,
+    key_delay: int = 0,
+) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS of every satellite at every time for which there is a key.
+
+    Parameters
+    ----------
+    svids
+        Satellites.
+    times
+        Times of transmission on whole deciseconds.
+    keys
+        Validated keys, in any order.
+    length
+        Length of the segments.
+    key_delay
+        KDI: 0 the key of the segment's own subframe, 1 that of the next.
+    """
+    by_time = {key.time: key for key in keys}
+    segments = []
+    for time in times:
+        key = by_time.get(key_time(time, key_delay))
+        if key is None:
+            continue
+        for svid in svids:
+            # every decisecond of Galileo time starts a period of the secondary code [E6-CODES]
+            chips = ChipSequence(
+                svid=svid,
+                transmit_time=time,
+                chip_rate_hz=E6C.chip_rate_hz,
+                chips=tiered_code(E6C, svid)[: length.n_chips],
+            )
+            segments.append(encrypt(chips, key.data, key_delay=key_delay))
+    return tuple(segments)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeAssistance:
+    """An assistance folder that was made: its RECS, and the files in it."""
+
+    segments: tuple[EncryptedSegment, ...]
+    files: tuple[Path, ...]
+
+
+def make_assistance(
+    recording: Recording,
+    *,
+    keys_path: Path,
+    output: Path,
+    public_key: Path | None = None,
+    merkle_tree: Path | None = None,
+    duration_ms: int = 16,
+    interval_s: float = 30.0,
+    key_delay: int = 0,
+    svids: tuple[int, ...] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> MadeAssistance:
+    """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor.
+
+    Parameters
+    ----------
+    keys_path
+        Key file, or navigation pages with OSNMA; copied into the folder.
+    output
+        Folder to make; must not exist.
+    public_key, merkle_tree
+        What the keys must lead to; copied into the folder.
+    duration_ms, interval_s
+        Length of the RECS and the time between them.
+    svids
+        Satellites to make RECS for; () for those that E1 sees.
+    progress
+        Called with the number of satellites that E1 was searched for, and of all.
+
+    Raises
+    ------
+    InputFileError
+        If the folder exists, or a file is not usable.
+    VestigeError
+        If no satellite is seen, no segment fits into the recording, or no key is of its time.
+    """
+    with new_folder(output) as unfinished:
+        name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name
+        for path, copy in ((keys_path, name), *((path, path.name) for path in (public_key, merkle_tree) if path)):
+            shutil.copyfile(path, unfinished / copy)
+        keys = read_assistance(unfinished, public_key=public_key, merkle_tree=merkle_tree, strict=True).assistance.keys
+        segments = _segments_of(recording, keys, duration_ms, interval_s, key_delay, svids, progress)
+        first = min(segment.transmit_time for segment in segments)
+        delays = tuple(
+            GroupDelay(svid=svid, bgd_e1_e6_s=0.0, valid_from=first) for svid in sorted({one.svid for one in segments})
+        )
+        write_assistance(unfinished, Assistance(segments=segments, group_delays=delays))
+    return MadeAssistance(segments=segments, files=tuple(sorted(path for path in output.iterdir())))
+
+
+def _segments_of(
+    recording: Recording,
+    keys: tuple[ValidatedKey, ...],
+    duration_ms: int,
+    interval_s: float,
+    key_delay: int,
+    svids: tuple[int, ...],
+    progress: Callable[[int, int], None] | None,
+) -> tuple[EncryptedSegment, ...]:
+    """Return the RECS that fit into the recording and have a key."""
+    if abs(interval_s * 10 - round(interval_s * 10)) > 1e-9:
+        raise VestigeError(f"interval between RECS: found {interval_s} s, expected a multiple of 0.1 s")
+    reader = recording.e6
+    if reader is None:
+        raise VestigeError(f"{recording.description.path}: no E6 samples, so no RECS can be made for it")
+    seen = satellites_in_view(recording, svids or ALL_SVIDS, progress=progress)
+    if not seen:
+        raise VestigeError(f"{recording.description.path}: no satellite is seen on E1, so no RECS can be timed")
+    first, last = reader.start, reader.start + reader.duration_s
+    travel_s = [one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in seen.values()]
+    length = next(length for length in LENGTHS if length.duration_ms == duration_ms)
+    times = transmit_times(first, last, travel_s=travel_s, duration_s=duration_ms / 1e3, interval_s=interval_s)
+    if not times:
+        raise VestigeError(
+            f"{recording.description.path}: {reader.duration_s:g} s of E6 hold no {duration_ms} ms of every satellite "
+            "from a tenth of a second on; a longer recording or a shorter RECS does"
+        )
+    segments = make_segments(svids or sorted(seen), times, keys, length=length, key_delay=key_delay)
+    if not segments:
+        span = f"{keys[0].time} to {keys[-1].time}" if keys else "none"
+        raise VestigeError(f"no OSNMA key is of the recording's time, {first} to {last}; keys: {span}")
+    return segments

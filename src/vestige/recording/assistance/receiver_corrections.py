@@ -1,0 +1,100 @@
+"""What the user knows of his receiver and of the sky, as two small files beside the assistance.
+
+`receiver.toml` holds the calibrated delay of the E6 front end minus that of E1, in one of two units::
+
+    hardware_bias_e1_e6_m = -20.6         # or hardware_bias_e1_e6_s = -6.87e-8; positive: E6 arrives later
+
+`ionosphere.csv` holds the predicted slant ionospheric delay on E1 in m, for example from NeQuick-G or a map::
+
+    svid,slant_delay_e1_m
+    11,3.2
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.file_toml import parse_toml
+from vestige.errors import InputFileError
+from vestige.output import replacement
+from vestige.recording.observations.observation_epoch import checked_svid
+from vestige.recording.text_lines import numbered_lines
+
+RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
+HEADER = "svid,slant_delay_e1_m"
+MAX_BIAS_S = 1e-3  # beyond is a slip of the unit; the largest that was published is 5.4 µs
+MAX_DELAY_M = 1000.0  # beyond is no ionosphere
+
+_UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_LIGHT_MPS}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+
+def read_hardware_bias(path: Path) -> float:
+    """Return the delay of the E6 front end minus that of E1 in s that `receiver.toml` gives.
+
+    Raises
+    ------
+    InputFileError
+        If the file is not TOML, or does not hold exactly one of the two keys with a number of at most ± 1 ms.
+    """
+    try:
+        table = parse_toml(read_bytes(path, at_most=1 << 20).decode())
+    except ValueError as error:
+        raise InputFileError(path, "content", str(error), "a TOML file") from error
+    if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
+        raise InputFileError(path, "keys", ", ".join(table) or "none", f"one of {' and '.join(_UNIT_S)}")
+    ((key, value),) = table.items()
+    number = value * _UNIT_S[key] if type(value) in (int, float) and abs(value) < 1e9 else None  # a bool is no number
+    if number is None or not abs(number) <= MAX_BIAS_S:
+        raise InputFileError(path, key, value, f"a number, at most ± {MAX_BIAS_S / _UNIT_S[key]:g}")
+    return number
+
+
+def read_ionosphere(path: Path) -> Mapping[int, float]:
+    """Return the predicted slant ionospheric delay on E1 in m by SVID that `ionosphere.csv` gives.
+
+    Raises
+    ------
+    InputFileError
+        If the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000 m.
+    """
+    delays: dict[int, float] = {}
+    lines = numbered_lines(path)
+    _, header = next(lines, (1, ""))
+    if header.strip() != HEADER:
+        raise InputFileError(path, "line 1", header, HEADER)
+    for number, line in lines:
+        if not line.strip():
+            continue
+        values = [value.strip() for value in line.split(",")]
+        if len(values) != 2:
+            raise InputFileError(path, f"line {number}", f"{len(values)} values", "2 values")
+        svid = checked_svid(path, number, values[0])
+        if svid in delays:
+            raise InputFileError(path, f"line {number}: svid", svid, "each satellite once")
+        if not _NUMBER.fullmatch(values[1]) or not 0 <= float(values[1]) <= MAX_DELAY_M:
+            raise InputFileError(
+                path, f"line {number}: slant_delay_e1_m", values[1], f"a number from 0 to {MAX_DELAY_M:g}"
+            )
+        delays[svid] = float(values[1])
+    return delays
+
+
+def write_hardware_bias(folder: Path, bias_s: float) -> Path:
+    """Write `receiver.toml` with the delay of the E6 front end minus that of E1 in s, and return its path."""
+    path = folder / RECEIVER_NAME
+    with replacement(path) as part:
+        part.write_text(f"hardware_bias_e1_e6_s = {float(bias_s)!r}\n", encoding="ascii", newline="\n")
+    return path
+
+
+def write_ionosphere(folder: Path, delays_m: Mapping[int, float]) -> Path:
+    """Write `ionosphere.csv` with predicted slant delays on E1 in m by SVID, and return its path."""
+    path = folder / IONOSPHERE_NAME
+    rows = [f"{svid},{float(delays_m[svid])!r}" for svid in sorted(delays_m)]
+    path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="ascii", newline="\n")
+    return path

@@ -1,0 +1,238 @@
+"""Follows a recording while it is written: each RECS epoch as soon as everything that a verdict needs is there.
+
+Theory of operation
+-------------------
+An epoch needs four things, which come at different times: its RECS (downloaded days ago), its samples, the E1
+observations around it, and the OSNMA key, which is complete half a minute to a minute after the samples were taken.
+Where there is a second channel or there are accelerometers, the keys and the accelerations of that time are waited for,
+too. Then its snapshot is that of the finished recording, bit for bit: the samples reach as far as any search may look,
+and more observations would change nothing (`ObservationTrack.settled`).
+
+Epochs are handed out in the order of time, because the state of the receiver goes from one to the next. One that waits
+for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
+`wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
+
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
+which samples are there and which may go is answered as of that same look.
+
+Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
+is handed out as it is, as from a finished recording.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.recording.assistance.growing_assistance import GrowingAssistance
+from vestige.recording.live.live_recording import LiveRecording
+from vestige.recording.observations.accelerations import GrowingAccelerations
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
+from vestige.recording.recorded_block import OtherChannels
+from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
+from vestige.records import Assistance, EncryptedSegment, Snapshot
+from vestige.records.recs_block import segments_between
+from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """How long to wait for what, in s.
+
+    Attributes
+    ----------
+    poll_s
+        Between two looks.
+    wait_s
+        For the key and the observations of an epoch whose samples are there.
+    idle_s
+        For anything new before the recording counts as finished; None to wait for ever.
+    """
+
+    poll_s: float = 1.0
+    wait_s: float = 180.0
+    idle_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowedEpoch:
+    """A RECS epoch that is ready.
+
+    Attributes
+    ----------
+    sent
+        Time of transmission of its RECS.
+    assistance
+        What is known by now.
+    channels
+        What the second channel has of OSNMA by now, and the accelerations since the epoch before and further.
+    """
+
+    sent: GalileoTime
+    snapshot: Snapshot
+    assistance: Assistance
+    channels: OtherChannels
+
+
+@dataclass(slots=True, kw_only=True)
+class Following:
+    """The epochs of a recording that grows; iterate once.
+
+    Attributes
+    ----------
+    live, folder, second, accelerations
+        What grows; the second channel's folder of OSNMA keys and the file of inertial sensors, if there are such.
+    time_uncertainty_s
+        Bound on the receiver clock's error.
+    searchable
+        As `RecordingSource`.
+    cn0_estimator
+        As `RecordingSource`.
+    hardware_bias_s
+        Delay of E6 minus E1 in the receiver, in place of that of the folder.
+    patience
+        How long to wait.
+    index
+        Number of the next snapshot.
+    after
+        Time of the last RECS that needs no snapshot any more, None at first.
+    """
+
+    live: LiveRecording
+    folder: GrowingAssistance
+    second: GrowingAssistance | None = None
+    accelerations: GrowingAccelerations | None = None
+    time_uncertainty_s: float
+    searchable: bool
+    cn0_estimator: str = NOISE_FLOOR
+    hardware_bias_s: float | None = None
+    patience: Patience
+    index: int = 0
+    after: GalileoTime | None = None
+
+    def __iter__(self) -> Iterator[FollowedEpoch]:
+        """Yield the epochs in the order of time; raises as what it reads."""
+        complete_since: dict[GalileoTime, float] = {}
+        news_s = time.monotonic()
+        while True:
+            if self._look(complete_since) or self.live.full:  # a pipe that is not read cannot have news
+                news_s = time.monotonic()
+            while (epoch := self._next(complete_since, finished=False)) is not None:
+                yield epoch
+                news_s = time.monotonic()
+                self._look(complete_since)
+            idle = self.patience.idle_s is not None and time.monotonic() - news_s >= self.patience.idle_s
+            if self.live.ended or idle:
+                break
+            self.live.wait(self.patience.poll_s)
+        self.live.finish()
+        while (epoch := self._next(complete_since, finished=True)) is not None:
+            yield epoch
+            self._look(complete_since)
+        for growing in (self.folder, self.second):
+            if growing is not None:
+                growing.tell()
+
+    def _look(self, complete_since: dict[GalileoTime, float]) -> bool:
+        """Take in what is new; return whether anything is."""
+        changed = self.live.look()
+        begin = self.live.start + -TRAVEL_TIME_S[1]
+        changed |= self.folder.look(begin if self.after is None else self.after, max(self.live.end, begin))
+        if self.second is not None:
+            changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
+        if self.accelerations is not None:
+            changed |= self.accelerations.look()
+        for one in [one for one in complete_since if self.after is not None and one <= self.after]:
+            del complete_since[one]
+        to_come = self._to_come()
+        for number, one in enumerate(to_come):
+            if self.live.complete(one) or (self.live.full and number == 0):
+                complete_since.setdefault(one, time.monotonic())
+        self.live.keep(to_come, self._known_until)
+        return changed
+
+    @property
+    def _known_until(self) -> GalileoTime:
+        """Time of transmission up to which it is known which RECS may be in the samples by now."""
+        return min(self.live.end + -TRAVEL_TIME_S[0], self.folder.until)
+
+    def _to_come(self) -> list[GalileoTime]:
+        """Return the times of the RECS that need a snapshot yet, as far as they may be in the samples by now."""
+        segments = self.folder.found.assistance.segments
+        low = bisect_left(segments, self.live.start + -TRAVEL_TIME_S[1], key=_sent)
+        if self.after is not None:
+            low = max(low, bisect_right(segments, self.after, key=_sent))
+        high = bisect_right(segments, self._known_until, key=_sent)
+        return sorted({one.transmit_time for one in segments[low:high]})
+
+    def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
+        """Return the next epoch if it is ready, or if nothing more will come."""
+        sent = next(iter(self._to_come()), None)
+        if sent is None:
+            return None
+        if not finished:
+            overdue = time.monotonic() - complete_since.get(sent, math.inf) >= self.patience.wait_s
+            if not (overdue or self._is_ready(sent)):
+                return None
+        return self._handed_out(sent)
+
+    def _is_ready(self, sent: GalileoTime) -> bool:
+        """Return whether everything is there that the finished recording will have for an epoch."""
+        return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
+
+    def _has_keys(self, sent: GalileoTime) -> bool:
+        assistance = self.folder.found.assistance
+        known = {key.time for key in assistance.keys}
+        if not all(one.key_time in known for one in segments_between(assistance, sent, sent)):
+            return False
+        # the newest key that a finished recording compares is that of the subframe in which the RECS was sent
+        return self.second is None or any(sent - one.time < SUBFRAME_S for one in self.second.found.assistance.keys)
+
+    def _is_observed(self, sent: GalileoTime) -> bool:
+        """Return whether the observations are final, and the samples reach as far as they say."""
+        track, at = self.live.track, sent + MEDIAN_TRAVEL_TIME_S
+        if track is None:
+            return True
+        if not track.settled(at):
+            return False
+        self.live.place([one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()])
+        return self.live.complete(sent)
+
+    def _is_sensed(self, sent: GalileoTime) -> bool:
+        """Return whether the accelerations reach as far as the snapshot's time may be."""
+        return self.accelerations is None or self.accelerations.reaches(sent + (MEDIAN_TRAVEL_TIME_S + E1_WINDOW_S))
+
+    def _handed_out(self, sent: GalileoTime) -> FollowedEpoch:
+        assistance = self.folder.found.assistance
+        if self.hardware_bias_s is not None:
+            assistance = replace(assistance, hardware_bias_e1_e6_s=self.hardware_bias_s)
+        source = RecordingSource(
+            recording=self.live.recording(sent),
+            assistance=assistance,
+            time_uncertainty_s=self.time_uncertainty_s,
+            searchable=self.searchable,
+            cn0_estimator=self.cn0_estimator,
+        )
+        own = tuple(one for one in segments_between(assistance, sent, sent) if one.transmit_time == sent)
+        snapshot = source.snapshot(self.index, sent, own, self.live.observed())
+        self.index, self.after = self.index + 1, sent
+        second = None if self.second is None else self.second.found.assistance
+        sensed = None if self.accelerations is None else self.accelerations.found
+        if self.accelerations is not None:
+            self.accelerations.release(snapshot.time)
+        return FollowedEpoch(
+            sent=sent,
+            snapshot=snapshot,
+            assistance=assistance,
+            channels=OtherChannels(second_channel=second, accelerations=sensed),
+        )
+
+
+def _sent(segment: EncryptedSegment) -> GalileoTime:
+    return segment.transmit_time

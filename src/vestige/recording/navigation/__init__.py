@@ -1,0 +1,1 @@
+"""Navigation data: ephemerides and I/NAV pages."""

@@ -1,0 +1,44 @@
+"""Navigation pages of a file, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from vestige.crypto.file_bytes import open_file
+from vestige.crypto.inav import InavPage
+from vestige.errors import InputFileError
+from vestige.recording.observations import sbf
+from vestige.recording.samples import test_vector_csv
+from vestige.time import GalileoTime
+
+_HEAD_BYTES = 1 << 16  # an SBF file that starts in the middle of a block has a sync within the longest block
+
+
+def read_pages(
+    path: Path, *, start: GalileoTime | None = None, counts: sbf.SbfCounts | None = None
+) -> Iterator[InavPage]:
+    """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells which it is.
+
+    Parameters
+    ----------
+    path
+        The file.
+    start
+        Start of the first page of a test vector; without it, it is read from the navigation words. SBF tells the time.
+    counts
+        Filled while an SBF file is read.
+
+    Raises
+    ------
+    InputFileError
+        If the file is neither, or is damaged in a way that leaves nothing to read.
+    """
+    with open_file(path) as file:
+        head = file.read(_HEAD_BYTES)
+    if head.startswith(test_vector_csv.HEADER.encode()):
+        yield from test_vector_csv.read_test_vector(path, start)
+    elif sbf.SYNC in head:
+        yield from sbf.read_sbf(path, counts)
+    else:
+        raise InputFileError(path, "file", repr(head[:16]) if head else "nothing", "SBF or an OSNMA test-vector CSV")

@@ -1,0 +1,1 @@
+"""What E1 tracking said, in files of several kinds."""

@@ -1,0 +1,105 @@
+"""E1 observations out of a file that a receiver is still writing.
+
+Lines count when they are whole, epochs when nothing more can belong to them: a RINEX epoch with its last record, a CSV
+epoch when the next one begins. A whole line that is damaged is left out and reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from vestige.errors import InputFileError, VestigeError
+from vestige.recording.observations.observation_epoch import EpochParser, ObservationEpoch
+from vestige.recording.observations.observation_file import FIRST_LINE, KINDS, kind_of_line
+from vestige.recording.text_lines import GrowingLines
+
+
+class GrowingObservations:
+    """A file of E1 observations that grows, for an `ObservationTrack`.
+
+    Its iterators stop where the file ends now, and go on when it has grown. It need not be there yet.
+
+    Parameters
+    ----------
+    path
+        The file.
+    warn
+        Is told what is wrong with a line.
+    """
+
+    def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:
+        self.path = path
+        self.warn = warn
+        self.ended = False
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        """Return an iterator that may go on after it stopped."""
+        return _GrowingEpochs(self)
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the file, 0 before it is there."""
+        return self.path.stat().st_size if self.path.exists() else 0
+
+    @property
+    def begun(self) -> bool:
+        """Whether the first line is there."""
+        return self.path.exists() and GrowingLines(self.path).take() is not None
+
+    def missing(self) -> InputFileError:
+        """Return what is wrong with a file that has not begun."""
+        found = "an empty file" if self.path.exists() else "no file"
+        return InputFileError(self.path, "line 1", found, FIRST_LINE)
+
+    def end(self) -> None:
+        """Say that the file grows no more: its last epoch is whole."""
+        self.ended = True
+
+
+class _GrowingEpochs:
+    def __init__(self, file: GrowingObservations) -> None:
+        self._file = file
+        self._lines = GrowingLines(file.path)
+        self._parser: EpochParser | None = None
+        self._finished = False
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        return self
+
+    def __next__(self) -> ObservationEpoch:
+        while (line := self._lines.take()) is not None:
+            epoch = self._taken(*line)
+            if epoch is not None:
+                return epoch
+        if self._file.ended and not self._finished and self._parser is not None:
+            self._finished = True
+            epoch = self._last(self._parser)
+            if epoch is not None:
+                return epoch
+        raise StopIteration
+
+    def _taken(self, number: int, line: str) -> ObservationEpoch | None:
+        parser = self._parser or self._opened(line)
+        self._parser = parser
+        begun = parser.begun
+        try:
+            return parser.take(number, line)
+        except VestigeError as error:
+            if not begun:
+                raise
+            self._file.warn(error)
+            return None
+
+    def _opened(self, line: str) -> EpochParser:
+        kind = kind_of_line(line)
+        if kind is None:
+            raise InputFileError(self._file.path, "line 1", line, FIRST_LINE)
+        return KINDS[kind][1](self._file.path)
+
+    def _last(self, parser: EpochParser) -> ObservationEpoch | None:
+        try:
+            return parser.finish()
+        except VestigeError as error:
+            self._file.warn(error)
+            return None

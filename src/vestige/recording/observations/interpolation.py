@@ -1,0 +1,189 @@
+"""E1 observations at a moment between the epochs of a file.
+
+A snapshot begins when its RECS does, not when the E1 receiver prints. Between two epochs a and b, T apart, the carrier
+phase tells the motion to a fraction of a wavelength, so the pseudorange follows it. With u = (t - t_a)/T:
+
+* Doppler f and its rate are linear in u: exact for constant acceleration.
+* Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite): exact for constant acceleration and
+  constant jerk. Without a phase, or across a cycle slip, it is the integral of the Doppler: exact for constant
+  acceleration; then no phase is returned.
+* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the mean of the two codes, carried along the phase.
+
+What a file lacks is made first: a Doppler from the phases of the neighbouring epochs (the parabola through three, the
+line through two), a Doppler rate from their Dopplers. A rate that nothing tells is zero: in half a snapshot of 16 ms
+even 50 Hz/s turn the carrier by less than 0.002 cycles.
+
+A satellite is left out rather than guessed: if the epochs on both sides are not there or further apart than the allowed
+gap, if no Doppler can be had, or if code and carrier disagree (the receiver's clock was set in between).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+SAME_TIME_S = 1e-8  # an epoch as near as this is taken as it is; the range changes by under 0.01 mm
+SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # phase and integrated Doppler may differ by this much, plus this much times T
+CODE_CARRIER_M = 150.0  # half an E1 chip: noise and multipath stay below, a receiver's clock step does not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Point:
+    """One satellite at one epoch, `t` seconds after the moment that is asked for."""
+
+    t: float
+    observation: E1Observation
+    slipped: bool
+
+
+def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> dict[int, E1Observation]:
+    """Return the E1 observations at `time` by SVID.
+
+    Parameters
+    ----------
+    epochs
+        Epochs in time order, on both sides of `time`; a few beyond the two nearest help to fill in what they lack.
+    time
+        Receiver-clock time.
+    max_gap_s
+        Longest time between two observations of a satellite in s, for them to be taken as one track.
+    """
+    result = {}
+    for svid in sorted({svid for epoch in epochs for svid in epoch.observations}):
+        points = [
+            _Point(t=epoch.time - time, observation=epoch.observations[svid], slipped=svid in epoch.slipped)
+            for epoch in epochs
+            if svid in epoch.observations
+        ]
+        observation = _at_zero(points, max_gap_s)
+        if observation is not None:
+            result[svid] = observation
+    return result
+
+
+def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
+    """Return whether further epochs, all later than these, would leave `interpolate` at `time` as it is.
+
+    Parameters
+    ----------
+    epochs, time, max_gap_s
+        As `interpolate`.
+    """
+    if not epochs or epochs[-1].time - time < -SAME_TIME_S:
+        return False
+    tracks: dict[int, list[tuple[float, E1Observation]]] = {}
+    for epoch in epochs:
+        for svid, observation in epoch.observations.items():
+            tracks.setdefault(svid, []).append((epoch.time - time, observation))
+    return all(_is_final(track, epochs[-1].time - time, max_gap_s) for track in tracks.values())
+
+
+def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
+    """Return the same for one satellite: (t, observation), `last` being the t of the last epoch of any."""
+    here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
+    if here is None:
+        return last - track[-1][0] > max_gap_s
+    if track[here][0] > SAME_TIME_S and here == 0:
+        return True  # none before, so there is no observation
+    observation = track[here][1]
+    if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
+        return True
+    # What it lacks comes from the next one, what that lacks from the one after.
+    known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
+    return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
+
+
+def _at_zero(points: list[_Point], max_gap_s: float) -> E1Observation | None:
+    """Return the observation at t = 0."""
+    for index, point in enumerate(points):
+        if abs(point.t) <= SAME_TIME_S:
+            complete = _complete(points, index, max_gap_s)
+            return None if math.isnan(complete.doppler_hz) else complete
+    after = next((index for index, point in enumerate(points) if point.t > 0), 0)
+    if after == 0 or points[after].t - points[after - 1].t > max_gap_s:
+        return None
+    a, b = (replace(points[i], observation=_complete(points, i, max_gap_s)) for i in (after - 1, after))
+    return _between(a, b)
+
+
+def _between(a: _Point, b: _Point) -> E1Observation | None:
+    first, last = a.observation, b.observation
+    f_a, f_b, duration = first.doppler_hz, last.doppler_hz, b.t - a.t
+    if math.isnan(f_a + f_b):
+        return None
+    u = -a.t / duration
+    has_phase = _joined(a, b)
+    total = last.carrier_phase_cycles - first.carrier_phase_cycles if has_phase else -(f_a + f_b) / 2 * duration
+    # Hermite cubic from 0 to `total` with slopes -f_a, -f_b; it is the parabola if `total` is the integral of f.
+    moved = total * u**2 * (3 - 2 * u) - duration * (f_a * u * (1 - u) ** 2 - f_b * u**2 * (1 - u))
+    if abs(last.pseudorange_m - first.pseudorange_m - WAVELENGTH_M * total) > CODE_CARRIER_M:
+        return None
+    from_a = first.pseudorange_m + WAVELENGTH_M * moved
+    from_b = last.pseudorange_m + WAVELENGTH_M * (moved - total)
+    strengths = [cn0 for cn0 in (first.cn0_dbhz, last.cn0_dbhz) if not math.isnan(cn0)]
+    return E1Observation(
+        svid=first.svid,
+        pseudorange_m=(1 - u) * from_a + u * from_b,
+        carrier_phase_cycles=first.carrier_phase_cycles + moved if has_phase else math.nan,
+        doppler_hz=(1 - u) * f_a + u * f_b,
+        doppler_rate_hz_per_s=(1 - u) * first.doppler_rate_hz_per_s + u * last.doppler_rate_hz_per_s,
+        cn0_dbhz=(1 - u) * strengths[0] + u * strengths[-1] if strengths else math.nan,
+    )
+
+
+def _joined(a: _Point, b: _Point) -> bool:
+    """Return whether the carrier phase of `b` continues that of `a`."""
+    first, last, duration = a.observation, b.observation, b.t - a.t
+    change = last.carrier_phase_cycles - first.carrier_phase_cycles
+    if b.slipped or math.isnan(change):
+        return False
+    unlike = abs(change + (first.doppler_hz + last.doppler_hz) / 2 * duration)
+    return math.isnan(unlike) or unlike <= SLIP_CYCLES + SLIP_HZ * duration
+
+
+def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observation:
+    """Return the observation at `index` with Doppler and Doppler rate, made from its neighbours if it has none."""
+    near = _neighbours(points, index, max_gap_s)
+    observation = points[index].observation
+    doppler = _doppler(points, index, max_gap_s)
+    rate = observation.doppler_rate_hz_per_s
+    if math.isnan(rate):
+        values = [(points[i].t, _doppler(points, i, max_gap_s)) for i in near]
+        known = [(t, value) for t, value in values if not math.isnan(value)]
+        rate = (known[-1][1] - known[0][1]) / (known[-1][0] - known[0][0]) if len(known) > 1 else 0.0
+    return replace(observation, doppler_hz=doppler, doppler_rate_hz_per_s=rate)
+
+
+def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
+    """Return the Doppler at `index`: as it is, or the derivative of the phases around it; NaN if there are none."""
+    here = points[index]
+    if not math.isnan(here.observation.doppler_hz):
+        return here.observation.doppler_hz
+    near = [points[i] for i in _neighbours(points, index, max_gap_s)]
+    joined = [
+        p for p in near if p is here or (_joined(p, here) if p.t < here.t else _joined(here, p))
+    ]  # at most one on each side
+    if len(joined) < 2:
+        return math.nan
+    reference = here.observation.carrier_phase_cycles
+    times = [p.t - here.t for p in joined]
+    phases = [p.observation.carrier_phase_cycles - reference for p in joined]
+    return -float(np.polyfit(times, phases, len(joined) - 1)[-2])
+
+
+def _neighbours(points: list[_Point], index: int, max_gap_s: float) -> list[int]:
+    """Return the indices of the point before, the point itself and the point after, as far as they are near."""
+    return [
+        i
+        for i in (index - 1, index, index + 1)
+        if 0 <= i < len(points) and abs(points[i].t - points[index].t) <= max_gap_s
+    ]

@@ -1,0 +1,87 @@
+"""How wrong a recording's time label is, where only samples can say: the hand-over search over its uncertainty.
+
+E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. Which of the periods
+it is, no open code says; but the chips of a RECS come once. So each signal on E1 is handed over at all the periods that
+the label allows, and where the RECS is found the label is known. If it is found more than once, the earliest counts
+[WFO, Sec. III-E].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.acas_processor.handover import assisted_delay_m
+from vestige.acas_processor.vestigial import (
+    E1_WINDOW_S,
+    VestigialDecision,
+    arrival_window,
+    decide_vestigial,
+    handover_peaks,
+    line_stretches,
+)
+from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs import CipherMode, decrypt
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
+from vestige.recording.recording import Recording
+from vestige.records import Assistance
+from vestige.sample_processor.search.e1_search import search_e1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelSearch:
+    """What the search found.
+
+    Attributes
+    ----------
+    error_s
+        By how much the label is late, give or take 10 ms of travel time; None if no RECS was found.
+    decisions
+        One for each RECS that was looked for.
+    """
+
+    error_s: float | None
+    decisions: tuple[VestigialDecision, ...]
+
+
+def search_label(
+    recording: Recording,
+    assistance: Assistance,
+    uncertainty_s: float,
+    *,
+    cipher_mode: CipherMode = CipherMode.CBC,
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION,
+) -> LabelSearch:
+    """Return the error of a recording's time label from the RECS in its samples.
+
+    Parameters
+    ----------
+    uncertainty_s
+        Upper limit of the label's error.
+    cipher_mode, group_delay_convention
+        As `AcasProcessor` has them.
+    """
+    e1, e6 = recording.e1, recording.e6
+    keys = {key.time: key for key in assistance.keys}
+    segments = [one for one in assistance.segments if one.key_time in keys]
+    if e1 is None or e6 is None or not segments:
+        return LabelSearch(error_s=None, decisions=())
+    batch = e1.read(e1.first_sample, min(round(E1_WINDOW_S * e1.file.sample_rate_hz), e1.n_samples))
+    signals = search_e1(batch, sorted({one.svid for one in segments}))
+    errors_s, decisions = [], []
+    for segment in segments:
+        own = [one for one in signals if one.svid == segment.svid]
+        window = arrival_window(segment.transmit_time, uncertainty_s, e6)
+        if window is None or not own:
+            continue
+        code = decrypt(segment, keys[segment.key_time], mode=cipher_mode)
+        delay_m = assisted_delay_m(assistance, segment.svid, batch.start, group_delay_convention)
+        stretches = [
+            stretch for one in own for stretch in line_stretches(e1, one, batch.start, code, *window, delay_m=delay_m)
+        ]
+        decision = decide_vestigial(segment.svid, handover_peaks(e6, stretches)[0])
+        decisions.append(decision)
+        if decision.true is not None:
+            errors_s.append(decision.true.start_time - segment.transmit_time - MEDIAN_TRAVEL_TIME_S)
+    return LabelSearch(error_s=float(np.median(errors_s)) if errors_s else None, decisions=tuple(decisions))

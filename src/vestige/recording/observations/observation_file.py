@@ -1,0 +1,140 @@
+"""E1 observation files of any kind, and the observations at any time.
+
+What a file is follows from its first line. Files are read forward, an epoch at a time, so a day of them needs no more
+memory than a minute.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from vestige.errors import InputFileError
+from vestige.recording.observations.csv_observations import CsvParser, is_csv_observations
+from vestige.recording.observations.interpolation import interpolate, is_final
+from vestige.recording.observations.observation_epoch import EpochParser, ObservationEpoch, read_epochs
+from vestige.recording.observations.rinex_observations import RinexParser, is_rinex_observations
+from vestige.recording.text_lines import numbered_lines
+from vestige.records import E1Observation
+from vestige.time import GalileoTime
+
+# kind: (does the first line say so, how to read it)
+KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
+    "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), RinexParser),
+    "CSV": (is_csv_observations, CsvParser),
+}
+
+FIRST_LINE = "RINEX observations, or CSV with gst_week, gst_second, svid, pseudorange_m"  # what one begins with
+GAP_INTERVALS = 2  # an epoch may be missing; more is a new track
+INTERVAL_EPOCHS = 16  # looked at to learn the interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationFile:
+    """A file of E1 observations; iterate over it, as often as you like, for its epochs in time order."""
+
+    path: Path
+    kind: str
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        """Yield the epochs; raises as the reader of its kind."""
+        return read_epochs(self.path, KINDS[self.kind][1](self.path))
+
+
+def kind_of(path: Path) -> str | None:
+    """Return which kind of observation file `path` is, or None if it is none."""
+    try:
+        line = next(numbered_lines(path), (1, ""))[1]
+    except InputFileError:
+        return None
+    return kind_of_line(line)
+
+
+def kind_of_line(line: str) -> str | None:
+    """Return which kind of observation file has this first line, or None."""
+    return next((kind for kind, (recognise, _) in KINDS.items() if recognise(line)), None)
+
+
+def open_observations(path: Path) -> ObservationFile:
+    """Return the observation file at `path`.
+
+    Raises
+    ------
+    InputFileError
+        If its first line is not that of RINEX observations or of a CSV table of observations.
+    """
+    kind = kind_of(path)
+    if kind is None:
+        raise InputFileError(path, "line 1", next(numbered_lines(path), (1, "an empty file"))[1], FIRST_LINE)
+    return ObservationFile(path=path, kind=kind)
+
+
+class ObservationTrack:
+    """E1 observations at any time out of a file. Times that advance read it once; a time before starts again.
+
+    Parameters
+    ----------
+    file
+        The observations. A file that still grows gives the epochs that are there, and the next ones later.
+    max_gap_s
+        Longest time in s over which to interpolate; by default twice the interval of the first epochs.
+    """
+
+    def __init__(self, file: Iterable[ObservationEpoch], *, max_gap_s: float | None = None) -> None:
+        self._file = file
+        self._stated_s = max_gap_s
+        self._lead: list[ObservationEpoch] = []
+        self._lead_epochs = iter(file)
+        self._restart()
+
+    @property
+    def max_gap_s(self) -> float:
+        """Longest time in s over which to interpolate; 0 while nothing tells the interval."""
+        if self._stated_s is not None:
+            return self._stated_s
+        self._lead += itertools.islice(self._lead_epochs, INTERVAL_EPOCHS - len(self._lead))
+        steps = [after.time - before.time for before, after in itertools.pairwise(self._lead)]
+        return GAP_INTERVALS * statistics.median(steps) + 1e-6 if steps else 0.0
+
+    def _restart(self) -> None:
+        self._epochs: Iterator[ObservationEpoch] = iter(self._file)
+        self._window: deque[ObservationEpoch] = deque()
+        self._dropped: GalileoTime | None = None
+
+    def at(self, time: GalileoTime) -> dict[int, E1Observation]:
+        """Return the observations at a receiver-clock time by SVID; see `interpolation` for the method.
+
+        Raises
+        ------
+        InputFileError
+            If the file is bad as far as it has to be read for this.
+        """
+        max_gap_s = self.max_gap_s
+        self._read_around(time, 2 * max_gap_s)
+        return interpolate(tuple(self._window), time, max_gap_s=max_gap_s)
+
+    def settled(self, time: GalileoTime) -> bool:
+        """Return whether `at` a time is the same whatever else a file that still grows will hold; raises as `at`."""
+        max_gap_s = self.max_gap_s
+        self._read_around(time, 2 * max_gap_s)
+        return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
+
+    def _read_around(self, time: GalileoTime, reach: float) -> None:
+        """Read all epochs within `reach`: neighbours of the two epochs around `time` fill in what they lack."""
+        if self._dropped is not None and time - self._dropped <= reach:
+            self._restart()
+        while not self._window or self._window[-1].time - time <= reach:
+            epoch = next(self._epochs, None)
+            if epoch is None:
+                break
+            self._window.append(epoch)
+            self._drop_before(time, reach)
+        self._drop_before(time, reach)
+
+    def _drop_before(self, time: GalileoTime, reach: float) -> None:
+        while self._window and time - self._window[0].time > reach:
+            self._dropped = self._window.popleft().time

@@ -1,0 +1,126 @@
+"""Galileo E1 observations as a RINEX observation file, version 3.05 or 4.00 [RINEX].
+
+RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz, and
+has no Doppler rate. An epoch that lies between two steps of 0.1 µs is refused: the pseudorange belongs to the exact
+reading of the receiver's clock, and half a step is 15 m. CSV has no such limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from datetime import datetime
+from pathlib import Path
+
+from vestige.recording.observations.observation_epoch import ObservationEpoch
+from vestige.recording.observations.rinex_observations import FIELDS, SIGNALS
+from vestige.time import GalileoTime
+
+VERSIONS = ("3.05", "4.00")
+TICKS_PER_S = 10_000_000  # of an epoch
+TICK_TOLERANCE = 1e-5  # of a tick: 1 ps
+
+
+def write_rinex_observations(
+    path: Path,
+    epochs: Iterable[ObservationEpoch],
+    *,
+    version: str = "3.05",
+    signal: str = "1C",
+    approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    marker: str = "vestige",
+    created: datetime | None = None,
+) -> None:
+    """Write epochs, in time order, in Galileo System Time.
+
+    Parameters
+    ----------
+    version
+        `3.05` or `4.00`.
+    signal
+        What was tracked: `1C` E1-C, `1B` E1-B.
+    approximate_position_m
+        Earth-centred, earth-fixed position of the antenna; zeros if not known.
+    created
+        UTC time for the header; left blank if not given, so that equal observations make equal files.
+
+    Raises
+    ------
+    ValueError
+        If there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
+    """
+    if version not in VERSIONS or signal not in SIGNALS or SIGNALS[signal] != 0.0:
+        raise ValueError(f"version {version} or signal {signal} is not written")
+    remaining = iter(epochs)
+    first = next(remaining, None)
+    if first is None:
+        raise ValueError("a RINEX file needs the time of its first observation")
+    with path.open("w", encoding="ascii", newline="\n") as stream:
+        for content, label in _header(version, signal, approximate_position_m, marker, created, first.time):
+            stream.write(f"{content:60.60}{label:20}".rstrip() + "\n")
+        stream.write(_epoch(first))
+        for epoch in remaining:
+            stream.write(_epoch(epoch))
+
+
+def _header(
+    version: str,
+    signal: str,
+    position: tuple[float, float, float],
+    marker: str,
+    created: datetime | None,
+    first: GalileoTime,
+) -> list[tuple[str, str]]:
+    types = "".join(f" {kind}{signal}" for kind in FIELDS)
+    run_at = "" if created is None else f"{created:%Y%m%d %H%M%S} UTC"
+    date, second = _calendar(first)
+    records = [
+        (f"{version:>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
+        (f"{'vestige':20}{'':20}{run_at:20}", "PGM / RUN BY / DATE"),
+        (marker, "MARKER NAME"),
+        ("", "OBSERVER / AGENCY"),
+        (f"{'':20}{'vestige':20}", "REC # / TYPE / VERS"),
+        ("", "ANT # / TYPE"),
+        ("".join(f"{coordinate:14.4f}" for coordinate in position), "APPROX POSITION XYZ"),
+        (f"{0:14.4f}" * 3, "ANTENNA: DELTA H/E/N"),
+        (f"E  {len(FIELDS):3d}{types}", "SYS / # / OBS TYPES"),
+        (
+            f"{date.year:6d}{date.month:6d}{date.day:6d}{date.hour:6d}{date.minute:6d}{second:>13}     GAL",
+            "TIME OF FIRST OBS",
+        ),
+    ]
+    if version.startswith("3"):
+        records.append(("E", "SYS / PHASE SHIFT"))  # mandatory in version 3; blank: corrections are not known
+    return [*records, ("", "END OF HEADER")]
+
+
+def _calendar(time: GalileoTime) -> tuple[datetime, str]:
+    """Return the calendar time to the minute and the seconds with seven decimals."""
+    ticks = round(time.fraction * TICKS_PER_S)
+    if abs(time.fraction * TICKS_PER_S - ticks) > TICK_TOLERANCE:
+        raise ValueError(f"epoch {time} + {time.fraction} s is not a multiple of 0.1 µs, which is all that RINEX keeps")
+    carry, ticks = divmod(ticks, TICKS_PER_S)
+    whole = GalileoTime.normalized(time.week, time.second + carry).calendar
+    return whole, f"{whole.second:d}.{ticks:07d}"
+
+
+def _epoch(epoch: ObservationEpoch) -> str:
+    date, second = _calendar(epoch.time)
+    lines = [f"> {date:%Y %m %d %H %M}{second:>11}  0{len(epoch.observations):3d}"]
+    for svid in sorted(epoch.observations):
+        observation = epoch.observations[svid]
+        line = f"E{svid:02d}"
+        for kind, name in FIELDS.items():
+            slip = "1" if kind == "L" and svid in epoch.slipped else " "
+            line += _field(getattr(observation, name), f"{name} of E{svid:02d}") + slip + " "
+        lines.append(line.rstrip())
+    return "\n".join(lines) + "\n"
+
+
+def _field(value: float, name: str) -> str:
+    if math.isnan(value):
+        return " " * 14
+    text = f"{value:14.3f}"
+    if len(text) != 14:
+        raise ValueError(f"{name}, {value}, does not fit a RINEX field")
+    return text

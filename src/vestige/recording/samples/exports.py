@@ -1,0 +1,221 @@
+"""Files by which independent receivers read a recording; each writes into a folder of its own inside the recording's.
+
+| program | what it gets |
+|---|---|
+| gnss-sdr | one configuration a band; it reads the interleaved samples of the SigMF recording as they are |
+| PocketSDR | samples of its own scale, I and −Q, with a tag file a band; the command lines in README.txt |
+
+What goes wrong otherwise: gnss-sdr finds E6 by E6-B alone, and tracks E6-B while E6-C is encrypted. Without
+`bit_transition_flag` it mostly locks 500 Hz off on E6, for E6-B may change its sign every millisecond; with
+a Doppler step of 125 Hz on E1 it locks 125 Hz off. PocketSDR takes no sample beyond ±7 and conjugates what it reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from vestige.errors import UnsupportedError
+from vestige.recording.levels import levels
+from vestige.recording.recording import Recording
+from vestige.recording.samples.sample_file import SampleReader
+from vestige.recording.samples.sample_format import SampleFormat, encode
+from vestige.records import Band
+
+Export = Callable[[Recording, Path, Iterable[int]], tuple[Path, ...]]
+
+_CHUNK = 1 << 22  # samples
+_POCKETSDR_RMS, _POCKETSDR_LIMIT = 2.0, 7.0
+
+# stored component: item type and data type adapter of gnss-sdr
+_ITEMS = {
+    "int8": ("ibyte", "Ibyte_To_Complex"),
+    "int16": ("ishort", "Ishort_To_Complex"),
+    "float32": ("gr_complex", "Pass_Through"),
+}
+
+_GNSS_SDR_COMMON = """\
+[GNSS-SDR]
+GNSS-SDR.internal_fs_sps={rate}
+SignalSource.implementation=File_Signal_Source
+SignalSource.filename={samples}
+SignalSource.item_type={item}
+SignalSource.sampling_frequency={rate}
+SignalSource.samples=0
+SignalSource.repeat=false
+SignalSource.enable_throttle_control=false
+SignalConditioner.implementation=Signal_Conditioner
+DataTypeAdapter.implementation={adapter}
+DataTypeAdapter.item_type={item}
+InputFilter.implementation=Pass_Through
+InputFilter.item_type=gr_complex
+Resampler.implementation=Pass_Through
+Resampler.item_type=gr_complex
+Channels.in_acquisition=1
+Channels_{signal}.count={count}
+{channels}
+Observables.implementation=Hybrid_Observables
+PVT.implementation=RTKLIB_PVT
+PVT.positioning_mode=Single
+PVT.output_enabled=false
+PVT.rinex_output_enabled=false
+PVT.gpx_output_enabled=false
+PVT.geojson_output_enabled=false
+PVT.kml_output_enabled=false
+PVT.xml_output_enabled=false
+PVT.rtcm_output_file_enabled=false
+"""
+
+_GNSS_SDR_BAND = {
+    Band.E1: (
+        "1B",
+        """\
+Acquisition_1B.implementation=Galileo_E1_PCPS_Ambiguous_Acquisition
+Acquisition_1B.item_type=gr_complex
+Acquisition_1B.coherent_integration_time_ms=4
+Acquisition_1B.acquire_pilot=true
+Acquisition_1B.pfa=0.000001
+Acquisition_1B.doppler_max=5000
+; a step of 125 Hz locks half a cycle of 4 ms off
+Acquisition_1B.doppler_step=50
+Acquisition_1B.max_dwells=5
+Acquisition_1B.blocking=true
+Tracking_1B.implementation=Galileo_E1_DLL_PLL_VEML_Tracking
+Tracking_1B.item_type=gr_complex
+Tracking_1B.track_pilot=true
+Tracking_1B.pll_bw_hz=15
+Tracking_1B.dll_bw_hz=2
+Tracking_1B.early_late_space_chips=0.25
+Tracking_1B.very_early_late_space_chips=0.6
+Tracking_1B.dump=true
+Tracking_1B.dump_filename=./e1_track
+Tracking_1B.dump_mat=true
+TelemetryDecoder_1B.implementation=Galileo_E1B_Telemetry_Decoder
+""",
+    ),
+    Band.E6: (
+        "E6",
+        """\
+; acquisition is by E6-B, whatever else is there
+Acquisition_E6.implementation=Galileo_E6_PCPS_Acquisition
+Acquisition_E6.item_type=gr_complex
+Acquisition_E6.coherent_integration_time_ms=1
+Acquisition_E6.pfa=0.0001
+Acquisition_E6.doppler_max=5000
+Acquisition_E6.doppler_step=125
+; symbols change within most of the milliseconds that acquisition looks at
+Acquisition_E6.bit_transition_flag=true
+Acquisition_E6.max_dwells=5
+Acquisition_E6.blocking=true
+Tracking_E6.implementation=Galileo_E6_DLL_PLL_Tracking
+Tracking_E6.item_type=gr_complex
+; E6-C is encrypted
+Tracking_E6.track_pilot=false
+; acquisition over 1 ms leaves some 100 Hz, more than the phase loop pulls in
+Tracking_E6.enable_fll_pull_in=true
+Tracking_E6.fll_bw_hz=35
+Tracking_E6.pull_in_time_s=2
+Tracking_E6.pll_bw_hz=20
+Tracking_E6.dll_bw_hz=2
+Tracking_E6.early_late_space_chips=0.5
+Tracking_E6.dump=true
+Tracking_E6.dump_filename=./e6_track
+Tracking_E6.dump_mat=true
+TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
+""",
+    ),
+}
+
+
+def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, to be run there, and return their paths.
+
+    Raises
+    ------
+    UnsupportedError
+        If gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
+    """
+    satellites = tuple(svids)
+    paths = []
+    for band, reader in _bands(recording):
+        file = reader.file
+        if file.form.layout != "iq" or file.form.component not in _ITEMS or file.form.big_endian:
+            raise UnsupportedError(f"{file.path}: gnss-sdr reads int8, int16 and float32 I,Q, not {file.form}")
+        if file.sample_rate_hz % 1:
+            raise UnsupportedError(f"{file.path}: gnss-sdr takes whole Hz, not {file.sample_rate_hz} Hz")
+        signal, settings = _GNSS_SDR_BAND[band]
+        item, adapter = _ITEMS[file.form.component]
+        channels = "".join(
+            f"Channel{number}.signal={signal}\nChannel{number}.satellite={svid}\n"
+            for number, svid in enumerate(satellites)
+        )
+        common = _GNSS_SDR_COMMON.format(
+            rate=round(file.sample_rate_hz),
+            samples=f"../{file.path.name}",
+            item=item,
+            adapter=adapter,
+            signal=signal,
+            count=len(satellites),
+            channels=channels.rstrip(),
+        )
+        paths.append(folder / f"{band.value.lower()}.conf")
+        paths[-1].write_text(common + settings, encoding="ascii", newline="\n")
+    return tuple(paths)
+
+
+def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+    """Write samples and tag files for PocketSDR into `folder` with a README.txt of commands, and return their paths.
+
+    The samples are int8 I and −Q of rms 2, clipped at ±7.
+    """
+    satellites = ",".join(str(svid) for svid in svids)
+    paths, commands = [], []
+    for band, reader in _bands(recording):
+        path = folder / f"{band.value.lower()}.bin"
+        scale = _POCKETSDR_RMS / levels(reader).rms
+        with path.open("wb") as stream:
+            for first in range(reader.first_sample, reader.end_sample, _CHUNK):
+                samples = reader.samples(first, min(_CHUNK, reader.end_sample - first))
+                clipped = np.clip(scale * samples.view(np.float32), -_POCKETSDR_LIMIT, _POCKETSDR_LIMIT)
+                stream.write(encode(clipped.view(np.complex64), _CI8, inverted=True).tobytes())
+        rate_mhz, center_mhz = reader.file.sample_rate_hz / 1e6, reader.file.center_frequency_hz / 1e6
+        tag = {
+            "PROG": "vestige",
+            "TIME": f"{reader.start.utc:%Y-%m-%dT%H:%M:%SZ}",
+            "FMT": "INT8X2",
+            "F_S": f"{rate_mhz:.10g}",
+            "F_LO": f"{center_mhz:.10g}",
+            "IQ": "2",
+        }
+        tag_path = path.with_name(path.name + ".tag")
+        tag_path.write_text("".join(f"{key:4} = {value}\n" for key, value in tag.items()), "ascii", newline="\n")
+        signals = " ".join(f"-sig {band.value}{channel} -prn {satellites}" for channel in "BC"[: _OPEN[band]])
+        commands.append(
+            f"pocket_trk {signals} -fmt INT8X2 -f {rate_mhz:.10g} -fo {center_mhz:.10g} -IQ 2 -tscale 1 -ti 1 "
+            f"-log {band.value.lower()}.log {path.name}"
+        )
+        paths += [path, tag_path]
+    readme = folder / "README.txt"
+    readme.write_text("PocketSDR, run in this folder:\n\n" + "\n".join(commands) + "\n", "ascii", newline="\n")
+    return (*paths, readme)
+
+
+EXPORTS: Mapping[str, Export] = {"gnss-sdr": export_gnss_sdr, "pocketsdr": export_pocketsdr}
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2}  # of a sample in the export's own copy
+
+_CI8 = SampleFormat(component="int8", layout="iq")
+_OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted
+
+
+def export(name: str, recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+    """Write the files of one of `EXPORTS` into a folder of that name in `folder` and return their paths."""
+    place = folder / name
+    place.mkdir()
+    return EXPORTS[name](recording, place, svids)
+
+
+def _bands(recording: Recording) -> tuple[tuple[Band, SampleReader], ...]:
+    readers = ((band, recording.reader(band)) for band in Band)
+    return tuple((band, reader) for band, reader in readers if reader is not None)

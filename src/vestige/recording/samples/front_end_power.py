@@ -1,0 +1,39 @@
+"""What the samples of a recording say of the front end that took them: their power, and whether they clip.
+
+The power is that of the stored numbers. Behind a gain control that is not recorded it tells nothing of the sky; the
+gain is not known (NaN).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from vestige.recording.samples.sample_format import Component, SampleFormat
+from vestige.records import FrontEndStatus, SampleBatch
+
+CLIPPED = 0.01  # share of numbers at the end of the scale; Gaussian noise set to a third of it has 0.3 %
+_END_OF_SCALE: Mapping[Component, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
+
+
+def front_end_status(batch: SampleBatch, form: SampleFormat) -> FrontEndStatus:
+    """Return power, in dB over one unit of the stored numbers, and whether the converter was saturated.
+
+    Parameters
+    ----------
+    batch
+        Samples as they were stored, at least one.
+    form
+        How they were stored; floating-point numbers have no end of scale.
+    """
+    values = batch.samples.view(np.float32)
+    power = float(np.vdot(values, values)) / batch.samples.size
+    end = _END_OF_SCALE.get(form.component, math.inf)
+    parts = form.components_per_sample * batch.samples.size
+    return FrontEndStatus(
+        agc_gain_db=math.nan,
+        total_power_db=10 * math.log10(power) if power > 0 else -math.inf,
+        saturated=int(np.count_nonzero(np.abs(values) >= end)) > CLIPPED * parts,
+    )

@@ -1,0 +1,193 @@
+"""Samples read from a file in pieces of any size; only the piece that is asked for is in memory.
+
+Pieces are asked for by the counter that both bands share, so the same numbers of E1 and E6 (at equal rates) are the
+same moments, and read in pieces or at once the samples are the same bits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Complex64, Shaped
+
+from vestige.crypto.file_bytes import open_file
+from vestige.errors import InputFileError
+from vestige.recording.description import BandFile
+from vestige.recording.exact_time import samples_later
+from vestige.recording.samples.sample_format import decode
+from vestige.records import Band, SampleBatch
+from vestige.time import GalileoTime
+
+BLOCK_SAMPLES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleReader:
+    """The samples of one band; `open_samples` makes one.
+
+    Attributes
+    ----------
+    file
+        The description of the file.
+    n_samples
+        Whole samples in it.
+    notes
+        What is odd about the file, one line each.
+    skipped
+        Samples at the beginning of the file that are not among them.
+    held
+        The samples as they were stored, where there is no file that could be read again.
+    """
+
+    file: BandFile
+    n_samples: int
+    notes: tuple[str, ...] = ()
+    skipped: int = 0
+    held: bytes | None = field(default=None, repr=False)
+
+    @property
+    def band(self) -> Band:
+        """Band of the samples."""
+        return self.file.band
+
+    @property
+    def first_sample(self) -> int:
+        """Number of the first sample on the shared counter."""
+        return self.file.first_sample + self.skipped
+
+    @property
+    def end_sample(self) -> int:
+        """Number after that of the last sample."""
+        return self.first_sample + self.n_samples
+
+    @property
+    def duration_s(self) -> float:
+        """Time that the samples span in s."""
+        return self.n_samples / self.file.sample_rate_hz
+
+    @property
+    def start(self) -> GalileoTime:
+        """Receiver-clock time of the first sample.
+
+        Raises
+        ------
+        InputFileError
+            If nothing tells it.
+        """
+        return self.time_of(self.first_sample)
+
+    def time_of(self, sample: int) -> GalileoTime:
+        """Return the receiver-clock time of a sample by its number on the shared counter; raises as `start`."""
+        if self.file.start is None:
+            raise InputFileError(
+                self.file.described_in, "start time", "nothing", "a time label, or a start to be given"
+            )
+        return samples_later(self.file.start, sample - self.file.first_sample, self.file.sample_rate_hz)
+
+    def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
+        """Return `count` samples from number `first` on, as complex64.
+
+        Parameters
+        ----------
+        first
+            Number of the first sample on the shared counter.
+
+        Raises
+        ------
+        ValueError
+            If the file does not have all of them.
+        InputFileError
+            If they cannot be read, or are not finite numbers.
+        """
+        if count < 0 or first < self.first_sample or first + count > self.end_sample:
+            raise ValueError(
+                f"samples {first} … {first + count - 1} are not all in {self.first_sample} … {self.end_sample - 1}"
+            )
+        file = self.file
+        samples = decode(self._stored(first, count), file.form, inverted=file.spectral_inversion)
+        if file.form.component == "float32" and not np.isfinite(samples).all():
+            bad = int(np.flatnonzero(~np.isfinite(samples))[0])
+            raise InputFileError(file.path, f"sample {first + bad}", str(samples[bad]), "a finite number")
+        return samples
+
+    def _stored(self, first: int, count: int) -> Shaped[np.ndarray, " n_components"]:
+        file, n_components = self.file, count * self.file.form.components_per_sample
+        if self.held is not None:
+            offset = (first - self.first_sample) * file.form.sample_bytes
+            return np.frombuffer(self.held, file.form.dtype, n_components, offset)
+        offset = file.header_bytes + (first - file.first_sample) * file.form.sample_bytes
+        try:
+            stored = np.fromfile(file.path, dtype=file.form.dtype, count=n_components, offset=offset)
+        except OSError as error:
+            raise InputFileError(file.path, f"byte {offset}", error.strerror or "an error", "samples") from error
+        if len(stored) != n_components:
+            raise InputFileError(file.path, f"byte {offset}", f"{len(stored)} values", f"{n_components} values")
+        return stored
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return `count` samples from number `first` of the shared counter on; raises as `samples` and `start`."""
+        return SampleBatch(
+            band=self.band,
+            samples=self.samples(first, count),
+            sample_rate_hz=self.file.sample_rate_hz,
+            center_frequency_hz=self.file.center_frequency_hz,
+            first_sample=first,
+            start=self.time_of(first),
+        )
+
+    def blocks(self, size: int = BLOCK_SAMPLES) -> Iterator[SampleBatch]:
+        """Yield all samples in batches of `size`; the last may be shorter."""
+        for first in range(self.first_sample, self.end_sample, size):
+            yield self.read(first, min(size, self.end_sample - first))
+
+    def hash_agrees(self) -> bool | None:
+        """Return whether the file has the hash that its description states (None if it states none); reads it all."""
+        if self.file.sha512 is None:
+            return None
+        try:
+            with self.file.path.open("rb") as stream:
+                return hashlib.file_digest(stream, "sha512").hexdigest() == self.file.sha512
+        except OSError as error:
+            raise InputFileError(self.file.path, "file", error.strerror or "an error", "samples") from error
+
+
+def samples_so_far(file: BandFile) -> SampleReader:
+    """Return the reader of the whole samples that a file holds by now, maybe none: another process still writes it.
+
+    Raises
+    ------
+    InputFileError
+        If the file cannot be read.
+    """
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+    count = (size - file.header_bytes - file.trailing_bytes) // file.form.sample_bytes
+    return SampleReader(file=file, n_samples=max(count, 0))
+
+
+def open_samples(file: BandFile) -> SampleReader:
+    """Return the reader of a sample file, after a look at its length.
+
+    Raises
+    ------
+    InputFileError
+        If the file cannot be read or has no sample.
+    """
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+    count, rest = divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
+    if count < 1:
+        expected = f"at least one sample of {file.form.sample_bytes} bytes"
+        if skipped := file.header_bytes + file.trailing_bytes:
+            expected += f" beside {skipped} bytes to skip"
+        raise InputFileError(file.path, "length", f"{size} bytes", expected)
+    notes = []
+    if rest:
+        notes.append(f"{file.path.name} ends in the middle of a sample: it was cut off, or is not {file.form}")
+    if file.stated_samples is not None and file.stated_samples != count:
+        notes.append(f"{file.path.name} has {count} samples, its description states {file.stated_samples}")
+    return SampleReader(file=file, n_samples=count, notes=tuple(notes))

@@ -1,0 +1,200 @@
+"""Samples out of a pipe: the last seconds of them, from which windows are cut.
+
+A thread reads, so that the recorder at the other end is not held up while a snapshot is processed. What was read waits
+in blocks until `keep` names the samples that are still needed. At `capacity_bytes` the thread either stops reading, so
+that a program that plays a file waits, or it goes on and drops what it reads, for a receiver that cannot wait. Samples
+that were dropped are counted, so those after them keep their number, and with it their time.
+
+The thread goes on while the samples are looked at. `look` is the one consistent view: what it returned has to decide
+what is complete and what may go, never a second question to the stream.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from vestige.errors import InputFileError
+from vestige.recording.description import BandFile
+from vestige.recording.samples.sample_file import SampleReader
+
+BLOCK_BYTES = 1 << 16  # what a pipe holds; blocks are kept or let go whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamState:
+    """How far a stream was read at one moment.
+
+    Attributes
+    ----------
+    end_sample
+        Number after that of the last whole sample, on the counter that the bands share.
+    ended
+        Whether no more samples can come.
+    """
+
+    end_sample: int
+    ended: bool
+
+
+@dataclass(slots=True)
+class _Block:
+    first_byte: int  # in the stream
+    content: bytearray
+
+    @property
+    def end_byte(self) -> int:
+        return self.first_byte + len(self.content)
+
+
+class SampleStream:
+    """Samples of one band out of a file descriptor; starts to read at once.
+
+    Parameters
+    ----------
+    descriptor
+        Open for reading.
+    file
+        What the samples are; its path names them in messages.
+    capacity_bytes
+        How much may wait.
+    can_wait
+        Whether the writer can wait when the buffer is full. If it cannot, samples are dropped then.
+    """
+
+    def __init__(self, descriptor: int, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
+        self.file = file
+        self.capacity_bytes = capacity_bytes
+        self.can_wait = can_wait
+        self._descriptor = descriptor
+        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of sample 0 of the counter
+        self._blocks: deque[_Block] = deque()
+        self._n_kept = 0  # bytes in the blocks
+        self._end_byte = 0
+        self._ended = False
+        self._error: OSError | None = None
+        self._crowded = False  # even without what is not needed any more
+        self._changed = threading.Condition()
+        threading.Thread(target=self._fill, name="samples", daemon=True).start()
+
+    def look(self) -> StreamState:
+        """Return how far the stream was read by now.
+
+        Raises
+        ------
+        InputFileError
+            If reading failed.
+        """
+        with self._changed:
+            if self._error is not None:
+                found = self._error.strerror or "an error"
+                raise InputFileError(self.file.path, "standard input", found, "samples") from self._error
+            read = max(self._end_byte - self.file.header_bytes, 0) // self.file.form.sample_bytes
+            return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
+
+    def cut(self, first: int, end: int) -> SampleReader | None:
+        """Return the samples from number `first` to before `end`, as far as the stream has them; None if any is gone.
+
+        Samples before the first one of the stream, and those that were not read yet, are no part of it.
+        """
+        low = max(self._byte(first), self.file.header_bytes)
+        with self._changed:
+            whole = self._end_byte - (self._end_byte - self.file.header_bytes) % self.file.form.sample_bytes
+            high = max(min(self._byte(end), whole), low)
+            pieces = [
+                block.content[max(low - block.first_byte, 0) : high - block.first_byte]
+                for block in self._blocks
+                if block.end_byte > low and block.first_byte < high
+            ]
+        held = b"".join(pieces)
+        return self._reader(low, held) if len(held) == high - low else None
+
+    def nothing(self) -> SampleReader:
+        """Return a reader without samples."""
+        return self._reader(self.file.header_bytes, b"")
+
+    def keep(self, windows: Iterable[tuple[int, int]], since: int) -> bool:
+        """Let go of the samples that are neither in a window nor at or after number `since`.
+
+        A window of which samples are gone is of no use, so the rest of it is let go, too.
+
+        Parameters
+        ----------
+        windows
+            First sample and end of each window that is still needed.
+
+        Returns
+        -------
+        bool
+            Whether there is room for more. If there is not, nothing but fewer windows makes room.
+        """
+        needed = sorted((max(self._byte(first), self.file.header_bytes), self._byte(end)) for first, end in windows)
+        rest = self._byte(since)
+        with self._changed:
+            gaps = list(self._gaps())
+            whole = deque((low, high) for low, high in needed if not any(a < high and low < b for a, b in gaps))
+            kept: deque[_Block] = deque()
+            for block in self._blocks:
+                while whole and whole[0][1] <= block.first_byte:
+                    whole.popleft()
+                if block.end_byte > rest or (whole and whole[0][0] < block.end_byte):
+                    kept.append(block)
+            self._blocks, self._n_kept = kept, sum(len(block.content) for block in kept)
+            self._crowded = self._full
+            self._changed.notify_all()
+            return not self._crowded
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait that long, or until no more comes, or until a buffer that had room is full."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
+
+    @property
+    def _full(self) -> bool:
+        return self._n_kept + BLOCK_BYTES > self.capacity_bytes
+
+    def _byte(self, sample: int) -> int:
+        return self._origin + sample * self.file.form.sample_bytes
+
+    def _gaps(self) -> Iterator[tuple[int, int]]:
+        """Yield where bytes are missing among those that were read."""
+        end = 0
+        for block in self._blocks:
+            if block.first_byte > end:
+                yield end, block.first_byte
+            end = block.end_byte
+        if self._end_byte > end:
+            yield end, self._end_byte
+
+    def _reader(self, first_byte: int, held: bytes) -> SampleReader:
+        size = self.file.form.sample_bytes
+        skipped = (first_byte - self.file.header_bytes) // size
+        return SampleReader(file=self.file, n_samples=len(held) // size, skipped=skipped, held=held)
+
+    def _fill(self) -> None:
+        while not self._ended:
+            if self.can_wait:
+                with self._changed:
+                    self._changed.wait_for(lambda: not self._full)
+            block, error = b"", None
+            try:
+                block = os.read(self._descriptor, BLOCK_BYTES)
+            except OSError as failure:
+                error = failure
+            with self._changed:
+                if not self._full:
+                    self._append(block)
+                self._end_byte += len(block)
+                self._error, self._ended = error, not block
+                self._changed.notify_all()
+
+    def _append(self, read: bytes) -> None:
+        last = self._blocks[-1] if self._blocks else None
+        if last is not None and last.end_byte == self._end_byte and len(last.content) + len(read) <= BLOCK_BYTES:
+            last.content += read  # a writer of small pieces must not cost more than the bytes
+        else:
+            self._blocks.append(_Block(self._end_byte, bytearray(read)))
+        self._n_kept += len(read)

@@ -1,0 +1,178 @@
+"""SigMF recordings written batch by batch, in bounded memory.
+
+The samples go to a `.part` file that takes its name when the recording is complete; the metadata come last. So whatever
+has metadata is whole, and a run that was killed leaves nothing that looks like a recording.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import sigmf
+
+from vestige.errors import InputFileError
+from vestige.recording.exact_time import exact_gst
+from vestige.recording.samples.sample_format import SampleFormat, encode
+from vestige.recording.samples.sigmf_file import COLLECTION, DATA, META, NAMESPACE, NAMESPACE_VERSION
+from vestige.records import SampleBatch
+from vestige.time import GalileoTime
+
+
+class SigmfWriter:
+    """Writes the samples of one band; use it in a `with` statement.
+
+    Parameters
+    ----------
+    base
+        Path of the recording without suffix; `base.sigmf-data` and `base.sigmf-meta` are made.
+    form
+        How to store the samples, see `sample_format.encode`.
+    scale
+        Stored value of 1.0.
+    spectral_inversion
+        Store the conjugate and say so in the metadata.
+    bandwidth_hz
+        Two-sided bandwidth of the front end in Hz.
+    time_uncertainty_s
+        Bound on the receiver clock's error against Galileo System Time in s.
+    description
+        One line for a person.
+
+    Raises
+    ------
+    InputFileError
+        If there is a recording of that name already.
+    """
+
+    def __init__(
+        self,
+        base: Path,
+        *,
+        form: SampleFormat,
+        scale: float = 1.0,
+        spectral_inversion: bool = False,
+        bandwidth_hz: float | None = None,
+        time_uncertainty_s: float | None = None,
+        description: str = "",
+    ) -> None:
+        self.meta = base.with_name(base.name + META)
+        self.data = base.with_name(base.name + DATA)
+        for path in (self.meta, self.data):
+            _refuse_existing(path)
+        own = {"bandwidth_hz": bandwidth_hz, "time_uncertainty_s": time_uncertainty_s}
+        self._fields: dict[str, Any] = {f"{NAMESPACE}:{k}": v for k, v in own.items() if v is not None}
+        self._fields |= {f"{NAMESPACE}:spectral_inversion": spectral_inversion, "core:datatype": form.sigmf_datatype}
+        if description:
+            self._fields["core:description"] = description
+        self._form, self._scale, self._inverted = form, scale, spectral_inversion
+        self._first: SampleBatch | None = None
+        self._count = 0
+        self._hash = hashlib.sha512()
+        self._part = self.data.with_name(self.data.name + ".part")
+        self._part.unlink(missing_ok=True)  # of a run that was killed
+        self._stream = self._part.open("xb")  # never through a link that somebody prepared
+
+    def __enter__(self) -> SigmfWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._part.unlink(missing_ok=True)  # first: on a full disk closing fails
+            self._stream.close()
+
+    def append(self, batch: SampleBatch) -> None:
+        """Write the samples that follow those before.
+
+        Raises
+        ------
+        ValueError
+            If the batch is of another band or rate, or does not follow on the counter.
+        """
+        if self._first is None:
+            self._first = batch
+        first = self._first
+        for name in ("band", "sample_rate_hz", "center_frequency_hz"):
+            if getattr(batch, name) != getattr(first, name):
+                raise ValueError(f"{name} changes from {getattr(first, name)} to {getattr(batch, name)}")
+        if batch.first_sample != first.first_sample + self._count:
+            raise ValueError(f"batch starts at sample {batch.first_sample}, not {first.first_sample + self._count}")
+        raw = encode(batch.samples, self._form, scale=self._scale, inverted=self._inverted).tobytes()
+        self._stream.write(raw)
+        self._hash.update(raw)
+        self._count += len(batch.samples)
+
+    def close(self) -> None:
+        """Give the samples their name and write the metadata."""
+        try:
+            self._stream.close()
+        except OSError:
+            self._part.unlink(missing_ok=True)
+            raise
+        if self._first is None or self._count == 0:
+            self._part.unlink(missing_ok=True)
+            raise ValueError("a recording must have samples")
+        first = self._first
+        recording = sigmf.SigMFFile(
+            global_info=self._fields
+            | {
+                "core:sample_rate": first.sample_rate_hz,
+                "core:recorder": "vestige",
+                "core:sha512": self._hash.hexdigest(),
+                "core:extensions": [{"name": NAMESPACE, "version": NAMESPACE_VERSION, "optional": True}],
+                f"{NAMESPACE}:sample_count": self._count,
+            }
+        )
+        capture = {
+            "core:global_index": first.first_sample,
+            "core:frequency": first.center_frequency_hz,
+            f"{NAMESPACE}:start_gst": exact_gst(first.start),
+        }
+        utc = first.start.utc
+        if abs(GalileoTime.from_utc(utc) - first.start) < 1e-3:  # else within a leap second, which UTC cannot name
+            capture["core:datetime"] = utc.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        recording.add_capture(0, metadata=capture)
+        recording.validate()
+        self._part.rename(self.data)
+        recording.tofile(self.meta)
+
+
+def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleFormat, **options: Any) -> Path:
+    """Write a whole recording of one band and return the path of its metadata; options are those of `SigmfWriter`."""
+    with SigmfWriter(base, form=form, **options) as writer:
+        for batch in batches:
+            writer.append(batch)
+    return writer.meta
+
+
+def write_collection(base: Path, metas: Sequence[Path], *, description: str = "") -> Path:
+    """Write `base.sigmf-collection` that ties recordings in the same folder together, and return its path.
+
+    Raises
+    ------
+    InputFileError
+        If there is a collection of that name already.
+    ValueError
+        If a recording lies in another folder.
+    """
+    path = base.with_name(base.name + COLLECTION)
+    _refuse_existing(path)
+    if any(meta.parent != path.parent for meta in metas):
+        raise ValueError("the recordings of a collection lie in its folder")
+    collection = sigmf.SigMFCollection(metafiles=[meta.name for meta in metas], base_path=path.parent)
+    if description:
+        collection.set_collection_field("core:description", description)
+    collection.tofile(path)
+    return path
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise InputFileError(path, "file", "a file of that name", "a name that is not taken")

@@ -1,0 +1,192 @@
+"""Detection thresholds, the probabilities on both sides of them, and the C/N0 that they need.
+
+Theory of operation
+-------------------
+A correlator that integrates for T_I holds, in units of the noise per dimension, z = A e^{jφ} + w with A² = 2 (C/N0) T_I
+and w complex Gaussian of unit variance per dimension. Its magnitude is compared with a threshold g [WFO, Sec. III-A]:
+
+    no signal    P_fa = e^{-g²/2}             so  g = √(−2 ln P_fa)
+    signal       P_d  = Q₁(A, g)              miss = 1 − P_d = P₁(A, g)
+    N tests      P_FA = 1 − (1 − P_fa)^N      [WFO, Sec. III-D]
+    K squared magnitudes added (non-coherent sum), A² = 2 K (C/N0) T_I:
+                 P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
+
+One dwell, aligned in time and frequency, an amplitude that does not fluctuate, known noise power: the paper's numbers
+rest on these. `losses` says what misalignment costs, `swerling1_probability_of_detection` what a fluctuating amplitude
+does, `cfar_threshold` what it costs to estimate the noise from few cells.
+
+P_FA ↔ P_fa goes through log1p and expm1: as printed, 1 − (1 − P_FA)^{1/N} loses digits in floating point and gives the
+paper's 4.16e-14 in place of 4.17e-14.
+
+Every function takes a number or an array as its first argument and returns the same; the other arguments are numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import chdtri
+
+from vestige.theory.marcum_q import Real, Reals, marcum_p, marcum_q
+
+_BISECTIONS = 60  # halves a bracket of some 20 to less than its rounding error
+_SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is less than any 1 − P_d in floating point
+
+
+def single_event_pfa(overall: Reals, hypotheses: float) -> Reals:
+    """Return P_fa, the false alarm probability that each of N tests may have: 1 − (1 − P_FA)^{1/N}.
+
+    Parameters
+    ----------
+    overall
+        P_FA, probability that at least one of the tests gives a false alarm.
+    hypotheses
+        N, number of independent tests. For correlated tests the result is on the safe side.
+
+    Raises
+    ------
+    ValueError
+        If a probability is not between 0 and 1, or N is below 1.
+    """
+    _check(overall, hypotheses)
+    return -np.expm1(np.log1p(-overall) / hypotheses)
+
+
+def overall_pfa(single: Reals, hypotheses: float) -> Reals:
+    """Return P_FA, the probability that at least one of N tests gives a false alarm: 1 − (1 − P_fa)^N.
+
+    Parameters
+    ----------
+    single
+        P_fa of each test.
+    hypotheses
+        N, number of independent tests.
+    """
+    _check(single, hypotheses)
+    return -np.expm1(hypotheses * np.log1p(-single))
+
+
+def threshold(pfa: Reals, n_noncoherent: int = 1) -> Reals:
+    """Return the detection threshold g on the magnitude, in standard deviations of the noise per dimension.
+
+    Parameters
+    ----------
+    pfa
+        P_fa of a single test.
+    n_noncoherent
+        K, number of squared magnitudes added; the threshold is on the root of their sum.
+    """
+    _check(pfa)
+    return np.sqrt(-2.0 * np.log(pfa)) if n_noncoherent == 1 else np.sqrt(chdtri(2 * n_noncoherent, pfa))
+
+
+def cfar_threshold(pfa: Reals, cells: int) -> Reals:
+    """Return the threshold if the noise is itself estimated from M reference cells (cell-averaging CFAR).
+
+    The unit is the *estimated* standard deviation per dimension, √(mean |cell|² / 2). From α = M (P_fa^{-1/M} − 1), the
+    threshold on the power over the mean of the cells; α → −ln P_fa for many cells.
+
+    Parameters
+    ----------
+    pfa
+        P_fa of a single test.
+    cells
+        M, number of independent reference cells: correlators with a code that is not in the signal.
+    """
+    _check(pfa, cells)
+    return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
+
+
+def amplitude(cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1) -> Reals:
+    """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of the component in dBHz.
+    integration_s
+        Coherent integration time T_I in s.
+    n_noncoherent
+        K, number of squared magnitudes added.
+    """
+    return np.sqrt(2.0 * n_noncoherent * integration_s * 10.0 ** (cn0_dbhz / 10.0))
+
+
+def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
+    """Return P_d = Q_K(A, g), the probability that the signal exceeds the threshold.
+
+    Relative error below 1e-12, also for weak signals, where P_d approaches P_fa.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of the component in dBHz.
+    integration_s
+        Coherent integration time T_I in s.
+    pfa
+        P_fa of a single test.
+    n_noncoherent
+        K, number of squared magnitudes added.
+    """
+    strength = amplitude(cn0_dbhz, integration_s, n_noncoherent)
+    return marcum_q(strength, threshold(pfa, n_noncoherent), n_noncoherent)
+
+
+def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
+    """Return 1 − P_d, the probability that the signal stays below the threshold, computed without the subtraction.
+
+    Parameters are those of `probability_of_detection`.
+    """
+    strength = amplitude(cn0_dbhz, integration_s, n_noncoherent)
+    return marcum_p(strength, threshold(pfa, n_noncoherent), n_noncoherent)
+
+
+def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
+    """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
+
+    For comparison: it is the pessimistic end, a signal without a direct path. Parameters are those of
+    `probability_of_detection`; `cn0_dbhz` is the mean.
+    """
+    _check(pfa)
+    return pfa ** (1.0 / (1.0 + amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))
+
+
+def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
+    """Return the C/N0 in dBHz at which the signal is detected with probability P_d.
+
+    The inverse of `probability_of_detection`.
+
+    Parameters
+    ----------
+    pd
+        Wanted P_d; above P_fa, below 1.
+    integration_s
+        Coherent integration time T_I in s.
+    pfa
+        P_fa of a single test.
+    n_noncoherent
+        K, number of squared magnitudes added.
+
+    Raises
+    ------
+    ValueError
+        If P_d does not exceed P_fa: then no signal is needed at all.
+    """
+    _check(pd)
+    if np.any(np.less_equal(pd, pfa)):
+        raise ValueError("the wanted probability of detection must exceed the false alarm probability")
+    g = threshold(pfa, n_noncoherent)
+    low, high = np.zeros_like(pd, dtype=np.float64), np.full_like(pd, g + _SURE, dtype=np.float64)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        too_weak = marcum_q(middle, g, n_noncoherent) < pd
+        too_weak = np.where(np.greater(pd, 0.5), marcum_p(middle, g, n_noncoherent) > np.subtract(1.0, pd), too_weak)
+        low, high = np.where(too_weak, middle, low), np.where(too_weak, high, middle)
+    return (20.0 * np.log10(high) - 10.0 * np.log10(2.0 * n_noncoherent * integration_s))[()]
+
+
+def _check(probability: Real, count: float = 1) -> None:
+    if not np.all((np.asarray(probability) > 0) & (np.asarray(probability) < 1)):
+        raise ValueError(f"a probability must be between 0 and 1, found {probability}")
+    if count < 1:
+        raise ValueError(f"a number of tests or cells must be at least 1, found {count}")

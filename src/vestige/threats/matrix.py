@@ -1,0 +1,265 @@
+"""The threat table, measured: every scene with many seeds, run by run into a file that a later run continues.
+
+A run is short (a second), so it is not kept as a store: for each mitigation level one line of `runs.csv` says what came
+of it. A line is known again by threat, scene, seed, level and a digest of the scenario; lines of another scenario or
+version are measured anew. All levels are judged on the same results. Each attacked run is measured a second time
+without its attack: alarms there are chance. Scenes that differ in their attack alone share that second run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vestige.campaign.direct import direct_results
+from vestige.campaign.level_positions import position_error_m
+from vestige.campaign.levels import level_verdicts
+from vestige.campaign.origin import vestige_version
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.output import naming
+from vestige.scenario.campaign import CampaignScenario
+from vestige.threats.runs import RUNS, Key, line_of, read_runs, write_runs
+from vestige.threats.scene_outcome import Agreement, RunOutcome, SceneOutcome, agreement, run_outcome, scene_outcome
+from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
+
+if TYPE_CHECKING:
+    import xarray
+
+_IN_FLIGHT = 3  # runs for each worker
+Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A scene to measure.
+
+    Attributes
+    ----------
+    threat, scene
+        Names.
+    scenario
+        Gives the campaign of a seed, with or without its attack.
+    row
+        The row of the table it belongs to; None for a scenario of the user's.
+    notes
+        Why it may differ, by level.
+    """
+
+    threat: str
+    scene: str
+    scenario: Callable[[int, bool], CampaignScenario]
+    row: Threat | None = None
+    notes: tuple[str, str, str] = ("", "", "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """A case at a level, what came of it, and how that compares with what was expected."""
+
+    case: Case
+    level: int
+    found: SceneOutcome
+    attacked: bool
+    agreement: Agreement
+
+    @property
+    def expected(self) -> str:
+        """The expected outcome; empty for a scenario of the user's."""
+        return self.case.row.outcome(self.level)[0] if self.case.row else ""
+
+    @property
+    def note(self) -> str:
+        """Why it differs; empty if it does not."""
+        differs = self.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED)
+        return self.case.notes[self.level - 1] if differs else ""
+
+
+def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
+    """Return the scenes of threats."""
+    return tuple(
+        Case(
+            threat=threat.id,
+            scene=scene.name,
+            scenario=_scenarios(threat, scene),
+            row=threat,
+            notes=(scene.notes.get("1", ""), scene.notes.get("2", ""), scene.notes.get("3", "")),
+        )
+        for threat in threats
+        for scene in threat.scene
+    )
+
+
+def _scenarios(threat: Threat, scene: Scene) -> Callable[[int, bool], CampaignScenario]:
+    return lambda seed, attacked: scenario_of(threat, scene, seed, attacked=attacked)
+
+
+def case_of(name: str, scenario: CampaignScenario) -> Case:
+    """Return a scenario as a case; its seeds are those of the others."""
+    all_columns = scenario.processor.model_copy(update={"level": max(LEVELS)})
+
+    def seeded(seed: int, attacked: bool) -> CampaignScenario:
+        return scenario.replaced(seed=seed, processor=all_columns, **({} if attacked else {"attack": ()}))
+
+    return Case(threat="–", scene=name, scenario=seeded)
+
+
+def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
+    """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
+
+    Parameters
+    ----------
+    scenario
+        Of a sky, or with a processor of level 3.
+    window_s
+        First time that counts, and the first that does not any more.
+    """
+    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
+
+
+def outcomes_of(
+    scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
+) -> Outcomes:
+    """Return what came of one campaign in a window of time, a level each.
+
+    Parameters
+    ----------
+    scenario, window_s
+        As `measure`; at level 1 alone any scenario.
+    results
+        Of that scenario.
+    levels
+        Keys of `mitigation.LEVELS`.
+    """
+    time_s = results["time_s"].values
+    counted = (time_s >= window_s[0]) & (time_s < window_s[1])
+    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
+    nowhere = np.full(time_s.size, np.nan)
+    return tuple(
+        run_outcome(
+            found,
+            time_s,
+            counted,
+            limit_m,
+            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
+        )
+        for found in level_verdicts(results, levels)
+    )
+
+
+def window_of(scenario: CampaignScenario) -> tuple[float, float]:
+    """Return when the attacks of a scenario act, from the first start to the last stop; always if there are none."""
+    starts_s = [attack.start_s for attack in scenario.attack]
+    stops_s = [attack.stop_s for attack in scenario.attack]
+    return min(starts_s, default=0.0), max(stops_s, default=np.inf)
+
+
+def measure_threats(
+    chosen: Sequence[Case],
+    seeds: Sequence[int],
+    pool: Executor,
+    *,
+    workers: int = 1,
+    folder: Path | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Iterator[Cell]:
+    """Yield the cells of each case, a level each, as soon as all its runs are measured.
+
+    Parameters
+    ----------
+    chosen
+        What to measure.
+    seeds
+        Of the runs of each case.
+    pool, workers
+        Where runs are measured, and how many at the same time.
+    folder
+        Where `runs.csv` is kept and continued; without it nothing is.
+    progress
+        Called with the number of runs that are known, and of all.
+
+    Raises
+    ------
+    InputFileError
+        If `runs.csv` is something else.
+    """
+    known = {} if folder is None else read_runs(folder / RUNS)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_runs(folder / RUNS, known)
+    shared: dict[str, Future[Outcomes]] = {}
+    total, done = len(chosen) * len(seeds), 0
+    for case in chosen:
+        found: dict[bool, list[Outcomes]] = {True: [], False: []}
+        for attacked, outcomes in _runs(case, seeds, pool, workers, known, shared, folder):
+            found[attacked].append(outcomes)
+            done += attacked
+            if progress is not None:
+                progress("attacked runs", done, total)
+        yield from _cells(case, found, attacked=bool(case.scenario(seeds[0], True).attack))
+
+
+def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[Cell]:
+    for place, level in enumerate(LEVELS):
+        measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
+        expected = case.row.outcome(level)[0] if case.row else ""
+        yield Cell(case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured))
+
+
+def _runs(
+    case: Case,
+    seeds: Sequence[int],
+    pool: Executor,
+    workers: int,
+    known: dict[Key, RunOutcome],
+    shared: dict[str, Future[Outcomes]],
+    folder: Path | None,
+) -> Iterator[tuple[bool, Outcomes]]:
+    """Yield whether attacked, and outcomes, of each run of a case in order; new ones go into the file."""
+
+    def submitted() -> Iterator[tuple[bool, tuple[Key, ...], Future[Outcomes] | None]]:
+        for seed in seeds:
+            scenario = case.scenario(seed, True)
+            window_s = window_of(scenario)
+            both = {True: scenario} | ({False: case.scenario(seed, False)} if scenario.attack else {})
+            for attacked, one in both.items():
+                digest = _digest(one, window_s)
+                keys = tuple(
+                    (case.threat, case.scene, str(seed), str(int(attacked)), str(level), digest) for level in LEVELS
+                )
+                future = None
+                if not all(key in known for key in keys):
+                    future = shared.get(digest) or pool.submit(measure, one, window_s)
+                    if not attacked:
+                        shared[digest] = future
+                yield attacked, keys, future
+
+    runs = submitted()
+    pending = deque(islice(runs, _IN_FLIGHT * workers))
+    try:
+        while pending:
+            attacked, keys, future = pending.popleft()
+            if future is not None:
+                known.update(zip(keys, future.result(), strict=True))
+                if folder is not None:
+                    runs_file = folder / RUNS
+                    with naming(runs_file), runs_file.open("a", encoding="utf-8", newline="") as file:
+                        file.write("".join(line_of(key, known[key]) for key in keys))
+            pending.extend(islice(runs, 1))
+            yield attacked, tuple(known[key] for key in keys)
+    finally:
+        for _, _, future in pending:
+            if future is not None:
+                future.cancel()
+
+
+def _digest(scenario: CampaignScenario, window_s: tuple[float, float]) -> str:
+    text = " ".join([vestige_version(), str(window_s), scenario.model_dump_json(), *scenario.own_parts])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

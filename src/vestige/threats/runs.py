@@ -1,0 +1,79 @@
+"""The file in which the runs of the threat table are kept: one line a run and level, appended as it ends."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import asdict, fields
+from io import StringIO
+from pathlib import Path
+
+from vestige.crypto.file_bytes import read_bytes
+from vestige.errors import InputFileError
+from vestige.output import replacement
+from vestige.threats.scene_outcome import RunOutcome
+
+RUNS = "runs.csv"
+MAX_BYTES = 1 << 30  # a run and level has 200 bytes
+Key = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
+
+_KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
+_COLUMNS = tuple(field.name for field in fields(RunOutcome))
+_HEADER = ",".join((*_KEY, *_COLUMNS))
+_READ: dict[str, Callable[[str], object]] = {
+    "int": int,
+    "bool": lambda text: bool(int(text)),
+    "float": float,
+    "str": str,
+}
+
+
+def read_runs(path: Path) -> dict[Key, RunOutcome]:
+    """Return the runs in a file, by what tells them apart; none if there is no file.
+
+    A last line that was cut off by an interruption is left out.
+
+    Raises
+    ------
+    InputFileError
+        If it is no such file.
+    """
+    if not path.exists():
+        return {}
+    try:
+        content = read_bytes(path, at_most=MAX_BYTES)
+        if _HEADER.encode().startswith(content):
+            return {}  # cut off in its first line, or empty
+        whole = content[: content.rfind(b"\n") + 1].decode().splitlines()
+        lines = list(csv.reader(whole[1:]))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, "file", error, "the runs of a threat table") from error
+    if not whole or whole[0] != _HEADER:
+        raise InputFileError(path, "line 1", whole[0][:80] if whole else "no whole line", _HEADER)
+    runs: dict[Key, RunOutcome] = {}
+    for number, cells in enumerate(lines, start=2):
+        try:
+            key, values = tuple(cells[: len(_KEY)]), cells[len(_KEY) :]
+            runs[key] = RunOutcome(
+                **{
+                    field.name: _READ[str(field.type)](value)
+                    for field, value in zip(fields(RunOutcome), values, strict=True)
+                }  # type: ignore[arg-type]
+            )
+        except ValueError as error:
+            raise InputFileError(path, f"line {number}", ",".join(cells)[:80], "a run of a threat table") from error
+    return runs
+
+
+def write_runs(path: Path, runs: dict[Key, RunOutcome]) -> None:
+    """Write all runs; the file is there as a whole or not at all."""
+    with replacement(path) as part:
+        part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
+
+
+def line_of(key: Key, run: RunOutcome) -> str:
+    """Return the line of a run."""
+    text = StringIO()
+    values = [int(value) if isinstance(value, bool) else value for value in asdict(run).values()]
+    csv.writer(text, lineterminator="\n").writerow([*key, *values])
+    return text.getvalue()

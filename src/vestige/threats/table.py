@@ -1,0 +1,174 @@
+"""The threat table as files: `threats.csv` with a row for each scene, `threats.zarr` over scene and level.
+
+In the CSV file a column that belongs to a level ends with it: `detected_level_2`; `expected_level_2` is what was
+expected of it, with the reason, and `level_2` how the measurement compares. In the store the same statistics are
+variables over `scene` and `level`; `check_failed` and `check_time_s` say of each check in how many runs it failed, and
+after how long.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+from vestige.acas_processor.levels import LEVELS as ROWS
+from vestige.campaign.origin import vestige_version
+from vestige.campaign.results import load_small
+from vestige.output import replacement
+from vestige.threats.matrix import Cell
+from vestige.threats.scenes import LEVELS
+
+TABLE, STORE = "threats.csv", "threats.zarr"
+VERSION = "vestige_version"  # with which all runs were measured
+_BUDGETS = (
+    "budget_alarms",
+    "budget_range_alarms",
+    "budget_failures",
+    "budget_exact_failures",
+    "budget_range_failures",
+)
+_SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
+
+
+def rows_of(cells: Sequence[Cell]) -> list[dict[str, object]]:
+    """Return the rows of the table, one a scene, under the names of its columns."""
+    rows = []
+    for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
+        levels = list(of_scene)
+        row, case = levels[0].case.row, levels[0].case
+        rows.append(
+            {
+                "threat": case.threat,
+                "attack": row.name if row else "",
+                "scene": case.scene,
+                "e1": row.e1 if row else "",
+                "e6": row.e6 if row else "",
+                "source": row.source if row else "",
+                **{f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVELS},  # type: ignore[index]
+                **{f"level_{cell.level}": cell.agreement.value for cell in levels},
+                **{
+                    f"{name}_level_{cell.level}": value
+                    for cell in levels
+                    for name, value in statistics_of(cell).items()
+                },
+                VERSION: vestige_version(),
+            }
+        )
+    return rows
+
+
+def statistics_of(cell: Cell) -> dict[str, object]:
+    """Return every number of a cell by name, with the checks that spoke and why it differs."""
+    found = cell.found
+    shares = {
+        f"{name}{part}": value
+        for name in _SHARES
+        for part, value in zip(("", "_of", "_low", "_high"), _parts(getattr(found, name)), strict=True)
+    }
+    a_day = {
+        f"{name}_a_day{part}": value
+        for name in ("alarms", "failures", "exact_failures", "range_failures")
+        for part, value in zip(("", "_low", "_high"), found.a_day(name), strict=True)
+    }
+    days = found.duration_s / 86_400.0
+    return {
+        "word": found.word if cell.attacked else "",
+        **shares,
+        "alarms": found.alarms,
+        **a_day,
+        **{f"{name}_a_day": getattr(found, name) / days if days else math.nan for name in _BUDGETS},
+        "days": days,
+        "time_to_detect_s": found.time_to_detect_s,
+        "worst_accepted_m": found.worst_range_m,
+        "worst_position_m": found.worst_position_m,
+        "checks": "; ".join(
+            f"{one.name} {one.failed.successes}/{one.failed.trials} after {one.time_s:g} s" for one in found.checks
+        ),
+        "note": cell.note,
+    }
+
+
+def _parts(found: object) -> tuple[object, ...]:
+    return tuple(getattr(found, name) for name in ("successes", "trials", "low", "high"))
+
+
+def write_table(folder: Path, cells: Sequence[Cell]) -> None:
+    """Write the table as CSV and as a store; each is there as a whole or not at all."""
+    rows = rows_of(cells)
+    with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
+        writer.writeheader()
+        writer.writerows(rows)
+    with replacement(folder / STORE) as store:
+        threat_dataset(cells).to_zarr(store, mode="w", consolidated=False)
+
+
+def read_threat_dataset(folder: Path) -> xarray.Dataset:
+    """Return the table in a folder of `vestige threats`.
+
+    Raises
+    ------
+    InputFileError
+        If there is none, or it is damaged.
+    """
+    return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
+
+
+def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
+    """Return the table over scene and level."""
+    scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
+    shape = (len(scenes), len(LEVELS))
+    place = {scene: number for number, scene in enumerate(scenes)}
+    names = statistics_of(cells[0]) if cells else {}
+    columns: dict[str, np.ndarray] = {
+        name: np.full(shape, "", dtype=object) if isinstance(value, str) else np.full(shape, np.nan)
+        for name, value in (names | {"expected": "", "agreement": ""}).items()
+    }
+    for cell in cells:
+        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        for name, value in (
+            statistics_of(cell) | {"expected": cell.expected, "agreement": cell.agreement.value}
+        ).items():
+            columns[name][at] = value
+    attack = [
+        next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
+        for one in scenes
+    ]
+    ours = [str(row.name) for level in LEVELS for row in ROWS[level]]
+    checks = list(dict.fromkeys([*ours, *(one.name for cell in cells for one in cell.found.checks)]))
+    failed, time_s = np.zeros((*shape, len(checks))), np.full((*shape, len(checks)), np.nan)
+    for cell in cells:
+        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        for one in cell.found.checks:
+            failed[(*at, checks.index(one.name))] = one.failed.successes
+            time_s[(*at, checks.index(one.name))] = one.time_s
+    over = ("scene", "level", "check")
+    return xarray.Dataset(
+        {
+            name: (("scene", "level"), values.astype(np.dtypes.StringDType()) if values.dtype == object else values)
+            for name, values in columns.items()
+        }
+        | {
+            "check_failed": (over, failed, {"long_name": "runs in which the check failed"}),
+            "check_time_s": (over, time_s, {"long_name": "median time of its first failure in those", "units": "s"}),
+        },
+        coords={
+            "check": ("check", _text(checks)),
+            "scene": ("scene", _text([name for _, name in scenes])),
+            "threat": ("scene", _text([name for name, _ in scenes])),
+            "attack": ("scene", _text(attack)),
+            "level": list(LEVELS),
+        },
+        attrs={VERSION: vestige_version()},
+    )
+
+
+def _text(words: Sequence[str]) -> np.ndarray:
+    """Return words as an array of variable length, which stores keep."""
+    return np.array(words, dtype=np.dtypes.StringDType())
