@@ -23,6 +23,7 @@ from toy_plan import ToyPlan
 from vestige.campaign.direct import direct_results
 from vestige.campaign.results import open_results
 from vestige.campaign.run import run
+from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.store import kept_chunk_epochs, open_store
 from vestige.campaign.store_skeleton import PROGRESS, WORK, work_digest
 from vestige.campaign.sweep import _check_folder as check_folder
@@ -38,7 +39,6 @@ from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario
 from vestige.spoofer.profile_table import read_profile_table
 from vestige.threats.runs import RUNS, read_runs, write_runs
-from vestige.threats.scene_outcome import RunOutcome
 from vestige.threats.table import STORE, read_threat_dataset
 from vestige.time import GalileoTime
 

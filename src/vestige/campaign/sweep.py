@@ -27,6 +27,7 @@ import numpy as np
 from vestige.campaign.plan import CHUNK_EPOCHS
 from vestige.campaign.results import attributes_of
 from vestige.campaign.run import Columns, ExecutorChoice, Progress, run
+from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.sweep_axes import Value, store_name
@@ -36,8 +37,6 @@ from vestige.output import replacement
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.theory.thresholds import probability_of_detection
-from vestige.threats.matrix import outcomes_of, window_of
-from vestige.threats.scene_outcome import RunOutcome
 
 if TYPE_CHECKING:
     import xarray

@@ -13,12 +13,12 @@ import xarray
 
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.results import attributes_of
+from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
 from vestige.campaign.sweep import Row
 from vestige.cli.attack_report import attack_lines, attack_values
 from vestige.cli.level_report import level_lines, level_values
 from vestige.theory.thresholds import probability_of_detection
-from vestige.threats.scene_outcome import RunOutcome
 
 
 def campaign_json(results: xarray.Dataset) -> str:

@@ -11,10 +11,11 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from vestige.campaign.run_outcome import DAY_S
 from vestige.campaign.statistics import Proportion
 from vestige.cli.campaign_report import as_json
 from vestige.threats.matrix import Cell
-from vestige.threats.scene_outcome import DAY_S, Agreement, SceneOutcome
+from vestige.threats.scene_outcome import Agreement, SceneOutcome
 from vestige.threats.scenes import LEVELS, Threat
 from vestige.threats.table import statistics_of
 

@@ -17,21 +17,18 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from vestige.campaign.direct import direct_results
-from vestige.campaign.level_positions import position_error_m
-from vestige.campaign.levels import level_verdicts
 from vestige.campaign.origin import vestige_version
+from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.runs import RUNS, Key, line_of, read_runs, write_runs
-from vestige.threats.scene_outcome import Agreement, RunOutcome, SceneOutcome, agreement, run_outcome, scene_outcome
+from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 _IN_FLIGHT = 3  # runs for each worker
 Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
@@ -122,43 +119,6 @@ def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcom
         First time that counts, and the first that does not any more.
     """
     return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
-
-
-def outcomes_of(
-    scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
-) -> Outcomes:
-    """Return what came of one campaign in a window of time, a level each.
-
-    Parameters
-    ----------
-    scenario, window_s
-        As `measure`; at level 1 alone any scenario.
-    results
-        Of that scenario.
-    levels
-        Keys of `mitigation.LEVELS`.
-    """
-    time_s = results["time_s"].values
-    counted = (time_s >= window_s[0]) & (time_s < window_s[1])
-    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
-    nowhere = np.full(time_s.size, np.nan)
-    return tuple(
-        run_outcome(
-            found,
-            time_s,
-            counted,
-            limit_m,
-            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
-        )
-        for found in level_verdicts(results, levels)
-    )
-
-
-def window_of(scenario: CampaignScenario) -> tuple[float, float]:
-    """Return when the attacks of a scenario act, from the first start to the last stop; always if there are none."""
-    starts_s = [attack.start_s for attack in scenario.attack]
-    stops_s = [attack.stop_s for attack in scenario.attack]
-    return min(starts_s, default=0.0), max(stops_s, default=np.inf)
 
 
 def measure_threats(

@@ -8,10 +8,10 @@ from dataclasses import asdict, fields
 from io import StringIO
 from pathlib import Path
 
+from vestige.campaign.run_outcome import RunOutcome
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 from vestige.output import replacement
-from vestige.threats.scene_outcome import RunOutcome
 
 RUNS = "runs.csv"
 MAX_BYTES = 1 << 30  # a run and level has 200 bytes

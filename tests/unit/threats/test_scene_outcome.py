@@ -12,16 +12,10 @@ from hypothesis.extra.numpy import arrays
 
 from vestige.acas_processor.alarm_budget import Share
 from vestige.campaign.levels import LevelVerdicts
+from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.campaign.statistics import count_interval, proportion
 from vestige.records import Status
-from vestige.threats.scene_outcome import (
-    Agreement,
-    RunOutcome,
-    SceneOutcome,
-    agreement,
-    run_outcome,
-    scene_outcome,
-)
+from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 
 A, P, S, D, N = (
     list(Status).index(status)

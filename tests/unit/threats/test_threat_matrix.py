@@ -13,19 +13,13 @@ from click.testing import CliRunner
 from full_disk import files_of_at_most
 from vestige.campaign.executors import local_executor
 from vestige.campaign.origin import vestige_version
+from vestige.campaign.run_outcome import RunOutcome, window_of
 from vestige.cli.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.matrix import (
-    Cell,
-    case_of,
-    cases,
-    measure,
-    measure_threats,
-    window_of,
-)
+from vestige.threats.matrix import Cell, case_of, cases, measure, measure_threats
 from vestige.threats.runs import RUNS, read_runs, write_runs
-from vestige.threats.scene_outcome import Agreement, RunOutcome
+from vestige.threats.scene_outcome import Agreement
 from vestige.threats.scenes import read_threats
 from vestige.threats.table import read_threat_dataset, rows_of
 

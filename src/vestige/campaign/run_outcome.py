@@ -1,0 +1,241 @@
+"""What came of an attack in one run at one mitigation level: detected, mitigated, missed, denied.
+
+Theory of operation
+-------------------
+A run is one campaign with one attack; *attacked* are its epochs from the attack's start to its stop. `levels.py` has
+what the processor says: statuses, and with every RECS the ranges that are in use, with the largest error that the
+attack made of them since the RECS before. What the RECS after the stop says of that time counts as well. An error is
+*harmful* beyond twice what the range test allows, 2κσ: smaller ones may pass because the noise of E6 makes up for them.
+Of a run is said, and more than one may be true,
+
+    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts or with the RECS after
+    missed       a harmful range was in use at any time
+    protected    none was in the last quarter of the attack
+    mitigated    protected, and in the last quarter more than half of the ranges were in use: the receiver goes on
+    denied       in more than half of the attacked RECS of a satellite there was no verdict (NOT_AVAILABLE)
+
+**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound,
+and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
+single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
+gives them; of those among them that are exact (`alarm_budget.EXACT`), on both sides; and of the range check, against
+its bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.alarm_budget import EXACT, RANGE
+from vestige.acas_processor.levels import ALARMS
+from vestige.campaign.level_positions import position_error_m
+from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.campaign.outcomes import position
+from vestige.records import Status
+from vestige.records.checks import CheckName
+from vestige.scenario.campaign import CampaignScenario
+
+if TYPE_CHECKING:
+    import xarray
+
+DAY_S = 86_400.0
+HALF = 0.5
+_LAST = 0.25  # of the attack's RECS: how it ends
+_HARMFUL = 2.0  # times κσ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutcome:
+    """What came of one run at one level.
+
+    Attributes
+    ----------
+    duration_s
+        How long the epochs that count are: those of the attack, or all if there is none.
+    alarms, budget_alarms
+        Alarms that began in them, and how many the budget allows.
+    budget_range_alarms
+        The range check's part of that.
+    failures, budget_failures
+        Tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them.
+    exact_failures, budget_exact_failures
+        The same of those among them whose budget is exact.
+    range_failures, budget_range_failures
+        The same of the range check, whose p_fa is a bound.
+    detected, mitigated, protected, missed, denied
+        See the top of this module; without an attack only `detected` can be true, by chance.
+    time_to_detect_s
+        From the first attacked epoch to the first with an alarm; NaN if there is none.
+    checks
+        Each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
+        first: `C/N0 0; RAIM 31`.
+    worst_range_m, worst_position_m
+        Errors of largest magnitude of a range and of a position that were in use; NaN if nothing was.
+    """
+
+    duration_s: float
+    alarms: int
+    budget_alarms: float
+    budget_range_alarms: float
+    failures: int
+    budget_failures: float
+    exact_failures: int
+    budget_exact_failures: float
+    range_failures: int
+    budget_range_failures: float
+    detected: bool
+    mitigated: bool
+    protected: bool
+    missed: bool
+    denied: bool
+    time_to_detect_s: float
+    checks: str
+    worst_range_m: float
+    worst_position_m: float
+
+    @property
+    def word(self) -> str:
+        """What came of it in one or two words."""
+        return outcome_word(self.detected, self.mitigated, self.missed, self.denied)
+
+
+def run_outcome(
+    found: LevelVerdicts,
+    time_s: Float[np.ndarray, " n"],
+    attacked: Bool[np.ndarray, " n"],
+    limit_m: float,
+    position_m: Float[np.ndarray, " n"],
+) -> RunOutcome:
+    """Return what came of one run at one level.
+
+    Parameters
+    ----------
+    found
+        What the level makes of the results.
+    time_s
+        Of the epochs.
+    attacked
+        Which epochs count.
+    limit_m
+        What the range test allows, κσ.
+    position_m
+        Error of the position in use; NaN where there is none.
+    """
+    alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
+    here = np.flatnonzero(attacked)
+    with_recs = _recs_of(attacked, found.recs)
+    counted = attacked | with_recs
+    error_m = found.range_error_m[with_recs]
+    harmful = np.abs(error_m) > _HARMFUL * limit_m
+    last = max(1, round(_LAST * error_m.shape[0]))
+    seen = found.seen[with_recs]
+    use = np.isfinite(error_m[-last:][seen[-last:]])
+    none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
+    first = np.flatnonzero(alarm & counted)
+    begin_s = float(time_s[here[0]]) if here.size else nan
+    duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    chosen = {name for name, share in found.budget.items() if share.chosen}
+    failures, budget_failures = _failures(found, attacked, chosen)
+    exact_failures, budget_exact = _failures(found, attacked, chosen & EXACT)
+    range_failures, budget_range = _failures(found, attacked, {RANGE})
+    range_share = found.budget.get(RANGE)
+    protected = not harmful[-last:].any()
+    return RunOutcome(
+        duration_s=duration_s,
+        alarms=int(np.count_nonzero(found.begins & attacked)),
+        budget_alarms=duration_s / DAY_S * sum(share.alarms_a_day for share in found.budget.values()),
+        budget_range_alarms=duration_s / DAY_S * (0.0 if range_share is None else range_share.alarms_a_day),
+        failures=failures,
+        budget_failures=budget_failures,
+        exact_failures=exact_failures,
+        budget_exact_failures=budget_exact,
+        range_failures=range_failures,
+        budget_range_failures=budget_range,
+        detected=bool(first.size),
+        mitigated=bool(protected and use.size and np.mean(use) > HALF),
+        protected=bool(protected),
+        missed=bool(harmful.any()),
+        denied=bool(none.size and np.mean(none) > HALF),
+        time_to_detect_s=float(time_s[first[0]]) - begin_s if first.size else nan,
+        checks="; ".join(f"{name} {float(time_s[place]) - begin_s:g}" for name, place in found.first_failures(counted)),
+        worst_range_m=worst_of(error_m),
+        worst_position_m=worst_of(position_m[with_recs]),
+    )
+
+
+def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
+    """Return how many tests of checks failed, and how many the budget gives them."""
+    made = [name for name in found.failed if name in names and name in found.budget]
+    return (
+        sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
+        float(sum(found.budget[name].p_fa * np.count_nonzero(found.tests[name][attacked]) for name in made)),
+    )
+
+
+def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
+    """Return what came of an attack in one or two words."""
+    if mitigated and (detected or missed):
+        return "mitigated late" if missed else "mitigated"
+    if missed:
+        return "detected, missed" if detected else "missed"
+    if detected:
+        return "detected"
+    return "no verdict" if denied else "no alarm, no harm"
+
+
+def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return the RECS that an attack can have to do with: it acted since the RECS before, be it over by now."""
+    places = np.flatnonzero(recs)
+    acted = np.diff(np.cumsum(attacked)[places], prepend=0) > 0
+    found = np.zeros(recs.size, np.bool_)
+    found[places[acted]] = True
+    return found
+
+
+def worst_of(values: Float[np.ndarray, "..."]) -> float:
+    """Return the value of largest magnitude; NaN if none is known."""
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if known.size else nan
+
+
+def outcomes_of(
+    scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
+) -> tuple[RunOutcome, ...]:
+    """Return what came of one campaign in a window of time, a level each.
+
+    Parameters
+    ----------
+    scenario, window_s
+        Of a sky, or with a processor of level 2 or 3, or any scenario at level 1 alone; first time that counts, and the
+        first that does not any more.
+    results
+        Of that scenario.
+    levels
+        Keys of `mitigation.LEVELS`.
+    """
+    time_s = results["time_s"].values
+    counted = (time_s >= window_s[0]) & (time_s < window_s[1])
+    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
+    nowhere = np.full(time_s.size, np.nan)
+    return tuple(
+        run_outcome(
+            found,
+            time_s,
+            counted,
+            limit_m,
+            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
+        )
+        for found in level_verdicts(results, levels)
+    )
+
+
+def window_of(scenario: CampaignScenario) -> tuple[float, float]:
+    """Return when the attacks of a scenario act, from the first start to the last stop; always if there are none."""
+    starts_s = [attack.start_s for attack in scenario.attack]
+    stops_s = [attack.stop_s for attack in scenario.attack]
+    return min(starts_s, default=0.0), max(stops_s, default=np.inf)
