@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,8 +11,11 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vestige.acas_processor.checks.decision_map import DecisionMap, SignalClass
 from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
+from vestige.records.checks import SignalClass
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.checks.decision_map import DecisionMap
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
 COLOURS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -35,6 +35,15 @@ class CheckName(StrEnum):
     SOLUTION_SEPARATION = "solution separation"
     POWER_DISTORTION = "power-distortion"
     INERTIAL_RANGE_RATE = "inertial range rate"
+
+
+class SignalClass(IntEnum):
+    """What a pair (power, distortion) is taken for."""
+
+    CLEAN = 0
+    MULTIPATH = 1
+    SPOOFED = 2
+    JAMMED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,8 +7,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from vestige import plots
-from vestige.acas_processor.checks.decision_map import DecisionMap, SignalClass
+from vestige.acas_processor.checks.decision_map import DecisionMap
 from vestige.plots.figure import figure_of
+from vestige.records.checks import SignalClass
 
 REGIONS = DecisionMap(
     power_edges_db=np.array([-1.0, 1.0, 3.0]),

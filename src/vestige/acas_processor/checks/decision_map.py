@@ -20,7 +20,6 @@ A map belongs to one C/N0 of the tracked satellite, which the size of D follows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -31,18 +30,9 @@ from vestige.acas_processor.baseline import Quantity
 from vestige.acas_processor.checks.power_distortion import distortion_variance, mean_distortion, power_rise_db
 from vestige.acas_processor.evidence import Evidence
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records.checks import CheckName, CheckSeries
+from vestige.records.checks import CheckName, CheckSeries, SignalClass
 from vestige.signals.pulse import BPSK, Pulse
 from vestige.streams import stream
-
-
-class SignalClass(IntEnum):
-    """What a pair (power, distortion) is taken for."""
-
-    CLEAN = 0
-    MULTIPATH = 1
-    SPOOFED = 2
-    JAMMED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
