@@ -16,6 +16,9 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.scenes import Scene, Threat, read_threats, scenario_of
 
 
+SVIDS = (6, 7, 12, 13, 24)  # of eight: enough for RAIM, and some of those that are attacked
+
+
 def at_level(scenario: CampaignScenario, level: int) -> CampaignScenario:
     """Return a campaign with a processor of some level."""
     return scenario.replaced(processor=scenario.processor.model_copy(update={"level": level}))
@@ -29,7 +32,7 @@ def threat_scenes() -> dict[str, tuple[Threat, Scene]]:
 def short_scene(
     threat: Threat, scene: Scene, seed: int, level: int, *, before_s: int = 20, after_s: int = 15, every: int = 3
 ) -> CampaignScenario:
-    """Return a scene of the threat table with more RECS in less time.
+    """Return a scene of the threat table with more RECS in less time, and fewer satellites.
 
     Parameters
     ----------
@@ -45,7 +48,11 @@ def short_scene(
     late_s = max(0.0, min(starts_s, default=0.0) - before_s)
     attack = tuple(replace(one, start_s=one.start_s - late_s) for one in whole.attack)
     recs = whole.recs.model_copy(update={"every": every})
-    return at_level(whole, level).replaced(attack=attack, epochs=before_s + after_s, recs=recs)
+    assert whole.constellation is not None
+    few = whole.constellation.model_copy(update={"svids": SVIDS})
+    return at_level(whole, level).replaced(
+        attack=attack, epochs=before_s + after_s, recs=recs, constellation=few
+    )
 
 
 def blocks(scenario: CampaignScenario, sizes: tuple[int, ...]) -> Iterator[SnapshotBlock]:

@@ -46,17 +46,17 @@ CAMPAIGNS = {
         "epochs=40", "processor.level=3", "processor.search_s=9", "receiver.time_uncertainty_s=14", "seed=6"
     ),
     "a RECS each 7 s, own key": lambda: sky_scenario(
-        "epochs=30", "recs.every=7", "recs.key_delay=0", "processor.level=3", "processor.search_s=21", PUSH
+        "epochs=25", "recs.every=7", "recs.key_delay=0", "constellation.svids=[6, 7, 12, 13, 24]", "processor.level=3", "processor.search_s=21", PUSH
     ),
     "half seconds, no sensors": lambda: sky_scenario(
         "epochs=24", "interval_s=0.5", "recs.every=4", "receiver.accelerometers=none", "processor.level=2",
-        "constellation.svids=none", 'processor.detector="maximum"', "processor.spacing=2",
+        "constellation.svids=[6, 7, 12, 13, 24]", 'processor.detector="maximum"', "processor.spacing=2",
     ),
     "samples": lambda: sky_scenario(
-        "epochs=12", "recs.every=4", 'fidelity="samples"', "constellation.svids=[6, 7, 12, 13]", "processor.level=3"
+        "epochs=8", "recs.every=4", 'fidelity="samples"', "constellation.svids=[6, 7, 12, 13]", "processor.level=3"
     ),
 }  # fmt: skip
-ONE_BY_ONE = {"a repeater, level 2", "a line of sight, level 1", "a line of sight, level 3", "samples"}
+ONE_BY_ONE = {"a line of sight, level 1", "a line of sight, level 3", "samples"}
 
 
 @pytest.mark.parametrize("name", CAMPAIGNS)
@@ -70,7 +70,7 @@ def test_one_by_one_as_blocks_and_as_a_campaign_are_the_same(name: str, tmp_path
     assert_says(results, said_of(scenario, blocks(scenario, each)))
     for block_epochs in (7, scenario.epochs):
         assert_says(results, said_of(scenario, vs.simulate(scenario, block_epochs=block_epochs)))
-    stored = run(plan, tmp_path / "a", chunk_epochs=9)
+    stored = run(plan, tmp_path / "a", chunk_epochs=13)
     for column in results.data_vars:
         assert stored[column].values.tobytes() == results[column].values.tobytes(), column
 
@@ -103,7 +103,7 @@ def test_stored_results_are_judged_as_the_campaign_was() -> None:
         assert position_m.tobytes() == found.block.position.position_m.tobytes()
 
 
-@pytest.mark.parametrize("name", ["A3 repeater", "A7 gain −0.5 dB, 5°", "A9 noise on E1"])
+@pytest.mark.parametrize("name", ["A3 repeater", "A9 noise on E1"])
 def test_the_truth_cannot_matter(name: str) -> None:
     """Every column of the truth is replaced by noise: what the processor says of the results has the same bits."""
     results = direct_results(ScenarioPlan(scenario=scene(name, 3)))
@@ -122,16 +122,16 @@ def test_the_truth_cannot_matter(name: str) -> None:
     assert judged(results.assign(noise), (1, 2, 3)) == judged(results, (1, 2, 3))
 
 
-@pytest.mark.parametrize("damaged", [(3,), (0, 5), (8,)])
+@pytest.mark.parametrize("damaged", [(3,), (0, 4)])
 def test_a_resumed_run_has_the_same_bits(damaged: tuple[int, ...], tmp_path: Path) -> None:
     """Chunks in the middle are measured again, and judged with the state that the stored ones before them leave."""
     plan = ScenarioPlan(scenario=scene("A3 repeater", 3))
     whole = direct_results(plan)
-    run(plan, tmp_path / "a", chunk_epochs=4)
+    run(plan, tmp_path / "a", chunk_epochs=6)
     for chunk in damaged:
         torn = sorted((tmp_path / "a" / "state").rglob(f"c/{chunk}/*"))
         assert torn
         torn[0].write_bytes(b"torn")
-    again = run(plan, tmp_path / "a", chunk_epochs=4)
+    again = run(plan, tmp_path / "a", chunk_epochs=6)
     for column in whole.data_vars:
         assert again[column].values.tobytes() == whole[column].values.tobytes(), column
