@@ -11,12 +11,6 @@ from vestige.acas_processor.baseline import Antenna, ReferenceLevels
 from vestige.acas_processor.fix_measurement import FixSettings
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
-from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.navigation.ephemeris import Ephemeris
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.elevation import SatelliteRange
-from vestige.receiver.trajectory import StaticTrajectory
-from vestige.records import Band, EncryptedSegment
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import (
     BankBlock,
@@ -30,6 +24,12 @@ from vestige.records.snapshot_block import (
     VelocityIncrements,
 )
 from vestige.records.times import GalileoTimes
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.elevation import SatelliteRange
+from vestige.receiver.trajectory import StaticTrajectory
+from vestige.records import Band, EncryptedSegment
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 345_600)

@@ -12,11 +12,11 @@ from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, DetectedBlock, FixBlock, MeasurementBlock
-from vestige.navigation.position_fix import Fix, Transmission
-from vestige.records import Band
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, OsnmaBlock, SnapshotBlock
 from vestige.records.times import GalileoTimes
+from vestige.navigation.position_fix import Fix, Transmission
+from vestige.records import Band
 from vestige.time import GalileoTime
 
 START = GalileoTime(1372, 604_790)  # the week ends after 10 s

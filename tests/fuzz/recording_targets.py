@@ -12,11 +12,11 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
-from vestige.acas_processor.watch import WatchState
 
 from fuzz.authority import START, files_of
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from vestige.acas_processor.alarm import AlarmState
+from vestige.acas_processor.watch import WatchState
 from vestige.errors import VestigeError
 from vestige.receiver.constellation import walker_ephemerides
 from vestige.recording.accelerations import COLUMNS, GrowingAccelerations, read_accelerations

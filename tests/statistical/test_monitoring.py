@@ -11,8 +11,8 @@ import pytest
 import xarray
 from scipy.special import erfcinv
 from tests.sky_builder import CLEAN, sky_scenario
-from vestige.campaign.monitoring import Track, tracks
 
+from vestige.campaign.monitoring import Track, tracks
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test

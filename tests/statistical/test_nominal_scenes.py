@@ -9,9 +9,9 @@ from __future__ import annotations
 import pytest
 from tests.sky_builder import sky_scenario
 from vestige.acas_processor.monitors.cn0_expectation import Cn0Monitor
-from vestige.campaign.monitoring import tracks
 
 from vestige.campaign.direct import direct_results
+from vestige.campaign.monitoring import tracks
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test
 

@@ -14,12 +14,12 @@ from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.assess import TRAVEL_TIME_SPREAD_S
 from vestige.acas_processor.baseline import ReferenceLevels
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.state import FIXED_S, ReceiverState
-from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.records import Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SearchBlock, SearchRequest, SnapshotBlock
 from vestige.records.times import GalileoTimes
+from vestige.acas_processor.state import FIXED_S, ReceiverState
+from vestige.acas_processor.verdict_block import VerdictBlock
+from vestige.records import Status
 
 N = 24
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from evidence_builder import evidence
 from vestige.acas_processor.baseline import LEARNED, WINDOW, Antenna, Baseline, Observed, Quantity, ReferenceLevels
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock
+from vestige.records import Band
 
 NOBODY = np.full((1, 1), np.nan)
 

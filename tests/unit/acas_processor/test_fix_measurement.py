@@ -12,9 +12,9 @@ from vestige.acas_processor.fix_measurement import FixSettings
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
+from vestige.records.recs_block import DownloadedAssistance
 from vestige.receiver.trajectory import StaticTrajectory
 from vestige.records import Assistance, CheckResult, Outcome
-from vestige.records.recs_block import DownloadedAssistance
 
 PLACE = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)
 FIX = FixSettings(ephemerides=ORBITS)

@@ -18,11 +18,11 @@ from vestige.acas_processor.checks.osnma import (
 from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, subframes
 from vestige.acas_processor.memory import OsnmaMemory
 from vestige.acas_processor.osnma_comparison import compare_osnma
+from vestige.records.snapshot_block import OsnmaBlock
 from vestige.crypto.inav import InavPage
 from vestige.crypto.osnma import OsnmaReceiver
 from vestige.crypto.simulated_chain import make_chain
 from vestige.records import Assistance, ReceivedOsnma
-from vestige.records.snapshot_block import OsnmaBlock
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 5 * 30)  # the sixth subframe is in the next week

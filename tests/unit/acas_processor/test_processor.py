@@ -10,6 +10,8 @@ import pytest
 from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.records.inertial import Accelerations
+from vestige.records.recs_block import DownloadedAssistance
 from vestige.acas_processor.sampled_searches import E1VestigialSearch
 from vestige.acas_processor.sampled_snapshot import block_of
 from vestige.acas_processor.state import TimeUncertainty
@@ -28,8 +30,6 @@ from vestige.records import (
     Status,
     Verdict,
 )
-from vestige.records.inertial import Accelerations
-from vestige.records.recs_block import DownloadedAssistance
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
 from vestige.acas_processor.state import TimeUncertainty
 from vestige.records import Assistance, Band, Snapshot
-from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.sky_builder import CLEAN, sky_scenario
-from vestige.campaign.monitoring import tracks
 
 from vestige.acas_processor.levels import LEVELS
 from vestige.campaign.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts, search_schedule
+from vestige.campaign.monitoring import tracks
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError
 from vestige.records import Status

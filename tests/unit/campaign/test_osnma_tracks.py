@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray
 from tests.sky_builder import CLEAN, sky_scenario
-from vestige.campaign.monitoring import Track, tracks
 
+from vestige.campaign.monitoring import Track, tracks
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.receiver.osnma_reception import of_mask

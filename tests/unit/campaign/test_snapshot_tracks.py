@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from tests.sky_builder import CLEAN, sky_scenario
-from vestige.campaign.monitoring import Track, tracks
 
+from vestige.campaign.monitoring import Track, tracks
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 

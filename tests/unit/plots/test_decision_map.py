@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
-from vestige.acas_processor.monitors.decision_map import DecisionMap, SignalClass
 
 from vestige import plots
+from vestige.acas_processor.monitors.decision_map import DecisionMap, SignalClass
 from vestige.plots.figure import figure_of
 
 REGIONS = DecisionMap(

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from vestige.campaign.monitoring import tracks
 
 from report_builder import LIFT_OFF, QUICK, SCENARIOS, SKY, data_of, made, rows_of, unpacked
 from results_builder import campaign_results, stored
 from vestige.campaign.levels import level_verdicts
+from vestige.campaign.monitoring import tracks
 from vestige.campaign.results import open_results
 from vestige.campaign.verdicts import results_digest
 from vestige.errors import VestigeError

@@ -12,9 +12,9 @@ from vestige.acas_processor.checks.osnma import (
 )
 from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, subframes
 from vestige.acas_processor.memory import OsnmaMemory
+from vestige.records.snapshot_block import OsnmaBlock
 from vestige.campaign.statistics import binomial_test
 from vestige.records import CheckResult, Outcome
-from vestige.records.snapshot_block import OsnmaBlock
 from vestige.streams import stream
 
 N = 100_000
