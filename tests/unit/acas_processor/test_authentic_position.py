@@ -11,10 +11,10 @@ from block_builder import START, SVIDS, Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_positions
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.range_in_use import ranges_in_use
+from vestige.records.checks import CheckName
 from vestige.acas_processor.searches import SearchResults
 from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
 from vestige.records import Status
-from vestige.records.checks import CheckName
 
 PROCESSOR = AcasProcessor(level=2, monitoring=settings())
 A, S = Status.AUTHENTIC, Status.SPOOFED

@@ -13,15 +13,15 @@ from vestige.acas_processor.checks.check import two_sided_factor
 from vestige.acas_processor.fix_measurement import FixSettings
 from vestige.acas_processor.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.processor import AcasProcessor, Step
+from vestige.records.checks import CheckName
+from vestige.records.inertial import LONGEST_STEP_S, Accelerations
+from vestige.records.recs_block import DownloadedAssistance
+from vestige.records.snapshot_block import SnapshotBlock
 from vestige.acas_processor.state import ReceiverState
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory
 from vestige.records import Assistance, CheckResult, Outcome
-from vestige.records.checks import CheckName
-from vestige.records.inertial import LONGEST_STEP_S, Accelerations
-from vestige.records.recs_block import DownloadedAssistance
-from vestige.records.snapshot_block import SnapshotBlock
 
 STANDING = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)
 CIRCLE = CircularTrajectory(latitude_deg=48.0, longitude_deg=11.0, radius_m=400.0, speed_mps=20.0)

@@ -13,9 +13,9 @@ from vestige.acas_processor.baseline import Quantity
 from vestige.acas_processor.checks.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
 from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.records.snapshot_block import FrontEndBlock
 from vestige.campaign.statistics import binomial_test
 from vestige.records import Band, CheckResult, Outcome
-from vestige.records.snapshot_block import FrontEndBlock
 from vestige.streams import stream
 
 N = 100_000
