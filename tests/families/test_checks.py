@@ -88,7 +88,9 @@ def test_the_check_of_a_user_runs_and_fails_somewhere(whole: VerdictBlock) -> No
 
 
 def test_the_check_of_a_user_can_be_the_cause(processor: AcasProcessor) -> None:
-    (block,) = verdicts(replace(processor, level=1), 0.3, [0, N])
+    (own,) = processor.own_checks
+    alone = replace(processor, level=1, own_checks=(replace(own, spec=replace(own.spec, confirm=1)),))
+    (block,) = verdicts(alone, 0.3, [0, N])
     assert "times the power of noise before the signal" in " ".join(
         block.reason(*here) for here in np.argwhere(block.cause == 2).tolist()
     )
