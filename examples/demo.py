@@ -15,8 +15,8 @@ from pathlib import Path
 
 from vestige.cli.main import vestige
 from vestige.crypto.recs import decrypt, encrypt
-from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Assistance
