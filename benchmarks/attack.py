@@ -26,7 +26,9 @@ from pathlib import Path
 
 import numpy as np
 
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.receiver.simulation import Simulation
+from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import TruthBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -60,14 +62,22 @@ def truth_of(simulation: Simulation) -> TruthBlock:
     return process.advance(FIRST, EPOCHS)
 
 
+def receiver_of(simulation: Simulation) -> SimulatedReceiver:
+    """Return the receiver of samples on one line of sight."""
+    return SimulatedReceiver(
+        simulations=(simulation,), fidelity="samples", interval_s=simulation.interval_s, with_taps=False
+    )
+
+
 def measure(rounds: int) -> dict[str, list[float]]:
     """Return CPU seconds of one epoch for each round."""
-    cases = {name: (simulation, truth_of(simulation)) for name, simulation in simulations().items()}
+    cases = {name: (receiver_of(one), truth_of(one)) for name, one in simulations().items()}
+    processor = AcasProcessor()
     times: dict[str, list[float]] = {name: [] for name in cases}
     for number in range(rounds + 1):  # the first compiles
-        for name, (simulation, truth) in cases.items():
+        for name, (receiver, truth) in cases.items():
             begin = time.thread_time()
-            simulation.banks("samples", FIRST, truth)
+            processor.measure(receiver.snapshots(FIRST, (truth,)), receiver.assistance)
             if number:
                 times[name].append((time.thread_time() - begin) / EPOCHS)
     return times

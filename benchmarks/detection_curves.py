@@ -22,7 +22,6 @@ from functools import partial
 from pathlib import Path
 
 from vestige.campaign.check_detection import check_detection
-from vestige.campaign.levels import FRONT_END_DRIFT_DB
 from vestige.campaign.statistics import Proportion
 from vestige.plots import check_curves, write
 from vestige.scenario.campaign import CampaignScenario
@@ -166,9 +165,7 @@ def scenario(curve: Curve, strength: float, seed: int) -> CampaignScenario:
 def point(curve: Curve, seeds: Sequence[int], strength: float) -> dict[str, Proportion]:
     """Return what each check sees of one strength."""
     make: Callable[[int], CampaignScenario] = partial(scenario, curve, strength)
-    return check_detection(
-        make, seeds, checks=curve.checks, window_s=curve.window_s, sigma_system_db=FRONT_END_DRIFT_DB
-    )
+    return check_detection(make, seeds, checks=curve.checks, window_s=curve.window_s)
 
 
 def table(curve: Curve, seen: Mapping[str, Sequence[Proportion]]) -> str:

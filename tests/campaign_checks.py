@@ -11,14 +11,21 @@ from tests.sky_builder import sky_scenario
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.campaign.check_detection import P_FA, with_p_fa
 from vestige.campaign.direct import direct_results
-from vestige.campaign.levels import judged_by
+from vestige.campaign.levels import failures, judged_by
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import binomial_test
 from vestige.records.checks import CheckName, CheckSeries
 
 
 def results_of(*settings: str) -> xarray.Dataset:
     """Return the results of `scenarios/sky.toml` with some values replaced."""
     return direct_results(ScenarioPlan(scenario=sky_scenario(*settings)))
+
+
+def chance(check: CheckSeries, share: int = 1) -> float:
+    """Return how likely so many failures are; of tests that depend on each other only one in `share` counts."""
+    found = failures(check)
+    return binomial_test(found.successes // share, found.trials // share, check.p_fa)
 
 
 def checks_of(

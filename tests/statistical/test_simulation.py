@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from tests.simulated_banks import Banks
+from tests.simulated_banks import banks as banks_of
 
-from vestige.receiver.simulation import Banks, Simulation
+from vestige.receiver.simulation import Simulation
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
@@ -27,9 +29,9 @@ def test_both_fidelities_have_the_same_distribution(cn0_dbhz: float) -> None:
     settings = (f"receiver.cn0_dbhz={cn0_dbhz}", "epochs=20000")
     simulation = _simulation(*settings)
     truth = simulation.truth()
-    sampled = simulation.banks("samples", 0, truth.advance(0, 500))
+    sampled = banks_of(simulation, "samples", 0, truth.advance(0, 500))
     drawn = _simulation(*settings, "seed=77")
-    _assert_same_distribution(sampled, drawn.banks("correlators", 0, drawn.truth().advance(0, 20_000)))
+    _assert_same_distribution(sampled, banks_of(drawn, "correlators", 0, drawn.truth().advance(0, 20_000)))
 
 
 def _assert_same_distribution(sampled: Banks, drawn: Banks) -> None:
@@ -51,5 +53,5 @@ def test_both_fidelities_behind_a_front_end(front_end: str) -> None:
     """At 42 dBHz, so that a peak too high by 2 % or a flank too wide by 1 m would show."""
     settings = (f"receiver.front_end={front_end}", "receiver.cn0_dbhz=42", "epochs=10000")
     simulation, drawn = _simulation(*settings), _simulation(*settings, "seed=78")
-    sampled = simulation.banks("samples", 0, simulation.truth().advance(0, 200))
-    _assert_same_distribution(sampled, drawn.banks("correlators", 0, drawn.truth().advance(0, 10_000)))
+    sampled = banks_of(simulation, "samples", 0, simulation.truth().advance(0, 200))
+    _assert_same_distribution(sampled, banks_of(drawn, "correlators", 0, drawn.truth().advance(0, 10_000)))

@@ -96,7 +96,8 @@ def test_satellites_have_noise_of_their_own_and_one_clock() -> None:
 
 def test_low_satellites_are_weaker_and_noisier(clean: dict[str, np.ndarray]) -> None:
     sine = np.sin(np.radians(clean["elevation_deg"].astype(np.float64)))
-    assert clean["e1_cn0_dbhz"] == pytest.approx(45.0 - 9.0 * (1 - sine), abs=1e-4)
+    mean_dbhz = clean["e1_cn0_dbhz"].astype(np.float64).mean(axis=0)
+    assert mean_dbhz == pytest.approx((45.0 - 9.0 * (1 - sine)).mean(axis=0), abs=0.02)  # 900 estimates of 0.1 dB
     error_m = clean["e1_pseudorange_m"] - clean["truth_range_m"] - clean["truth_clock_m"][:, None]
     scaled = (error_m / clean["e1_sigma_m"]) ** 2
     n = scaled.shape[0]
