@@ -276,9 +276,8 @@ def outcome(
     above = np.abs(strength * loss + draws.e6_z) > threshold(exhaustive_p_fa / cells)
     exhaustive = _separate(above & near & (heard > 0), heard, e6.delay_m, **rule)
 
-    sigma_m = _range_noise_m(0.0, integration_s, _E6_BANDWIDTH_HZ) / np.maximum(
-        strength / np.sqrt(2 * integration_s), 1.0
-    )
+    root_cn0 = np.maximum(strength / np.sqrt(2 * integration_s), 1.0)
+    sigma_m = _range_noise_m(0.0, integration_s, _E6_BANDWIDTH_HZ) / root_cn0
     range_m = e6.delay_m + shift_m[:, None] + sigma_m * draws.measured[..., 1]
     anywhere_m = (2 * draws.alarm[:, 3] - 1) * window_s * SPEED_OF_LIGHT_MPS
     of_handover = _counted(handover, range_m, tried & (draws.alarm[:, 1] < e1_p_fa), anywhere_m)
