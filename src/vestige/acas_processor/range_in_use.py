@@ -3,7 +3,7 @@
 What a RECS authenticates is the time since the RECS before. In epochs with RECS a range is in use
 
 1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
-   they are broadcast; that of the exhaustive search, if it was made, is the better one;
+   they are broadcast; if both searches found it, within one chip, its place is that of the exhaustive search;
 2. where the correlators of the RECS hold two signals and the earlier one is where E1 says: that of E1;
 3. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
@@ -23,9 +23,11 @@ from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two
 from vestige.acas_processor.fix_measurement import fix_quantities
 from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
 from vestige.records import Status
 from vestige.records.checks import CheckName
+from vestige.signals.definitions import E6C
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
@@ -40,14 +42,24 @@ def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock
         earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
         limit_m = processor.kappa * processor.budget.sigma_m
         e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & (np.abs(earlier_m) <= limit_m)
-    offset_m = np.full(block.status.shape, np.nan)
-    for search in (block.e1_search, block.exhaustive_search):  # the later one is the better one
-        offset_m = np.where(np.isfinite(search.earliest_m), search.earliest_m, offset_m)
+    offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]
     range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
     block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier)
     return replace(block, position=_positions(block, processor, range_m))
+
+
+def _earliest_m(
+    handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n m"]:
+    """Return where the earliest signal of both searches is, in m after E1; NaN where none found several.
+
+    Nobody can send before the satellite, so the earlier of two signals counts. Two places within a chip are of one
+    signal: then it is that of the exhaustive search, which looks everywhere.
+    """
+    same_or_later = ~(handed_over_m < exhaustive_m - SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz)
+    return np.where(np.isfinite(exhaustive_m) & same_or_later, exhaustive_m, handed_over_m)
 
 
 def _positions(

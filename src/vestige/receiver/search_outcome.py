@@ -62,6 +62,7 @@ _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
 _MEASURE_SIGMA_M = 3.0  # of a code phase out of 100 ms of E1
 _DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
+_range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 divides it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,7 +273,8 @@ def outcome(
     above = np.abs(strength * loss + draws.e6_z) > threshold(exhaustive_p_fa / cells)
     exhaustive = _separate(above & near & (heard > 0), heard, e6.delay_m, **rule)
 
-    sigma_m = _fine_sigma_m(integration_s) / np.maximum(strength / np.sqrt(2 * integration_s), 1.0)
+    root_cn0 = np.maximum(strength / np.sqrt(2 * integration_s), 1.0)
+    sigma_m = _range_noise_m(0.0, integration_s, _E6_BANDWIDTH_HZ) / root_cn0
     range_m = e6.delay_m + shift_m[:, None] + sigma_m * draws.measured[..., 1]
     anywhere_m = (2 * draws.alarm[:, 3] - 1) * window_s * SPEED_OF_LIGHT_MPS
     of_handover = _counted(handover, range_m, tried & (draws.alarm[:, 1] < e1_p_fa), anywhere_m)
@@ -392,9 +394,3 @@ def _e1_shape() -> tuple[tuple[np.ndarray, np.ndarray], float]:
     chips = np.linspace(0.0, 0.5, 51)
     shape = band_limited_autocorrelation(BOC11, chips, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=_E1_BAND_HZ)
     return (chips, shape / shape[0]), float(shape[0]) * MBOC[BOC11]
-
-
-@cache
-def _fine_sigma_m(integration_s: float) -> float:
-    """Return the noise of an E6 range at 0 dBHz, by which the root of C/N0 is to be divided."""
-    return snapshot_noise_bound_m(0.0, integration_s, _E6_BANDWIDTH_HZ)

@@ -98,7 +98,9 @@ def test_of_several_signals_the_earliest_is_used_whatever_the_verdict(quiet: Ver
     assert found.svids == found.earlier == SVIDS[:5]
     assert np.isfinite(block.range_in_use_m[0]).tolist() == [True] * 5 + [False] * (M - 5)
     better, _ = _used(quiet, [S] * M, pushed_m=pushed, found_m=[-100.0] * M, exhaustive_m=[-390e3] + [nan] * (M - 1))
-    assert better.true_offset_m[0].tolist() == [-390e3] + [-100.0] * (M - 1), "the exhaustive search is the better one"
+    assert better.true_offset_m[0].tolist() == [-390e3] + [-100.0] * (M - 1)
+    short, _ = _used(quiet, [S] * M, pushed_m=pushed, found_m=[-390e3] * M, exhaustive_m=[-90e3, -390_010.0] * (M // 2))
+    assert short.true_offset_m[0].tolist() == [-390e3, -390_010.0] * (M // 2), "earlier, or the same signal"
 
 
 def test_of_two_signals_in_the_correlators_e1_stays_if_the_earlier_one_is_where_it_says(quiet: VerdictBlock) -> None:
