@@ -21,7 +21,7 @@ from vestige.scenario.load import load_scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extend.md"
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"`(\w+)\.py`:\n\n```python")
+_FILE = re.compile(r"\*\*(\w+)\.py\*\*:\n\n```python")
 
 
 @dataclass(frozen=True)
