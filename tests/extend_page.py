@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import atexit
 import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 from typing import Any
 
+from vestige import own_parts
 from vestige.own_parts import own_parts_from, part
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extend.md"
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"`(\w+)\.py`:\n\n```python")
+_FILE = re.compile(r"\*\*(\w+)\.py\*\*:\n\n```python")
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,35 @@ def write_page(folder: Path) -> None:
     for section in sections().values():
         (folder / f"{section.module}.py").write_text(section.source, encoding="utf-8")
         (folder / f"{section.module}.toml").write_text(f"{scenario()}\n{section.tables}", encoding="utf-8")
+
+
+@contextmanager
+def no_parts() -> Iterator[None]:
+    """Forget all parts for a while, and those that come meanwhile at the end."""
+    folders, digests, path = [*own_parts._folders], {**own_parts._digests}, [*sys.path]
+    known = _modules_of_parts()
+    for name in known:
+        del sys.modules[name]
+    own_parts._folders.clear()
+    own_parts._digests.clear()
+    sys.path[:] = [one for one in path if Path(one) not in folders]
+    try:
+        yield
+    finally:
+        for name in _modules_of_parts():
+            del sys.modules[name]
+        own_parts._folders[:], sys.path[:] = folders, path
+        own_parts._digests.clear()
+        own_parts._digests.update(digests)
+        sys.modules.update(known)
+
+
+def _modules_of_parts() -> dict[str, ModuleType]:
+    return {
+        name: module
+        for name, module in sys.modules.items()
+        if Path(str(getattr(module, "__file__", ""))).parent in own_parts._folders
+    }
 
 
 @cache

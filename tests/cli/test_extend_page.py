@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from extend_page import Section, sections, write_page
+from extend_page import Section, no_parts, sections, write_page
 from vestige.campaign.results import open_dataset
+from vestige.cli.main import main, vestige
 
 LONGEST = 40  # lines of a file
 SECTIONS = sections()
@@ -19,14 +18,6 @@ ADDS = {
     "my_detector": ("detector", "my_detector:RelativePeak"),
     "my_check": ("check", "early power"),
 }
-
-
-def typed(folder: Path, line: str) -> subprocess.CompletedProcess[str]:
-    """Run a command of the page in a process of its own, in a folder."""
-    words = shlex.split(line)
-    assert words[0] == "vestige"
-    program = [sys.executable, "-m", "vestige", *words[1:]]
-    return subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False, env=dict(os.environ))  # noqa: S603
 
 
 def test_there_is_one_part_of_each_kind() -> None:
@@ -40,16 +31,37 @@ def test_a_file_is_complete_and_short(section: Section) -> None:
     compile(section.source, section.module, "exec")
 
 
+@pytest.mark.many_epochs
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
-def test_the_commands_run(section: Section, tmp_path: Path) -> None:
+def test_the_commands_run(section: Section, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_page(tmp_path)
     (tmp_path / f"{section.module}.toml").rename(tmp_path / "own.toml")
+    monkeypatch.chdir(tmp_path)
     for line in section.commands:
-        result = typed(tmp_path, line)
-        assert result.returncode == 0, result.stderr
-    name = section.module.removeprefix("my_")
-    results = open_dataset(tmp_path / f"{name}.zarr")
+        program, *words = shlex.split(line)
+        assert program == "vestige"
+        with no_parts():
+            result = CliRunner().invoke(vestige, words, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+    results = open_dataset(Path(f"{section.module.removeprefix('my_')}.zarr"))
     assert results.attrs["own_parts"].startswith(f"{section.module}:")
     if section.module in ADDS:
         axis, last = ADDS[section.module]
         assert str(results[axis].values[-1]) == last
+
+
+def test_a_part_that_fails_is_one_line_of_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Whatever an attack or an error model raises, in the line of the user's file."""
+    write_page(tmp_path)
+    path = tmp_path / "my_error.py"
+    path.write_text(path.read_text().replace("model = self.model", "model = self.modell"))
+    line = path.read_text().splitlines().index("        model = self.modell") + 1
+    words = ["run", str(tmp_path / "my_error.toml"), "--parts", str(tmp_path), "-o", str(tmp_path / "a.zarr")]
+    with no_parts(), pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 1
+    said = capfd.readouterr().err
+    what = (
+        f"my_error: found line {line} of {path} raises AttributeError: 'GustsProcess' object has no attribute 'modell'"
+    )
+    assert f"vestige: {what} 'modell', expected no error" in said

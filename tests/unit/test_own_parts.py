@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pickle
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from extend_page import page_scenario, scenario
+from extend_page import no_parts, page_scenario, scenario
 from vestige import own_parts
 from vestige.campaign.direct import direct_results
 from vestige.campaign.executors import measure_chunk
@@ -40,20 +41,14 @@ CHECK = (
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder that is named, for the test alone."""
-    monkeypatch.setattr(own_parts, "_folders", [])
-    monkeypatch.setattr(own_parts, "_digests", {})
-    monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    known = dict(sys.modules)
     path = tmp_path / "parts"
     path.mkdir()
-    own_parts_from(path)
-    yield path
-    for name in set(sys.modules) - set(known):
-        if str(getattr(sys.modules[name], "__file__", "")).startswith(str(path)):
-            del sys.modules[name]
+    with no_parts():
+        own_parts_from(path)
+        yield path
 
 
 def made(folder: Path, module: str, source: str, tables: str, *settings: str) -> CampaignScenario:
