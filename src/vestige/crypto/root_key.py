@@ -45,8 +45,7 @@ class RootKey:
 
     def __post_init__(self) -> None:
         parts = (self.kroot, self.header, self.time, self.public_key, self.received_at)
-        expected = (DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime)
-        for part, kind in zip(parts, expected, strict=True):
+        for part, kind in zip(parts, (DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime), strict=True):
             if type(part) is not kind:
                 raise TypeError(f"a RootKey has a {kind.__name__}, not a {type(part).__name__}")
         # What is verified is a copy, which nobody else has: the message may hold a bytearray, which can change.
