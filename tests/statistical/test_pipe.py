@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.description import BandFile, RecordingDescription
-from vestige.recording.following import FollowedEpoch, Following, Patience
-from vestige.recording.growing_assistance import GrowingAssistance
-from vestige.recording.live_recording import LiveRecording, buffer_s
-from vestige.recording.sample_format import SampleFormat
-from vestige.recording.sample_stream import BLOCK_BYTES, SampleStream
+from vestige.recording.live.following import FollowedEpoch, Following, Patience
+from vestige.recording.live.live_recording import LiveRecording, buffer_s
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.records import Band
 from vestige.scenario.load import load_scenario
 from vestige.scenario.test_case import AcasTestCase, placed
