@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from urllib.parse import quote
 
+from vestige.crypto.file_toml import parse_toml
 from vestige.errors import VestigeError
 
 Value = bool | int | float | str
@@ -98,7 +98,7 @@ def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
 
 def _list(text: str) -> tuple[Value, ...]:
     try:
-        (values,) = tomllib.loads(f"values = [{text}]").values()
+        (values,) = parse_toml(f"values = [{text}]").values()
     except ValueError as error:  # of TOML, or of a text that closes the list and goes on
         raise ValueError(f"found {text!r}, expected start:stop:step or TOML values a,b,c") from error
     if not values or not all(isinstance(value, Value) for value in values):
