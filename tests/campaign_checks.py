@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import xarray
+from tests.sky_builder import sky_scenario
 
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.campaign.check_detection import P_FA, with_p_fa
@@ -14,8 +15,6 @@ from vestige.campaign.levels import failures, judged_by
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test
 from vestige.records.checks import CheckName, CheckSeries
-
-from tests.sky_builder import sky_scenario
 
 
 def results_of(*settings: str) -> xarray.Dataset:

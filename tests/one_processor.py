@@ -15,7 +15,6 @@ from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.threats import Scene, Threat, read_threats, scenario_of
 
-
 SVIDS = (6, 7, 12, 13, 24)  # of eight: enough for RAIM, and some of those that are attacked
 
 
@@ -50,9 +49,7 @@ def short_scene(
     recs = whole.recs.model_copy(update={"every": every})
     assert whole.constellation is not None
     few = whole.constellation.model_copy(update={"svids": SVIDS})
-    return at_level(whole, level).replaced(
-        attack=attack, epochs=before_s + after_s, recs=recs, constellation=few
-    )
+    return at_level(whole, level).replaced(attack=attack, epochs=before_s + after_s, recs=recs, constellation=few)
 
 
 def blocks(scenario: CampaignScenario, sizes: tuple[int, ...]) -> Iterator[SnapshotBlock]:

@@ -46,7 +46,8 @@ CAMPAIGNS = {
         "epochs=40", "processor.level=3", "processor.search_s=9", "receiver.time_uncertainty_s=14", "seed=6"
     ),
     "a RECS each 7 s, own key": lambda: sky_scenario(
-        "epochs=25", "recs.every=7", "recs.key_delay=0", "constellation.svids=[6, 7, 12, 13, 24]", "processor.level=3", "processor.search_s=21", PUSH
+        "epochs=25", "recs.every=7", "recs.key_delay=0", "constellation.svids=[6, 7, 12, 13, 24]",
+        "processor.level=3", "processor.search_s=21", PUSH,
     ),
     "half seconds, no sensors": lambda: sky_scenario(
         "epochs=24", "interval_s=0.5", "recs.every=4", "receiver.accelerometers=none", "processor.level=2",
