@@ -37,9 +37,8 @@ def test_false_alarms_meet_their_budget_in_a_clean_world() -> None:
     assert len(found) == 20
     for name, check in found.items():
         failed = failures(check)
-        trials = (
-            100 if name.startswith("OSNMA") else 700 if name in ("E6 received power", "E6 exhaustive search") else 3500
-        )
+        of_recs = name in ("E6 received power", "E6 exhaustive search")
+        trials = 100 if name.startswith("OSNMA") else 700 if of_recs else 3500
         assert failed.trials > trials, name
         if check.exact:  # neighbouring epochs share a drift: half as many independent trials
             assert chance(check, 2 if name.startswith("clock") else 1) > 1e-6, name

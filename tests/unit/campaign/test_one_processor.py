@@ -130,7 +130,7 @@ def test_a_resumed_run_has_the_same_bits(damaged: tuple[int, ...], tmp_path: Pat
     whole = direct_results(plan)
     run(plan, tmp_path / "a", chunk_epochs=6)
     for chunk in damaged:
-        torn = sorted((tmp_path / "a" / "state").rglob(f"c/{chunk}/*"))
+        torn = sorted((tmp_path / "a" / "e1_pseudorange_m").rglob(f"c/{chunk}/*"))
         assert torn
         torn[0].write_bytes(b"torn")
     again = run(plan, tmp_path / "a", chunk_epochs=6)
