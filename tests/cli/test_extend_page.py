@@ -64,4 +64,4 @@ def test_a_part_that_fails_is_one_line_of_the_command(tmp_path: Path, capfd: pyt
     what = (
         f"my_error: found line {line} of {path} raises AttributeError: 'GustsProcess' object has no attribute 'modell'"
     )
-    assert f"vestige: {what} 'modell', expected no error" in said
+    assert f"vestige: {what}, expected no error" in said
