@@ -13,7 +13,7 @@ import vestige as vs
 from vestige.campaign.judged_columns import judged_columns
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.threats import Scene, Threat, read_threats, scenario_of
+from vestige.threats.scenes import Scene, Threat, read_threats, scenario_of
 
 SVIDS = (6, 7, 12, 13, 24)  # of eight: enough for RAIM, and some of those that are attacked
 
