@@ -18,6 +18,7 @@ from click.testing import CliRunner
 
 from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.sampled_snapshot import block_of
 from vestige.cli.process import command as process
 from vestige.cli.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -25,7 +26,17 @@ from vestige.crypto.recs import encrypt
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording
 from vestige.recording.snapshots import RecordingSource
-from vestige.records import Assistance, ChipSequence, Handover, SampleBatch, Snapshot, Status
+from vestige.records import (
+    Assistance,
+    ChipSequence,
+    Correlatable,
+    CorrelatorBank,
+    Handover,
+    SampleBatch,
+    Snapshot,
+    Status,
+    Verdict,
+)
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
@@ -84,8 +95,14 @@ def snapshot(night: Path) -> tuple[Snapshot, Assistance]:
     source = RecordingSource(
         recording=open_recording(night), assistance=read_assistance(night / "assistance").assistance
     )
-    (one,) = source
+    (one,) = source.snapshots()
     return one, source.assistance
+
+
+def _verdicts(
+    snapshot: Snapshot, assistance: Assistance, processor: AcasProcessor | None = None
+) -> tuple[Verdict, ...]:
+    return (processor or AcasProcessor()).step(None, block_of(snapshot), assistance).verdicts
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +139,7 @@ def test_corrected_budget_passes_too(calibrated: dict, snapshot: tuple[Snapshot,
     one, assistance = snapshot
     processor = AcasProcessor(budget=ErrorBudget.corrected())
     bias_s = calibrated["hardware_bias_m"] / SPEED_OF_LIGHT_MPS
-    verdicts = processor.decide(processor.measure(one, replace(assistance, hardware_bias_e1_e6_s=bias_s)))
+    verdicts = _verdicts(one, replace(assistance, hardware_bias_e1_e6_s=bias_s), processor)
     assert [verdict.status for verdict in verdicts] == [Status.AUTHENTIC] * 8
 
 
@@ -132,14 +149,28 @@ def test_doppler_handed_over_is_the_doppler_on_e6(night: Path, snapshot: tuple[S
     reader = open_recording(night).e6
     assert reader is not None
     samples = reader.read(0, reader.n_samples)
-    measurement = AcasProcessor().measure(one, assistance)
-    for satellite in measurement.satellites:
-        assert abs(_doppler_error(samples, satellite.handover)) < 1.0, satellite.svid
+    assert one.e6 is not None
+    noted = _Noted(one.e6)
+    AcasProcessor().measure(block_of(replace(one, e6=noted)), assistance)
+    assert [handover.svid for handover in noted.handovers] == list(IN_THE_SKY)
+    for handover in noted.handovers:
+        assert abs(_doppler_error(samples, handover)) < 1.0, handover.svid
 
 
-def _doppler_error(samples: SampleBatch, handover: Handover | None) -> float:
+class _Noted:
+    """E6 that notes what it is asked for."""
+
+    def __init__(self, e6: Correlatable) -> None:
+        self.e6, self.received_until = e6, e6.received_until
+        self.handovers: list[Handover] = []
+
+    def correlate(self, handover: Handover, offsets_m: np.ndarray) -> CorrelatorBank | None:
+        self.handovers.append(handover)
+        return self.e6.correlate(handover, offsets_m)
+
+
+def _doppler_error(samples: SampleBatch, handover: Handover) -> float:
     """Over 60 ms: 0.3 Hz (1σ) for the weakest satellite."""
-    assert handover is not None
     code = tiered_code(E6C, handover.svid)
     prompts = []
     for period in range(-45, 15):
@@ -174,8 +205,7 @@ def test_any_other_key_gives_no_detection(snapshot: tuple[Snapshot, Assistance])
                 chips=tiered_code(E6C, segment.svid)[: segment.n_chips],
             )
             segments.append(encrypt(chips, key.data))
-        processor = AcasProcessor()
-        verdicts = processor.decide(processor.measure(one, replace(assistance, segments=tuple(segments))))
+        verdicts = _verdicts(one, replace(assistance, segments=tuple(segments)))
         assert {verdict.status for verdict in verdicts} == {Status.NOT_DETECTED}
 
 
@@ -199,7 +229,6 @@ def test_e6_two_samples_late_fails_the_range_check(
 
 def test_a_clock_that_may_be_thirty_seconds_wrong_proves_nothing(snapshot: tuple[Snapshot, Assistance]) -> None:
     one, assistance = snapshot
-    processor = AcasProcessor()
-    verdicts = processor.decide(processor.measure(replace(one, time_uncertainty_s=30.0), assistance))
+    verdicts = _verdicts(replace(one, time_uncertainty_s=30.0), assistance)
     assert {verdict.status for verdict in verdicts} == {Status.NOT_AVAILABLE}
     assert all("disclosure" in verdict.reason for verdict in verdicts)
