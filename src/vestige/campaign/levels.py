@@ -34,6 +34,7 @@ from vestige.records import Assistance, Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.scenario.scenario_processor import Overhead, receiver_processor
 from vestige.scenario.stored import StoredScenario
+from vestige.theory.thresholds import probability_of_detection
 
 if TYPE_CHECKING:
     import xarray
@@ -233,13 +234,12 @@ def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
 
 def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: MeasurementBlock) -> LevelVerdicts:
     block, _ = processor.assess(None, measured, Assistance())
-    predicted = measured.predicted_pd[np.isfinite(measured.predicted_pd)]
     budget = false_alarm_budget(
         processor.level,
         processor.monitoring.cadence,
         alarms_a_day=processor.monitoring.alarms_a_day,
         kappa=processor.kappa,
-        pd=float(predicted.mean()) if predicted.size else 1.0,
+        pd=_mean_pd(processor, block),
         further={one.spec: one.p_fa for one in processor.own_of_level},
     )
     return LevelVerdicts(
@@ -249,6 +249,20 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
         seen=_seen(results),
         range_error_m=_range_error_m(results, block),
     )
+
+
+def _mean_pd(processor: AcasProcessor, block: VerdictBlock) -> float:
+    """Return the mean probability that E6 is detected, at the C/N0 that the antenna has at each elevation."""
+    antenna, banks = processor.monitoring.levels.antenna, block.measured.banks
+    if antenna is None:
+        raise ValueError("the processor of a campaign knows its antenna")
+    expected_dbhz = antenna.expected_dbhz(antenna.e6_dbhz, block.evidence.elevation_rad)
+    known = np.isfinite(banks.integration_s) & np.isfinite(expected_dbhz)
+    if not known.any():
+        return 1.0
+    levels_dbhz, counts = np.unique(np.round(expected_dbhz[known], 2), return_counts=True)
+    detection = probability_of_detection(levels_dbhz, float(banks.integration_s[known][0]), processor.p_fa)
+    return float(np.average(detection, weights=counts))
 
 
 def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.ndarray, "n m"]:
