@@ -12,9 +12,10 @@ from typing import Any
 
 DEEPEST = 20  # tables and lists in each other, and parts of a key; the deepest that means anything is 5
 
-# Strings of several lines and of one, and comments. An atomic group: a backslash and what it escapes stay together.
+# Strings of several lines and of one, and comments. An atomic group: a backslash and what it escapes stay together. A
+# string that does not end is taken as far as it may reach: to look again from every quote in it would take for ever.
 _TEXTS = re.compile(
-    r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*"' r"|'[^'\n]*'" r"|\#[^\n]*",
+    r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*+"?' r"|'[^'\n]*+'?" r"|\#[^\n]*",
     re.DOTALL,
 )
 _LONG_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST}}}")
