@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from vestige.acas_processor.baseline import Quantity, Reference
@@ -101,7 +103,7 @@ def evidence(
         predicted_pd=full(predicted_pd),
         expected_s=nothing,
         doppler_e6_hz=nothing,
-        fix=fix,
+        fixes=None if fix is None else SimpleNamespace(block=fix),
     )
 
     def of(quantity: Quantity, values: Mapping[Quantity, Any] | None) -> np.ndarray:

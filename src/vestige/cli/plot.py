@@ -77,6 +77,12 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 )
 
 
+def _detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
+    if name not in _DETECTORS and ":" not in name:
+        raise click.BadParameter(f"found {name!r}, expected {', '.join(_DETECTORS)} or module:Name")
+    return name
+
+
 @click.command(epilog=_EPILOG)
 @click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -88,6 +94,7 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     default="early",
     show_default=True,
     metavar="NAME",
+    callback=_detector_name,
     help="early, maximum, or `module:Name` of your own.",
 )
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")

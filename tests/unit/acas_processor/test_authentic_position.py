@@ -133,4 +133,4 @@ def test_without_authenticated_data_a_range_is_in_use_and_in_no_position(quiet: 
 
 
 def test_without_orbits_there_is_none(quiet: VerdictBlock) -> None:
-    assert _used(replace(quiet, measured=replace(quiet.measured, fix=None)), [A] * M)[1] is None
+    assert _used(replace(quiet, measured=replace(quiet.measured, fixes=None)), [A] * M)[1] is None
