@@ -11,6 +11,8 @@ from hypothesis import settings
 
 # Modules whose arrays are checked. What numba compiles must be plain functions; their callers are checked.
 SOURCE = Path(__file__).resolve().parents[1] / "src"
+# Tests of whole commands and campaigns: the arrays of the parts are checked in the tests of the parts.
+WHOLE = tuple(Path(__file__).parent / folder for folder in ("cli", "unit/campaign", "unit/threats", "unit/report"))
 UNCHECKED = ("cli", "scenario", "spoofer")  # no arrays in the first; pydantic checks the fields of the others
 
 
@@ -34,8 +36,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs."""
-    jaxtyping.config.update("jaxtyping_disable", item.get_closest_marker("many_epochs") is not None)
+    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs or runs commands."""
+    many = item.get_closest_marker("many_epochs") is not None
+    jaxtyping.config.update("jaxtyping_disable", many or item.path.parent in WHOLE)
     return (yield)
 
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isnan, nan
 from typing import Any
 
@@ -15,6 +15,7 @@ from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.campaign.statistics import count_interval, proportion
 from vestige.records import Status
+from vestige.records.checks import CheckName
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 
 A, P, S, D, N = (
@@ -24,23 +25,37 @@ A, P, S, D, N = (
 LIMIT_M = 26.0
 
 
-def verdicts_of(status: list[int], used_m: list[float] | None = None) -> LevelVerdicts:
+@dataclass(frozen=True, kw_only=True)
+class Verdicts:
+    """What a level says, made up: the part of `LevelVerdicts` that outcomes look at."""
+
+    status: np.ndarray
+    state: np.ndarray
+    tests: dict[CheckName, np.ndarray]
+    failed: dict[CheckName, np.ndarray]
+    budget: dict[CheckName, Share]
+    recs: np.ndarray
+    seen: np.ndarray
+    range_error_m: np.ndarray
+
+    alarm = LevelVerdicts.alarm
+    begins = LevelVerdicts.begins
+    first_failures = LevelVerdicts.first_failures
+
+
+def verdicts_of(status: list[int], used_m: list[float] | None = None) -> Verdicts:
     """Return verdicts of one satellite with a RECS each 30 s; `used_m` are ranges in use."""
     column = np.array(status, np.int8)[:, None]
     n, everywhere = len(status), np.ones((len(status), 1), np.bool_)
-    return LevelVerdicts(
-        level=2,
+    return Verdicts(
         status=column,
         state=column,
-        tests={"C/N0": everywhere},
-        failed={"C/N0": column == P},
-        budget={"C/N0": Share(p_fa=0.01, alarms_a_day=28.8, chosen=True)},
-        not_run=(),
+        tests={CheckName.E1_CN0: everywhere},
+        failed={CheckName.E1_CN0: column == P},
+        budget={CheckName.E1_CN0: Share(p_fa=0.01, alarms_a_day=28.8, chosen=True)},
         recs=np.ones(n, np.bool_),
         seen=everywhere,
-        searched=np.zeros(n, np.bool_),
         range_error_m=np.array([0.0] * n if used_m is None else used_m, dtype=np.float64)[:, None],
-        earlier=~everywhere,
     )
 
 
@@ -136,14 +151,14 @@ def test_alarms_and_failures_are_counted_against_their_budget() -> None:
 
 def test_the_range_check_and_exact_checks_are_counted_apart() -> None:
     found, n = verdicts_of([A, S, P, A]), 4
-    names = ("E6 power", "E1-E6 range", "RAIM")
+    names = (CheckName.E6_POWER, CheckName.E1_E6_RANGE, CheckName.RAIM)
     failed = {name: np.arange(n)[:, None] == place for place, name in enumerate(names, 1)}
     own = Share(p_fa=0.25, alarms_a_day=50.0, chosen=False)
     found = replace(
         found,
         tests=dict(found.tests) | dict.fromkeys(names, np.ones((n, 1), np.bool_)),
         failed=dict(found.failed) | failed,
-        budget=dict(found.budget) | dict.fromkeys(names, own) | {"RAIM": replace(own, chosen=True)},
+        budget=dict(found.budget) | dict.fromkeys(names, own) | {CheckName.RAIM: replace(own, chosen=True)},
     )
     outcome = run_outcome(found, 30.0 * np.arange(n), np.ones(n, np.bool_), LIMIT_M, np.full(n, nan))
     assert (outcome.failures, outcome.budget_failures) == (2, pytest.approx(0.04 + 1.0))
