@@ -49,11 +49,11 @@ def scenario(fidelity: Fidelity, epochs: int, *settings: str) -> CampaignScenari
 
 def decisions(campaign: CampaignScenario, p_fas: tuple[float, ...]) -> tuple[list[int], int]:
     """Return how many taps with two neighbours are detected on their own at each P_fa, and how many there are."""
-    receiver = campaign.simulation()
+    receiver, processor = campaign.simulation(), campaign.processor.processor()
     truth, detected, trials = receiver.truth(), np.zeros(len(p_fas), int), 0
     for first in range(0, receiver.n_epochs, BLOCK):
         count = min(BLOCK, receiver.n_epochs - first)
-        taps, noise_power, _ = banks_of(receiver, campaign.fidelity, first, truth.advance(first, count))
+        taps, noise_power, _ = banks_of(receiver, campaign.fidelity, first, truth.advance(first, count), processor)
         triples = np.lib.stride_tricks.sliding_window_view(taps, 3, axis=1).reshape(-1, 3)
         for i, p_fa in enumerate(p_fas):
             found = detect_block(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.block_searches import SampledSearches
-from vestige.records import Correlatable, Snapshot
+from vestige.records import Correlatable, E1Observation, Snapshot
 from vestige.records.inertial import Accelerations
 from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Handovers, SnapshotBlock
 from vestige.records.times import GalileoTimes
@@ -57,9 +58,6 @@ def block_of(
     svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
     observations = [snapshot.observations.get(svid) for svid in svids]
 
-    def column(name: str) -> Float[np.ndarray, "1 m"]:
-        return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])
-
     shape = (1, len(svids))
     received = GalileoTimes.of([snapshot.received_at])
     return SnapshotBlock(
@@ -73,11 +71,11 @@ def block_of(
         asked=np.ones(shape, np.bool_),
         recs=np.ones(1, np.bool_),
         e1=E1Block(
-            pseudorange_m=column("pseudorange_m"),
-            carrier_phase_cycles=column("carrier_phase_cycles"),
-            doppler_hz=column("doppler_hz"),
-            doppler_rate_hz_per_s=column("doppler_rate_hz_per_s"),
-            cn0_dbhz=column("cn0_dbhz"),
+            pseudorange_m=_row(observations, "pseudorange_m"),
+            carrier_phase_cycles=_row(observations, "carrier_phase_cycles"),
+            doppler_hz=_row(observations, "doppler_hz"),
+            doppler_rate_hz_per_s=_row(observations, "doppler_rate_hz_per_s"),
+            cn0_dbhz=_row(observations, "cn0_dbhz"),
         ),
         front_end={
             band: FrontEndBlock(
@@ -91,3 +89,8 @@ def block_of(
         searches=SampledSearches(snapshot, svids),
         increments=None if accelerations is None else accelerations.increments(since, snapshot.time),
     )
+
+
+def _row(observations: Sequence[E1Observation | None], name: str) -> Float[np.ndarray, "1 m"]:
+    """Return a quantity of the satellites, NaN of those that E1 does not show."""
+    return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])

@@ -6,6 +6,7 @@ satellite brought all pages that hold it, and none of them differs from what the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,16 +88,17 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 
 def _joined(known: Subframe, block: OsnmaBlock, piece: int, svids: tuple[int, ...]) -> Subframe:
     """Return a subframe with one more piece."""
-
-    def joined(bits: dict[int, int], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
-        return {svid: bits.get(svid, 0) | int(new) for svid, new in zip(svids, more, strict=True)}
-
     return Subframe(
         start=known.start,
-        due=joined(dict(known.due), block.due[piece]),
-        received=joined(dict(known.received), block.received[piece]),
-        differs=joined(dict(known.differs), block.differs[piece]),
+        due=_with_bits(known.due, svids, block.due[piece]),
+        received=_with_bits(known.received, svids, block.received[piece]),
+        differs=_with_bits(known.differs, svids, block.differs[piece]),
     )
+
+
+def _with_bits(bits: Mapping[int, int], svids: tuple[int, ...], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
+    """Return the bits of each satellite with some more."""
+    return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more.tolist(), strict=True)}
 
 
 def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:
