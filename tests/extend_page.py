@@ -100,12 +100,13 @@ def _folder() -> Path:
 
 def page_part(kind: str) -> Any:
     """Return a class of the page, `my_attack:Swing`."""
-    _folder()
+    own_parts_from(_folder())  # again, where a test has forgotten all parts
     return part(kind, object)
 
 
 def page_scenario(module: str, *settings: str) -> CampaignScenario:
     """Return the scenario of the page that names the part of a module."""
+    own_parts_from(_folder())
     scenario = load_scenario(_folder() / f"{module}.toml", settings)
     assert isinstance(scenario, CampaignScenario)
     return scenario
