@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import bdtr
 
-from vestige.acas_processor.vestigial import LineStretch, decide_vestigial, handover_line, handover_peaks
+from vestige.acas_processor.searches.vestigial import LineStretch, decide_vestigial, handover_line, handover_peaks
 from vestige.receiver.simulation import SVID
 from vestige.records import Band, ChipSequence
 from vestige.sample_processor.e1_snapshot import measure_e1
@@ -37,10 +37,10 @@ from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.simulated_recording import SimulatedRecording
-from vestige.scenario.test_case import AcasTestCase
-from vestige.scenario.test_case_folder import simulated
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
+from vestige.simulated.simulated_recording import SimulatedRecording
 from vestige.theory.search_budget import search_budget
 
 SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "vestigial.toml"

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from vestige.cli.main import vestige
-from vestige.crypto.recs import decrypt, encrypt
+from vestige.crypto.recs.recs_segment import decrypt, encrypt
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording

@@ -7,15 +7,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from vestige.acas_processor.baseline import Antenna, ReferenceLevels
-from vestige.acas_processor.fix_measurement import FixSettings
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
-from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
+from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.position.fix_measurement import FixSettings
+from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.elevation import SatelliteRange
-from vestige.receiver.trajectory import StaticTrajectory
+from vestige.receiver.sky.constellation import walker_ephemerides
+from vestige.receiver.sky.elevation import SatelliteRange
+from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.records import Band, EncryptedSegment
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import (

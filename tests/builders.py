@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.chain_parameters import KEY_BITS, ChainParameters
-from vestige.crypto.simulated_chain import make_chain
-from vestige.receiver.recorder import ReceivedSatellite, record_band, straight
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParameters
+from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.receiver.samples.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeModel

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from vestige.acas_processor.baseline import Quantity, Reference
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, DetectedBlock, FixBlock, MeasurementBlock
+from vestige.acas_processor.monitoring.baseline import Quantity, Reference
 from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records import Band
 from vestige.records.recs_block import RecsBlock

@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 import vestige as vs
-from vestige.campaign.judged_columns import judged_columns
+from vestige.campaign.columns.judged_columns import judged_columns
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.scenes import Scene, Threat, read_threats, scenario_of

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vestige.acas_processor.handover import hand_over
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.crypto.recs import decrypt
+from vestige.acas_processor.searches.handover import hand_over
+from vestige.crypto.recs.recs_segment import decrypt
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import TruthBlock

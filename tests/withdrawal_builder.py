@@ -11,11 +11,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
-from vestige.crypto.dsm import DsmKroot, NmaHeader
-from vestige.crypto.inav import InavPage, page_checksum
-from vestige.crypto.merkle_tree import MerkleTree, path_root
-from vestige.crypto.osnma import OsnmaReceiver
-from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
+from vestige.crypto.keys.merkle_tree import MerkleTree, path_root
+from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.inav import InavPage, page_checksum
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 30 * 30)  # a quarter of an hour before the end of the week

@@ -10,11 +10,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.calibration import hardware_bias_correction_s
     from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
-    from vestige.acas_processor.error_budget import ErrorBudget
+    from vestige.acas_processor.monitoring.calibration import hardware_bias_correction_s
+    from vestige.acas_processor.position.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
-    from vestige.campaign.results import Results, open_results
+    from vestige.campaign.store.results import Results, open_results
     from vestige.errors import VestigeError
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.recording import open_recording
@@ -22,31 +22,31 @@ if TYPE_CHECKING:
     from vestige.records import Outcome, Status, Verdict
     from vestige.scenario.load import load_scenario
     from vestige.scenario.scenario_processor import processor_of
-    from vestige.scenario.simulated_source import simulate
+    from vestige.simulated.simulated_source import simulate
     from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, threshold
     from vestige.time import GalileoTime
 
 _HOME = {
     "AcasProcessor": "acas_processor.processor",
     "EarlyDetector": "acas_processor.detectors",
-    "ErrorBudget": "acas_processor.error_budget",
+    "ErrorBudget": "acas_processor.position.error_budget",
     "GalileoTime": "time",
     "MaximumDetector": "acas_processor.detectors",
     "Outcome": "records",
-    "Results": "campaign.results",
+    "Results": "campaign.store.results",
     "RecordingSource": "recording.snapshots",
     "Status": "records",
     "Verdict": "records",
     "VestigeError": "errors",
-    "hardware_bias_correction_s": "acas_processor.calibration",
+    "hardware_bias_correction_s": "acas_processor.monitoring.calibration",
     "load_scenario": "scenario.load",
     "processor_of": "scenario.scenario_processor",
     "open_recording": "recording.recording",
-    "open_results": "campaign.results",
+    "open_results": "campaign.store.results",
     "probability_of_detection": "theory.thresholds",
     "read_assistance": "recording.assistance.folder",
     "required_cn0_dbhz": "theory.thresholds",
-    "simulate": "scenario.simulated_source",
+    "simulate": "simulated.simulated_source",
     "threshold": "theory.thresholds",
 }
 

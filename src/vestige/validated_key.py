@@ -6,12 +6,12 @@ from typing import Any, NoReturn
 
 from vestige.time import GalileoTime
 
-_ROOM = "vestige.crypto.tesla"
+_ROOM = "vestige.crypto.osnma.messages.tesla"
 _KINDS: list[type] = []  # the one kind of validated key, from the moment when its class is there
 
 
 class ValidatedKey:
-    """A TESLA key that leads to a signed root key; only `vestige.crypto.tesla.validate` makes one.
+    """A TESLA key that leads to a signed root key; only `vestige.crypto.osnma.messages.tesla.validate` makes one.
 
     Nothing else makes or changes one: not its constructor, not `dataclasses.replace`, not a pickle, which is validated
     again where it is read. This protects against mistakes and short cuts. Code that calls `object.__setattr__`, uses
@@ -26,7 +26,7 @@ class ValidatedKey:
         raise TypeError(f"only {_ROOM}.validate makes a ValidatedKey")
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse every kind but the first, which is that of `vestige.crypto.tesla`."""
+        """Refuse every kind but the first, which is that of `vestige.crypto.osnma.messages.tesla`."""
         if cls.__module__ != _ROOM or _KINDS:
             raise TypeError(f"only {_ROOM} may derive from ValidatedKey")
         super().__init_subclass__(**options)

@@ -13,7 +13,7 @@ from real_ephemerides import ECCENTRIC, recorded_ephemerides, recorded_words
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import satellite_state
-from vestige.receiver.constellation import INCLINATION_DEG, walker_ephemerides
+from vestige.receiver.sky.constellation import INCLINATION_DEG, walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import WEEK_OFFSET, read_rinex_navigation, write_rinex_navigation
 from vestige.time import GalileoTime
 

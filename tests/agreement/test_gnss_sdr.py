@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from vestige.cli.simulate import command as simulate
+from vestige.cli.recordings.simulate import command as simulate
 
 pytestmark = pytest.mark.skipif(
     shutil.which("gnss-sdr") is None, reason="gnss-sdr is not installed (Debian: apt-get install gnss-sdr)"

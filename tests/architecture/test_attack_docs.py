@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
 from vestige.spoofer.jammers import ALL_JAMMERS

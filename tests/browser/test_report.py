@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from report_builder import LIFT_OFF, QUICK, SKY, made, threat_folder
-from vestige.campaign.results import open_results
+from vestige.campaign.store.results import open_results
 from vestige.report import run_page, threat_page, write_page
 from vestige.threats.table import TABLE
 

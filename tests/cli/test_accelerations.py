@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from night import invoke
-from vestige.cli.process import command as process
-from vestige.cli.recs_make import command as recs_make
-from vestige.cli.simulate import command as simulate
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
+from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.line_of_sight import ReceiverMotion
-from vestige.receiver.constellation import sky, walker_ephemerides
-from vestige.receiver.trajectory import StaticTrajectory
+from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.recording.live.follow_journal import LINES, FollowJournal, Progress
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations

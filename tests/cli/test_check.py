@@ -7,7 +7,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from vestige.cli.check import command
+from vestige.cli.campaigns.check import command
 from vestige.errors import InputFileError
 
 SCENARIOS = sorted((Path(__file__).resolve().parents[2] / "scenarios").glob("*.toml"))

@@ -23,14 +23,14 @@ from click.testing import CliRunner
 
 from night import invoke
 from vestige.cli.main import main
-from vestige.cli.process import command as process
-from vestige.cli.simulate import command as simulate
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.live.follow_journal import LINES, STATE, FollowJournal, Progress
 from vestige.recording.live.following import Following
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import AcasTestCase, placed
-from vestige.scenario.test_case_folder import write_companions
+from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case_folder import write_companions
 
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
 FS = 6.2e6

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from vestige.cli.inspect import command
+from vestige.cli.recordings.inspect import command
 from vestige.errors import InputFileError
 
 TOML = """

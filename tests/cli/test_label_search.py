@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from vestige.cli.process import command as process
-from vestige.cli.simulate import command as simulate
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.group_delay import inter_frequency_delay_s
+from vestige.crypto.recs.group_delay import inter_frequency_delay_s
 from vestige.recording.assistance.folder import read_assistance
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "vestigial.toml"

@@ -89,7 +89,7 @@ def test_sigterm_is_ctrl_c_for_every_verb(
             stop.add_note("3 of 5 are kept")
             raise
 
-    monkeypatch.setattr(importlib.import_module(VERBS[verb][0]), "command", stopped)
+    monkeypatch.setattr(importlib.import_module(f"vestige.cli.{VERBS[verb][0]}"), "command", stopped)
     code, _, err = _exit(capsys, verb)
     assert code == 130
     assert err.splitlines()[-1] == "interrupted; 3 of 5 are kept"
@@ -99,7 +99,7 @@ def test_sigterm_is_ctrl_c_for_every_verb(
 def test_sigterm_says_what_a_run_keeps(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from vestige.campaign.store import Store
+    from vestige.campaign.store.store import Store
 
     write = Store.write
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from results_builder import RecordedPlan, campaign_results, lift_off, stored
 from vestige.campaign.run import run as run_campaign
-from vestige.cli.plot import FORMATS, KINDS, command
+from vestige.cli.campaigns.plot import FORMATS, KINDS, command
 from vestige.errors import InputFileError, VestigeError
 from vestige.plots import figure
 
@@ -231,7 +231,7 @@ def test_help_names_every_kind_and_loads_nothing_heavy() -> None:
     for name, kind in KINDS.items():
         assert name in text
         assert kind.help in text
-    code = "import sys, vestige.cli.plot; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    code = "import sys, vestige.cli.campaigns.plot; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
 
 

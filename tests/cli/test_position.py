@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from night import invoke
-from vestige.cli.process import command as process
-from vestige.cli.recs_make import command as recs_make
-from vestige.cli.simulate import command as simulate
-from vestige.receiver.constellation import sky, walker_ephemerides
-from vestige.receiver.trajectory import StaticTrajectory
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
+from vestige.cli.services.recs_make import command as recs_make
+from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.time import GalileoTime
 

@@ -17,11 +17,11 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from night import TWO_SATELLITES, invoke
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.sampled_snapshot import block_of
-from vestige.cli.process import command as process
-from vestige.cli.recs_make import command as recs_make
-from vestige.cli.simulate import command as simulate
-from vestige.cli.verdicts import COLUMNS, csv_writer
+from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
+from vestige.cli.recordings.verdicts import COLUMNS, csv_writer
+from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance.folder import read_assistance

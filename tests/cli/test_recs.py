@@ -14,12 +14,12 @@ from click.testing import CliRunner, Result
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
-from vestige.cli import recs as recs_cli
-from vestige.cli.recs import command
-from vestige.crypto import file_signature, recs, recs_file
-from vestige.crypto.key_file import write_key_file
-from vestige.crypto.recs import CipherMode
-from vestige.crypto.simulated_chain import make_chain
+from vestige.cli.services import recs as recs_cli
+from vestige.cli.services.recs import command
+from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.crypto.recs import file_signature, recs, recs_file
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.records import ChipSequence
 from vestige.time import GalileoTime
@@ -192,7 +192,7 @@ def test_verbs_in_files_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_help_loads_nothing_numeric() -> None:
     code = (
-        "import sys; from vestige.cli.recs import command\n"
+        "import sys; from vestige.cli.services.recs import command\n"
         "for verb in ([], ['info'], ['decrypt']):\n"
         "    command([*verb, '--help'], standalone_mode=False)\n"
         "assert not {'numpy', 'cryptography', 'jaxtyping'} & set(sys.modules)"

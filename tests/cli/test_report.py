@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from report_builder import QUICK, data_of, made, rows_of, threat_folder, unpacked
 from results_builder import campaign_results, stored
-from vestige.cli.report import command
+from vestige.cli.campaigns.report import command
 from vestige.errors import VestigeError
 
 MEGABYTE = 1e6
@@ -124,7 +124,9 @@ def test_usage_errors(arguments: tuple[str, ...]) -> None:
 
 def test_help_loads_nothing_heavy() -> None:
     assert "needs no network" in report("--help").stdout
-    code = "import sys, vestige.cli.report; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    code = (
+        "import sys, vestige.cli.campaigns.report; print(sorted({'numpy', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
 
 

@@ -10,8 +10,8 @@ from tests.sky_builder import SCENARIO, sky_scenario
 
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.store import open_store
-from vestige.cli.rinex import command as rinex
+from vestige.campaign.store.store import open_store
+from vestige.cli.services.rinex import command as rinex
 from vestige.errors import VestigeError
 from vestige.scenario.load import load_scenario
 

@@ -16,11 +16,11 @@ from click.testing import CliRunner, Result
 
 from builders import MEACONED
 from vestige.acas_processor.measurement import Availability
-from vestige.campaign.executors import ONE_THREAD
-from vestige.campaign.results import open_results
-from vestige.cli.attack_report import attack_lines, attack_values
-from vestige.cli.plot import command as plot
-from vestige.cli.run import command
+from vestige.campaign.execution.executors import ONE_THREAD
+from vestige.campaign.store.results import open_results
+from vestige.cli.campaigns.attack_report import attack_lines, attack_values
+from vestige.cli.campaigns.plot import command as plot
+from vestige.cli.campaigns.run import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
 from vestige.records import Status

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.cli.inspect import command as inspect
-from vestige.cli.process import command as process
-from vestige.cli.simulate import command as simulate
+from vestige.cli.recordings.inspect import command as inspect
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.recording.observations.observation_file import open_observations
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Status
-from vestige.scenario import simulated_recording
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.simulated import simulated_recording
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"

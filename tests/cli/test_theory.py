@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from vestige.cli.theory import command
+from vestige.cli.services.theory import command
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz
 
 
@@ -105,5 +105,5 @@ def test_the_ends_of_the_ranges(arguments: tuple[str, ...]) -> None:
 
 
 def test_help_loads_nothing_numeric() -> None:
-    code = "import sys, vestige.cli.theory; print(sorted({'numpy', 'scipy', 'numba'} & set(sys.modules)))"
+    code = "import sys, vestige.cli.services.theory; print(sorted({'numpy', 'scipy', 'numba'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from builders import MEACONED
-from vestige.cli.plot import command as plot
-from vestige.cli.threats import command
+from vestige.cli.campaigns.plot import command as plot
+from vestige.cli.campaigns.threats import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
 
@@ -128,7 +128,7 @@ def test_usage_errors(arguments: tuple[str, ...]) -> None:
 
 def test_help_loads_nothing_heavy() -> None:
     assert "threat table" in threats("--help").stdout
-    code = "import sys, vestige.cli.threats; print(sorted({'numpy', 'xarray', 'rich'} & set(sys.modules)))"
+    code = "import sys, vestige.cli.campaigns.threats; print(sorted({'numpy', 'xarray', 'rich'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"  # noqa: S603
 
 

@@ -14,7 +14,7 @@ from extend_page import page_part, page_scenario
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName

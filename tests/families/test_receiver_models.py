@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from extend_page import page_part
-from vestige.receiver.bias import BiasResiduals
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
-from vestige.receiver.error_process import Streams, named_streams
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.models import ALL_MODELS
-from vestige.receiver.multipath import LmsLiteMultipath
-from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.receiver.errors.bias import BiasResiduals
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere
+from vestige.receiver.errors.error_process import Streams, named_streams
+from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.errors.models import ALL_MODELS
+from vestige.receiver.errors.multipath import LmsLiteMultipath
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 
 Columns = dict[str, np.ndarray]
 

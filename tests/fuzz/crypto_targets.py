@@ -31,17 +31,17 @@ from fuzz.authority import (
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS, spoil_bytes
 from page_files import inav_block, sbf_block, vector_csv
-from vestige.crypto import group_delay, recs_file
-from vestige.crypto.file_signature import SignatureStatus, load_public_key, sign, verify
-from vestige.crypto.inav import InavPage, page_checksum
-from vestige.crypto.key_file import read_key_file, read_raw_keys, write_key_file
-from vestige.crypto.merkle_tree import verify_public_key
-from vestige.crypto.osnma import OsnmaReceiver
-from vestige.crypto.public_key import PublicKey
-from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree, read_public_key
-from vestige.crypto.recs import LENGTHS
-from vestige.crypto.recs_name import parse_name
-from vestige.crypto.simulated_chain import SimulatedChain
+from vestige.crypto.keys.key_file import read_key_file, read_raw_keys, write_key_file
+from vestige.crypto.keys.merkle_tree import verify_public_key
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
+from vestige.crypto.osnma.messages.inav import InavPage, page_checksum
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.osnma.simulated_chain import SimulatedChain
+from vestige.crypto.recs import group_delay, recs_file
+from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify
+from vestige.crypto.recs.recs_name import parse_name
+from vestige.crypto.recs.recs_segment import LENGTHS
 from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.recording.observations.sbf import SbfCounts
 from vestige.records import ValidatedKey

@@ -15,12 +15,12 @@ import numpy as np
 
 from fuzz.authority import START, files_of
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
-from vestige.acas_processor.alarm import AlarmState
-from vestige.acas_processor.baseline import Baseline, Quantity
-from vestige.acas_processor.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
-from vestige.acas_processor.state import ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.monitoring.alarm import AlarmState
+from vestige.acas_processor.monitoring.baseline import Baseline, Quantity
+from vestige.acas_processor.monitoring.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
+from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory, TimeUncertainty
 from vestige.errors import VestigeError
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias, read_ionosphere
 from vestige.recording.description import BandFile
 from vestige.recording.live.follow_journal import STATE, FollowJournal, Progress

@@ -20,23 +20,23 @@ from fuzz.engine import Files, Special, Target, WrongAcceptanceError, spoil_file
 from fuzz.mutation import NUMBERS, WRONG_VALUES, json_of, spoil_tree, toml_value
 from report_builder import made, threat_folder
 from toy_plan import ToyPlan
-from vestige.campaign.direct import direct_results
-from vestige.campaign.results import open_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run import run
 from vestige.campaign.run_outcome import RunOutcome
-from vestige.campaign.store import kept_chunk_epochs, open_store
-from vestige.campaign.store_skeleton import PROGRESS, WORK, work_digest
-from vestige.campaign.sweep import _check_folder as check_folder
-from vestige.campaign.sweep_axes import grid, parse_axis, store_name
-from vestige.plots.sweep import read_sweep
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.empirical_ionosphere import COLUMN, read_residuals
+from vestige.campaign.store.results import open_results
+from vestige.campaign.store.store import kept_chunk_epochs, open_store
+from vestige.campaign.store.store_skeleton import PROGRESS, WORK, work_digest
+from vestige.campaign.sweep.sweep import _check_folder as check_folder
+from vestige.campaign.sweep.sweep_axes import grid, parse_axis, store_name
+from vestige.plots.curves.sweep import read_sweep
+from vestige.receiver.errors.empirical_ionosphere import COLUMN, read_residuals
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS
 from vestige.report import Page, is_report, run_page, threat_page, write_page
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario
+from vestige.scenario.warnings import cautions
 from vestige.spoofer.profile_table import read_profile_table
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.table import STORE, read_threat_dataset

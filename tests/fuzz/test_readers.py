@@ -31,13 +31,13 @@ METHODS = frozenset({"read_bytes", "read_text", "open", "iterdir", "glob", "rglo
 _PACKAGE = "a file of the package itself"
 _OWN = "what the same call has just written"
 INSIDE = {
-    "campaign/origin.py: source_digest": _PACKAGE,
-    "cli/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
-    "crypto/file_signature.py: sign": "the server's side: it signs what it has written",
+    "campaign/store/build_id.py: source_digest": _PACKAGE,
+    "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
+    "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,
     "report/page.py: _part": _PACKAGE,
-    "scenario/simulated_recording.py: SimulatedRecording.write": _OWN,
+    "simulated/simulated_recording.py: SimulatedRecording.write": _OWN,
     "signals/codes.py: _section": _PACKAGE,
 }
 

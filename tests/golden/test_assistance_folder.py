@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.crypto import recs, recs_file
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs import recs_segment as recs
 from vestige.recording.assistance.folder import read_assistance
 from vestige.records import ChipSequence
 from vestige.time import GalileoTime

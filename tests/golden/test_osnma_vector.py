@@ -18,15 +18,15 @@ from typing import Any
 import pytest
 
 from osnma_builder import make_page
-from vestige.crypto.dsm import NmaHeader, parse_kroot
-from vestige.crypto.inav import InavPage
-from vestige.crypto.key_file import read_key_file
-from vestige.crypto.osnma import verify
-from vestige.crypto.osnma_report import Count
-from vestige.crypto.public_key import PublicKey, Trust
-from vestige.crypto.public_key_file import load_public_keys
-from vestige.crypto.root_key import RootKey, verify_root_key
-from vestige.crypto.tesla import Chain, Key, validate
+from vestige.crypto.keys.key_file import read_key_file
+from vestige.crypto.keys.public_key import PublicKey, Trust
+from vestige.crypto.keys.public_key_file import load_public_keys
+from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
+from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
+from vestige.crypto.osnma.osnma_receiver import verify
+from vestige.crypto.osnma.osnma_report import Count
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.time import GalileoTime

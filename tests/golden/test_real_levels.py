@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from night import invoke
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.processor import AcasProcessor, Step
-from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
-from vestige.cli.recs_make import command as recs_make
+from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
+from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recorded_block import OtherChannels

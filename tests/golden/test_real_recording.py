@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.sampled_snapshot import block_of
-from vestige.cli.process import command as process
-from vestige.cli.recs_make import command as recs_make
+from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.cli.recordings.process import command as process
+from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs import encrypt
+from vestige.crypto.recs.recs_segment import encrypt
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording
 from vestige.recording.snapshots import RecordingSource

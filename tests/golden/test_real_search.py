@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from builders import START, batch_of
-from vestige.acas_processor.vestigial import (
+from vestige.acas_processor.searches.vestigial import (
     VestigialDecision,
     decide_vestigial,
     handover_line,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.recording.levels import levels
+from vestige.recording.adc_statistics import levels
 from vestige.recording.recording import Recording, open_recording
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from builders import validated_key
-from vestige.crypto import recs, recs_file
-from vestige.crypto.recs import CipherMode
-from vestige.crypto.recs_file import FileKind, RecsFile
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs import recs_segment as recs
+from vestige.crypto.recs.recs_file import FileKind, RecsFile
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import ChipSequence, EncryptedSegment
 from vestige.time import GalileoTime
 

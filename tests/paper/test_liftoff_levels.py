@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray
 
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.campaign.outcomes import report
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -8,7 +8,7 @@ from tests.campaign_checks import checks_of
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.campaign.check_detection import check_detection
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName
 from vestige.scenario.campaign import CampaignScenario

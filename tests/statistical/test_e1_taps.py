@@ -12,7 +12,7 @@ import pytest
 from scipy.special import kolmogorov
 from tests.sky_builder import CLEAN, e1_of, sky_scenario
 
-from vestige.receiver.e1_taps import TAP_CHIPS
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 
 EPOCHS = 120
 LIFT_OFF = (

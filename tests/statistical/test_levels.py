@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.sky_builder import CLEAN, sky_scenario
 
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test

@@ -6,8 +6,8 @@ import numpy as np
 from tests.sky_builder import CLEAN, columns_of, sky_scenario
 
 from vestige.campaign.statistics import binomial_test
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.osnma_reception import page_loss
-from vestige.receiver.tracking_noise import BetzTrackingNoise
 
 
 def test_keys_are_lost_with_the_probability_of_their_pages() -> None:

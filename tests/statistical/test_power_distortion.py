@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.acas_processor.checks.decision_map import Hypotheses, PowerDistortionMonitor
-from vestige.acas_processor.checks.power_distortion import symmetric_difference
+from vestige.acas_processor.checks.power.decision_map import Hypotheses, PowerDistortionMonitor
+from vestige.acas_processor.checks.power.power_distortion import symmetric_difference
 from vestige.campaign.statistics import binomial_interval
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.e1_multipath import e1_multipath_error_m
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.multipath import LmsLiteMultipath
+from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.records.checks import SignalClass
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, autocorrelation

@@ -24,7 +24,7 @@ from vestige.acas_processor.detectors import MaximumDetector
 from vestige.campaign.statistics import binomial_test
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.toml_file import overridden
+from vestige.scenario.toml.toml_file import overridden
 from vestige.theory.thresholds import probability_of_detection, threshold
 
 APART_M = 60.0  # more than a chip

@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vestige.receiver.bias import BiasResiduals
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.e1_multipath import e1_multipath_error_m
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.gauss_markov import GaussMarkovProcess
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
-from vestige.receiver.tracking_noise import BetzTrackingNoise
+from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
+from vestige.receiver.errors.bias import BiasResiduals
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.gauss_markov import GaussMarkovProcess
+from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.errors.multipath import LmsLiteMultipath, RayBlock
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 
 C_MPS, F6_HZ = 299_792_458.0, 1278.75e6
 P_MIN, SIGMAS = 1e-4, 4.4

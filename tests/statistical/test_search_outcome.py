@@ -13,7 +13,7 @@ from scipy.special import bdtr
 from builders import START, random_chips, received_batch, satellite
 from search_builder import arrival, e6_source
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.search_outcome import WINDOW_S, Air, SearchOutcome, outcome, search_draws
+from vestige.receiver.correlators.search_outcome import WINDOW_S, Air, SearchOutcome, outcome, search_draws
 from vestige.records import Band
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch

@@ -13,7 +13,7 @@ from tests import campaign_checks
 from tests.campaign_checks import chance, checks_of
 from tests.sky_builder import CLEAN
 
-from vestige.acas_processor.baseline import Observed, Quantity
+from vestige.acas_processor.monitoring.baseline import Observed, Quantity
 from vestige.campaign.levels import failures, measured_of
 from vestige.campaign.statistics import binomial_test
 from vestige.records.checks import CheckName, CheckSeries
@@ -56,7 +56,7 @@ def test_the_excess_of_the_floor_is_the_signals_own_share(monkeypatch: pytest.Mo
         return float(np.nanmean(Observed(measured=measured).values[Quantity.FLOOR_DB]))
 
     of_noise_db = mean_db()
-    monkeypatch.setattr("vestige.acas_processor.baseline.Observed._own_share", lambda *_: 0.0)
+    monkeypatch.setattr("vestige.acas_processor.monitoring.baseline.Observed._own_share", lambda *_: 0.0)
     assert 0.02 < mean_db() - of_noise_db < 0.084
 
 

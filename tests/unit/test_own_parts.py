@@ -12,19 +12,19 @@ import pytest
 
 from extend_page import no_parts, page_scenario, scenario
 from vestige import own_parts
-from vestige.campaign.direct import direct_results
-from vestige.campaign.executors import measure_chunk
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.execution.executors import measure_chunk
 from vestige.campaign.levels import level_verdicts
-from vestige.campaign.origin import origin
-from vestige.campaign.results import open_results
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.sweep import run_sweep
+from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.results import open_results
+from vestige.campaign.sweep.sweep import run_sweep
 from vestige.errors import InputFileError, VestigeError
 from vestige.own_parts import OwnPartError, digest, is_own, own_parts_from, part
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.campaign_toml import campaign_toml
 from vestige.scenario.load import load_scenario
+from vestige.scenario.toml.campaign_toml import campaign_toml
 from vestige.spoofer.attack import Attack
 
 DETECTOR = (

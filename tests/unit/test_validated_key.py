@@ -12,10 +12,10 @@ from unittest.mock import Mock
 
 import pytest
 
-from vestige.crypto.recs import decrypt
-from vestige.crypto.root_key import RootKey
-from vestige.crypto.simulated_chain import make_chain
-from vestige.crypto.tesla import Chain, Key, one_way, validate
+from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.crypto.osnma.messages.tesla import Chain, Key, one_way, validate
+from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.crypto.recs.recs_segment import decrypt
 from vestige.errors import AuthenticationError
 from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
@@ -60,7 +60,7 @@ def test_it_has_one_kind() -> None:
     """A class that says that it comes from the same module is refused, and so is one that derives from the kind."""
     for base in (ValidatedKey, type(KEYS[0])):
         with pytest.raises(TypeError, match="may derive"):
-            type("Mine", (base,), {"__module__": "vestige.crypto.tesla", "__slots__": ()})
+            type("Mine", (base,), {"__module__": "vestige.crypto.osnma.messages.tesla", "__slots__": ()})
     assert is_validated(KEYS[0])
     assert not is_validated(Mock(spec=ValidatedKey))
     assert not is_validated(object())

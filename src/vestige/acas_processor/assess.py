@@ -24,20 +24,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.fix_measurement import elevations_from
-from vestige.acas_processor.inertial_bridging import remembered_rates
 from vestige.acas_processor.levels import combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.acas_processor.monitoring_settings import checks_of, shares_of
-from vestige.acas_processor.range_in_use import ranges_in_use
-from vestige.acas_processor.search_schedule import search_due
-from vestige.acas_processor.searches import SearchResults
-from vestige.acas_processor.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
+from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
+from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.position.fix_measurement import elevations_from
+from vestige.acas_processor.position.inertial_bridging import remembered_rates
+from vestige.acas_processor.position.range_in_use import ranges_in_use
+from vestige.acas_processor.searches.search_schedule import search_due
+from vestige.acas_processor.searches.searches import SearchResults
 from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries

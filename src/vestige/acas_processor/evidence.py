@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.baseline import Quantity, Reference
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.acas_processor.memory import ClockMemory, RateMemory
+from vestige.acas_processor.monitoring.baseline import Quantity, Reference
+from vestige.acas_processor.monitoring.memory import ClockMemory, RateMemory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,12 +18,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.detection_block import detect_block
-from vestige.acas_processor.fix_measurement import LazyFix
-from vestige.acas_processor.handover import assisted_delay_m, hand_over
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
+from vestige.acas_processor.position.fix_measurement import LazyFix
+from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.disclosure import provably_before_disclosure
-from vestige.crypto.recs import decrypt
+from vestige.crypto.osnma.disclosure import provably_before_disclosure
+from vestige.crypto.recs.recs_segment import decrypt
 from vestige.records import Handover
 from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock

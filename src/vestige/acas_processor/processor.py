@@ -14,23 +14,23 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.alarm import StateChange
 from vestige.acas_processor.assess import assess
-from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_positions
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
-from vestige.acas_processor.checks.e6_power import MIN_PD
+from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
-from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.handover import NOMINAL_E6_OVER_E1_DB
 from vestige.acas_processor.levels import LEVELS, CheckSpec
 from vestige.acas_processor.measure import measure
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.alarm import StateChange
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.own_check import OwnCheck
-from vestige.acas_processor.state import ReceiverState
+from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
+from vestige.acas_processor.position.error_budget import ErrorBudget
+from vestige.acas_processor.searches.handover import NOMINAL_E6_OVER_E1_DB
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
-from vestige.crypto.recs import CipherMode
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import Verdict
 from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import SnapshotBlock

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float, Int8, Int64
 
-from vestige.acas_processor.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
 from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock
-from vestige.acas_processor.searches import SearchResults
+from vestige.acas_processor.monitoring.alarm import AlarmState, StateChange, state_changes
+from vestige.acas_processor.searches.searches import SearchResults
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
 

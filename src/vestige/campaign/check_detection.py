@@ -9,7 +9,7 @@ import numpy as np
 
 from vestige.acas_processor.levels import LEVELS
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import judged_by
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, proportion

@@ -19,15 +19,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
 from vestige.acas_processor.levels import ALARMS, GRAVITY, LEVELS
 from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
-from vestige.campaign.measured_columns import E1_COLUMNS, MEASURED_COLUMNS, OSNMA_COLUMNS, Judged, measured_block
-from vestige.campaign.results import attributes_of, scenario_of
+from vestige.campaign.columns.measured_columns import (
+    E1_COLUMNS,
+    MEASURED_COLUMNS,
+    OSNMA_COLUMNS,
+    Judged,
+    measured_block,
+)
 from vestige.campaign.scenario_plan import COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
+from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status

@@ -20,11 +20,11 @@ from typing import Any, Literal
 import numpy as np
 import xarray
 
-from vestige.campaign.executors import local_executor, measure_chunk
-from vestige.campaign.origin import origin
+from vestige.campaign.execution.executors import local_executor, measure_chunk
 from vestige.campaign.plan import CHUNK_EPOCHS, Plan, check_results, judged
-from vestige.campaign.results import open_results
-from vestige.campaign.store import Store, make_store, open_store
+from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.results import open_results
+from vestige.campaign.store.store import Store, make_store, open_store
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 

@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.alarm_budget import EXACT, RANGE
 from vestige.acas_processor.levels import ALARMS
+from vestige.acas_processor.monitoring.alarm_budget import EXACT, RANGE
 from vestige.campaign.level_positions import position_error_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.campaign.outcomes import position

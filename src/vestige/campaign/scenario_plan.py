@@ -18,10 +18,10 @@ from jaxtyping import Float
 
 from vestige.acas_processor.measure import detect
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
-from vestige.acas_processor.state import ReceiverState
-from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
-from vestige.campaign.judged_columns import JUDGED_COLUMNS, judged_columns
-from vestige.campaign.measured_columns import (
+from vestige.acas_processor.monitoring.state import ReceiverState
+from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
+from vestige.campaign.columns.judged_columns import JUDGED_COLUMNS, judged_columns
+from vestige.campaign.columns.measured_columns import (
     E1_COLUMNS,
     MEASURED_COLUMNS,
     OSNMA_COLUMNS,
@@ -31,12 +31,12 @@ from vestige.campaign.measured_columns import (
     measured_columns,
     osnma_columns,
 )
-from vestige.campaign.origin import PARTS, PROCESSOR, processor_name
+from vestige.campaign.columns.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
 from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord
-from vestige.campaign.results import NAVIGATION_TEXT
-from vestige.campaign.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
+from vestige.campaign.store.build_id import PARTS, PROCESSOR, processor_name
+from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
-from vestige.receiver.e1_taps import TAP_CHIPS
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.snapshots.e6 import SampledE6
 from vestige.receiver.snapshots.osnma import OsnmaReception

@@ -15,9 +15,9 @@ import xarray
 
 from vestige.acas_processor.levels import ALARMS
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
-from vestige.campaign.results import scenario_of
 from vestige.campaign.run_outcome import DAY_S
 from vestige.campaign.statistics import Proportion, proportion
+from vestige.campaign.store.results import scenario_of
 from vestige.records import Status
 
 

@@ -21,21 +21,27 @@ from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
 from vestige.own_parts import blamed_on_own_parts
 
-# verb: module of `command`, one line of help
+# verb: module of `command` within this room, one line of help
 VERBS = {
-    "process": ("vestige.cli.process", "Authenticate a recording: one verdict for each satellite and RECS."),
-    "inspect": ("vestige.cli.inspect", "Say what a recording or folder holds, and what is missing for ACAS."),
-    "osnma": ("vestige.cli.osnma", "Verify OSNMA messages and extract validated keys."),
-    "recs": ("vestige.cli.recs", "Look into, decrypt or make RECS files."),
-    "run": ("vestige.cli.run", "Run a campaign of many epochs and keep the results."),
-    "threats": ("vestige.cli.threats", "Measure what comes of each attack of the threat table."),
-    "plot": ("vestige.cli.plot", "Draw the figures of a campaign's results."),
-    "report": ("vestige.cli.report", "Write one page about the results of a run or a threat table."),
-    "rinex": ("vestige.cli.rinex", "Write what the receiver of a simulated sky tracked on E1 as RINEX."),
-    "search": ("vestige.cli.search", "Search for every signal on E1 and for the encrypted signal in E6."),
-    "theory": ("vestige.cli.theory", "Thresholds, probabilities of detection, required C/N0."),
-    "simulate": ("vestige.cli.simulate", "Write the E1 and E6 recording of a scenario: a test case for any receiver."),
-    "check": ("vestige.cli.check", "Parse scenario files and print what they describe."),
+    "process": ("recordings.process", "Authenticate a recording: one verdict for each satellite and RECS."),
+    "inspect": (
+        "recordings.inspect",
+        "Say what a recording or folder holds, and what is missing for ACAS.",
+    ),
+    "osnma": ("services.osnma", "Verify OSNMA messages and extract validated keys."),
+    "recs": ("services.recs", "Look into, decrypt or make RECS files."),
+    "run": ("campaigns.run", "Run a campaign of many epochs and keep the results."),
+    "threats": ("campaigns.threats", "Measure what comes of each attack of the threat table."),
+    "plot": ("campaigns.plot", "Draw the figures of a campaign's results."),
+    "report": ("campaigns.report", "Write one page about the results of a run or a threat table."),
+    "rinex": ("services.rinex", "Write what the receiver of a simulated sky tracked on E1 as RINEX."),
+    "search": ("recordings.search", "Search for every signal on E1 and for the encrypted signal in E6."),
+    "theory": ("services.theory", "Thresholds, probabilities of detection, required C/N0."),
+    "simulate": (
+        "recordings.simulate",
+        "Write the E1 and E6 recording of a scenario: a test case for any receiver.",
+    ),
+    "check": ("campaigns.check", "Parse scenario files and print what they describe."),
 }
 
 
@@ -48,7 +54,7 @@ class _LazyVerbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        return importlib.import_module(VERBS[cmd_name][0]).command
+        return importlib.import_module(f"vestige.cli.{VERBS[cmd_name][0]}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):

@@ -12,8 +12,8 @@ import click
 from vestige.own_parts import own_parts_from
 
 if TYPE_CHECKING:
-    from vestige.crypto.group_delay import GroupDelayConvention
-    from vestige.crypto.recs import CipherMode
+    from vestige.crypto.recs.group_delay import GroupDelayConvention
+    from vestige.crypto.recs.recs_segment import CipherMode
     from vestige.time import GalileoTime
 
 
@@ -78,14 +78,14 @@ def time_option(_context: click.Context, _parameter: click.Parameter, text: str 
 
 def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
     """Return what `--cipher-mode` says."""
-    from vestige.crypto.recs import CipherMode
+    from vestige.crypto.recs.recs_segment import CipherMode
 
     return CipherMode(options["cipher_mode"])
 
 
 def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
     """Return what `--bgd` says."""
-    from vestige.crypto.group_delay import GroupDelayConvention, GroupDelayScale
+    from vestige.crypto.recs.group_delay import GroupDelayConvention, GroupDelayScale
 
     text = options["bgd"]
     scale = GroupDelayScale(text.removeprefix("minus-"))

@@ -30,7 +30,7 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
         Address of a cluster's scheduler, in place of this machine.
     """
     if scheduler is not None:
-        from vestige.campaign.cluster import connect
+        from vestige.campaign.execution.cluster import connect
 
         for name in _OF_DASK:  # what goes wrong is said in one line, by us
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
@@ -38,7 +38,7 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
             yield cluster, cluster.workers
         return
 
-    from vestige.campaign.executors import local_executor
+    from vestige.campaign.execution.executors import local_executor
 
     workers = workers or 1
     kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from vestige.plots.animation import write_animation
-from vestige.plots.attack_comparison import attack_comparison
-from vestige.plots.check_curves import check_curves
+from vestige.plots.attacks.animation import write_animation
+from vestige.plots.attacks.attack_comparison import attack_comparison
+from vestige.plots.attacks.threat_map import threat_map
+from vestige.plots.attacks.waterfall import waterfall, waterfall_map
+from vestige.plots.curves.check_curves import check_curves
+from vestige.plots.curves.detection_curve import detection_curve
+from vestige.plots.curves.range_offset import range_offset
+from vestige.plots.curves.roc import roc_curves
+from vestige.plots.curves.sweep import read_sweep, sweep_of
 from vestige.plots.decision_map import decision_map
 from vestige.plots.detecting_correlator import detecting_correlator
-from vestige.plots.detection_curve import detection_curve
 from vestige.plots.epochs import between, is_attacked
 from vestige.plots.figure import new_axes, write
 from vestige.plots.magnitude_histogram import magnitude_histogram
 from vestige.plots.range_histogram import RightFlank, range_histogram
-from vestige.plots.range_offset import range_offset
-from vestige.plots.roc import roc_curves
 from vestige.plots.sky import MonitorLine, monitor_timeline, position_error, sky_plot
-from vestige.plots.sweep import read_sweep, sweep_of
-from vestige.plots.threat_map import threat_map
 from vestige.plots.vestigial_search import SearchTrace, code_phases, vestigial_search
-from vestige.plots.waterfall import waterfall, waterfall_map
 
 __all__ = [
     "MonitorLine",

@@ -15,7 +15,7 @@ from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_si
 from vestige.records.checks import SignalClass
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.checks.decision_map import DecisionMap
+    from vestige.acas_processor.checks.power.decision_map import DecisionMap
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
 COLOURS = {

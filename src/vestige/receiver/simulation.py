@@ -24,16 +24,15 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
-from vestige.crypto.chain_parameters import ALPHA_BYTES, ChainParameters
-from vestige.crypto.recs import CipherMode, encrypt, key_time
-from vestige.crypto.simulated_chain import SimulatedChain
-from vestige.receiver.correlator_model import CorrelatorModel
-from vestige.receiver.disturbance import drawn_disturbance
-from vestige.receiver.e1_multipath import e1_multipath_error_m
-from vestige.receiver.elevation import ElevationEffects
-from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.sampled_attack import counterfeit_signals, jammer_samples, true_signal
-from vestige.receiver.sampled_epoch import (
+from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
+from vestige.crypto.osnma.simulated_chain import SimulatedChain
+from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
+from vestige.receiver.correlators.correlator_model import CorrelatorModel
+from vestige.receiver.correlators.disturbance import drawn_disturbance
+from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.samples.sampled_epoch import (
     Arrival,
     arrival,
     e6_samples,
@@ -43,6 +42,7 @@ from vestige.receiver.sampled_epoch import (
     recorded_until_s,
     window,
 )
+from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
 from vestige.records import ChipSequence, EncryptedSegment, FrontEndStatus, SampleBatch
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key

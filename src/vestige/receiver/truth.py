@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.elevation_model import obliquity, relative_ray_amplitude
+from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.e1_loop import E1Loop, E1Tracking
-from vestige.receiver.elevation import ElevationEffects, View, seen_alone
-from vestige.receiver.error_process import (
+from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
+from vestige.receiver.errors.error_process import (
     BiasModel,
     ClockModel,
     IonosphereModel,
@@ -24,8 +23,9 @@ from vestige.receiver.error_process import (
     TrackingModel,
     named_streams,
 )
-from vestige.receiver.multipath import RayBlock
-from vestige.receiver.tracking_noise import noise_growth
+from vestige.receiver.errors.multipath import RayBlock
+from vestige.receiver.errors.tracking_noise import noise_growth
+from vestige.receiver.sky.elevation import ElevationEffects, View, seen_alone
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.spoofer.spoofer import NOBODY, BandEffects, Spoofer

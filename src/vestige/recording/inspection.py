@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.disclosure import provably_before_disclosure
+from vestige.crypto.osnma.disclosure import provably_before_disclosure
+from vestige.recording.adc_statistics import Levels, levels
 from vestige.recording.assistance.assistance_files import Kind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.description import CARRIER_HZ, RecordingDescription, redated
-from vestige.recording.levels import Levels, levels
 from vestige.recording.observations.observation_file import ObservationFile, kind_of, open_observations
 from vestige.recording.recording import describe_recording, find_observations, find_recording
 from vestige.recording.samples.sample_file import SampleReader, open_samples

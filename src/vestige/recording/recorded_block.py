@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.osnma_comparison import compare_osnma
-from vestige.acas_processor.sampled_snapshot import block_of
+from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.constants import SUBFRAME_S
 from vestige.records import Assistance, Snapshot
 from vestige.records.inertial import Accelerations

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypedDict
 
-from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
 from vestige.recording.observations.observation_file import ObservationTrack

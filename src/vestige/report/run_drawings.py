@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 
 from vestige.acas_processor.levels import ALARMS, GRAVITY
 from vestige.campaign.outcomes import due_verdicts, position
-from vestige.campaign.results import attributes_of, scenario_of
+from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
-from vestige.plots.attack_comparison import counterfeits
+from vestige.plots.attacks.attack_comparison import counterfeits
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
 from vestige.records import Status
 from vestige.records.checks import CheckSeries

@@ -9,10 +9,10 @@ from urllib.parse import quote
 
 import xarray
 
-from vestige.campaign.results import attributes_of
+from vestige.campaign.store.results import attributes_of
 from vestige.campaign.verdicts import results_digest
 from vestige.report.markup import Html, element, section, table
-from vestige.scenario.campaign_toml import campaign_toml
+from vestige.scenario.toml.campaign_toml import campaign_toml
 
 
 def scenario_section(text: str) -> Html:

@@ -13,20 +13,20 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from vestige.crypto.recs import LENGTHS
+from vestige.crypto.recs.recs_segment import LENGTHS
 from vestige.own_parts import digest, is_own, kind_of
-from vestige.receiver.accelerometer import Accelerometers
-from vestige.receiver.bias import BiasResiduals
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.error_process import BiasModel, ClockModel, IonosphereModel, MultipathModel, TrackingModel
-from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.ionosphere import PRESETS as IONOSPHERES
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.multipath import PRESETS as MULTIPATHS
-from vestige.receiver.multipath import LmsLiteMultipath
+from vestige.receiver.errors.accelerometer import Accelerometers
+from vestige.receiver.errors.bias import BiasResiduals
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.error_process import BiasModel, ClockModel, IonosphereModel, MultipathModel, TrackingModel
+from vestige.receiver.errors.ionosphere import PRESETS as IONOSPHERES
+from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.errors.multipath import PRESETS as MULTIPATHS
+from vestige.receiver.errors.multipath import LmsLiteMultipath
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
+from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
-from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.receiver.truth import ErrorModels
 from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
@@ -43,7 +43,7 @@ from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.preset import Presets
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
-from vestige.scenario.toml_file import OWN, MisfitError, Section
+from vestige.scenario.toml.toml_file import OWN, MisfitError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import Attack

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field, PrivateAttr, computed_field
 
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere, read_residuals
-from vestige.receiver.ionosphere import PASS_TAU_S, Correlation
-from vestige.scenario.toml_file import Section
+from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere, read_residuals
+from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation
+from vestige.scenario.toml.toml_file import Section
 
 
 class EmpiricalIonosphereTable(Section):

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.error_process import ClockModel
-from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.front_end_correlation import LARGEST_SIGNAL_DB
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.error_process import ClockModel
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.records import Band
-from vestige.scenario.toml_file import MisfitError
+from vestige.scenario.toml.toml_file import MisfitError
 from vestige.signal_generator.range_model import RangeModel
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes

@@ -11,7 +11,7 @@ from pydantic import Field, TypeAdapter
 
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
-from vestige.scenario.toml_file import overridden, read_toml, validated
+from vestige.scenario.toml.toml_file import overridden, read_toml, validated
 
 Scenario = RecordingScenario | CampaignScenario
 _ADAPTER: TypeAdapter[Any] = TypeAdapter(Annotated[Scenario, Field(discriminator="kind")])

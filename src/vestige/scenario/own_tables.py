@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from vestige.own_parts import OwnPartError, is_own, kind_of, part
-from vestige.scenario.toml_file import OURS, OWN, MisfitError, Section, misfit_of
+from vestige.scenario.toml.toml_file import OURS, OWN, MisfitError, Section, misfit_of
 
 _SCHEMA = {
     "title": "a class of your own",

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from vestige.scenario.toml_file import MisfitError
+from vestige.scenario.toml.toml_file import MisfitError
 
 _LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
 

@@ -10,17 +10,17 @@ import numpy as np
 from pydantic import Field, PrivateAttr, WithJsonSchema, model_validator
 
 from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
-from vestige.acas_processor.error_budget import ErrorBudget
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.own_check import OwnCheck
+from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part, require_members
-from vestige.receiver.accelerometer import Accelerometers
-from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.errors.accelerometer import Accelerometers
+from vestige.receiver.errors.clock import TwoStateClock
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.own_tables import named_part
-from vestige.scenario.toml_file import MisfitError, Section
+from vestige.scenario.toml.toml_file import MisfitError, Section
 from vestige.signals.definitions import E6C
 
 _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": ":"}]}

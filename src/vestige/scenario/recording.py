@@ -1,24 +1,14 @@
-"""A scenario of a recording: the satellites in view in both bands, and the files that a recorder leaves of them."""
+"""A scenario of a recording with open codes on E6-C: the receiver and the satellites in view."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
-from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from pydantic import Field, field_validator
 
-from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS, SUBFRAME_S
-from vestige.crypto.key_file import write_key_file
-from vestige.crypto.simulated_chain import make_chain
-from vestige.receiver.recorder import ReceivedSatellite, straight
+from vestige.constants import MAX_SVID
 from vestige.records import Band
-from vestige.scenario.simulated_recording import SimulatedRecording
-from vestige.scenario.toml_file import Section
-from vestige.signal_generator.range_model import RangeModel
-from vestige.signal_generator.waveform import open_component
-from vestige.signals.definitions import ALL_SIGNALS
-from vestige.streams import stream_key
+from vestige.scenario.toml.toml_file import Section
 from vestige.time import GalileoTime
 
 
@@ -98,41 +88,3 @@ class RecordingScenario(Section):
     def start_time(self) -> GalileoTime:
         """`start` as a time."""
         return GalileoTime.parse(self.start)
-
-    def simulated(self) -> SimulatedRecording:
-        """Return the recording: open codes, and `osnma/` with the keys of its time and their public key."""
-        receiver = self.receiver
-        return SimulatedRecording(
-            sky={band: tuple(self._received(band, one) for one in self.satellites) for band in Band},
-            reference=self.start_time,
-            sample_rate_hz=receiver.sample_rate_hz,
-            samples=range(round(self.duration_s * receiver.sample_rate_hz)),
-            seed=self.seed,
-            time_uncertainty_s=receiver.time_uncertainty_s,
-            description="simulated by vestige, open codes on E6-C",
-            companions=self._write_keys,
-        )
-
-    def _received(self, band: Band, satellite: SatelliteSection) -> ReceivedSatellite:
-        receiver = self.receiver
-        late = straight(receiver.hardware_bias_e1_e6_m if band is Band.E6 else 0.0)
-        return ReceivedSatellite(
-            svid=satellite.svid,
-            components=tuple(
-                open_component(signal, satellite.svid, seed=self.seed) for signal in ALL_SIGNALS if signal.band is band
-            ),
-            cn0_dbhz=satellite.cn0_dbhz(band),
-            pseudorange=RangeModel(
-                s0_m=satellite.range_m + receiver.clock_offset_s * SPEED_OF_LIGHT_MPS, v_mps=satellite.range_rate_mps
-            ),
-            propagation=lambda _: late,
-        )
-
-    def _write_keys(self, folder: Path) -> None:
-        osnma, start = folder / "osnma", self.start_time
-        osnma.mkdir()
-        subframes = int((start + self.duration_s - start.subframe) / SUBFRAME_S) + 2  # the next key too, for KDI = 1
-        chain = make_chain(stream_key(self.seed, "OSNMA chain"), start, subframes)
-        write_key_file(osnma / "keys.csv", chain.validated_keys(), (chain.root,))
-        pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-        (osnma / "public_key.pem").write_bytes(pem)

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from vestige.acas_processor.alarm_budget import Cadence
-from vestige.acas_processor.baseline import Antenna, ReferenceLevels
 from vestige.acas_processor.checks.clock import ClockDriftMonitor
-from vestige.acas_processor.checks.decision_map import Hypotheses, PowerDistortionMonitor
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.power.decision_map import Hypotheses, PowerDistortionMonitor
+from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
-from vestige.acas_processor.fix_measurement import FixSettings
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.alarm_budget import Cadence
+from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.position.fix_measurement import FixSettings
+from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.receiver.correlators.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
+from vestige.receiver.errors.clock import TwoStateClock
 from vestige.recording.navigation.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
 from vestige.records import Band
 from vestige.signals.definitions import E1C

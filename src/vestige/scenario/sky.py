@@ -14,12 +14,12 @@ from pydantic import Field, PrivateAttr, computed_field, field_validator
 
 from vestige.constants import MAX_SVID
 from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
-from vestige.receiver.constellation import ElevationCn0, walker_ephemerides
-from vestige.receiver.elevation import ElevationEffects, SatelliteRange
-from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
+from vestige.receiver.sky.constellation import ElevationCn0, walker_ephemerides
+from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
+from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
-from vestige.scenario.toml_file import MisfitError, Section
+from vestige.scenario.toml.toml_file import MisfitError, Section
 from vestige.time import GalileoTime
 
 _GRID_S = 60.0  # a satellite that is above the mask for less than this may be left out

@@ -14,15 +14,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from vestige.errors import VestigeError
 from vestige.own_parts import is_own, kind_of
-from vestige.receiver.accelerometer import Accelerometers
-from vestige.receiver.clock import TwoStateClock
+from vestige.receiver.errors.accelerometer import Accelerometers
+from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
 from vestige.scenario.limits import MAX_EPOCHS
 from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import PositionTable
-from vestige.scenario.toml_file import LARGEST_NUMBER, OURS, OWN, MisfitError
+from vestige.scenario.toml.toml_file import LARGEST_NUMBER, OURS, OWN, MisfitError
 from vestige.time import GalileoTime
 
 

@@ -17,7 +17,7 @@ What has another range rate, a spoofer for example, is another `ReceivedSignal`.
 amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
 
 **Band.** Nothing is filtered. Chips are rectangular, so the sampling rate must not be a small multiple of the chip rate
-(`vestige.receiver.staircase`).
+(`vestige.receiver.samples.staircase`).
 """
 
 from __future__ import annotations

@@ -17,10 +17,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vestige.campaign.direct import direct_results
-from vestige.campaign.origin import vestige_version
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.store.build_id import vestige_version
 from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.runs import RUNS, Key, line_of, read_runs, write_runs

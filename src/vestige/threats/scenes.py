@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, TypeAdapter, model_validator
 
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.toml_file import Section, overridden, read_toml, validated
+from vestige.scenario.toml.toml_file import Section, overridden, read_toml, validated
 from vestige.streams import stream
 
 TABLE = Path(__file__).with_name("threats.toml")

@@ -18,8 +18,8 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
-from vestige.campaign.origin import vestige_version
-from vestige.campaign.results import load_small
+from vestige.campaign.store.build_id import vestige_version
+from vestige.campaign.store.results import load_small
 from vestige.output import replacement
 from vestige.threats.matrix import Cell
 from vestige.threats.scenes import LEVELS

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.acas_processor.alarm import HOLD_S, AlarmState, state_changes
+from vestige.acas_processor.monitoring.alarm import HOLD_S, AlarmState, state_changes
 from vestige.records import Status
 
 STATUSES = tuple(Status)

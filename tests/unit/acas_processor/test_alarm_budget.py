@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from vestige.acas_processor.alarm_budget import Cadence, false_alarm_budget
 from vestige.acas_processor.levels import LEVELS
+from vestige.acas_processor.monitoring.alarm_budget import Cadence, false_alarm_budget
 
 EIGHT = Cadence(satellites=8)
 

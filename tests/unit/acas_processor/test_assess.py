@@ -12,9 +12,9 @@ from hypothesis import settings as hypothesis_settings
 
 from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.assess import TRAVEL_TIME_SPREAD_S
-from vestige.acas_processor.baseline import ReferenceLevels
+from vestige.acas_processor.monitoring.baseline import ReferenceLevels
+from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.state import FIXED_S, ReceiverState
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from block_builder import START, SVIDS, Keys, MadeUpSky, cut, settings
-from vestige.acas_processor.authentic_position import AuthenticPosition, authentic_positions
+from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
+from vestige.acas_processor.position.range_in_use import ranges_in_use
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.range_in_use import ranges_in_use
-from vestige.acas_processor.searches import SearchResults
+from vestige.acas_processor.searches.searches import SearchResults
 from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName

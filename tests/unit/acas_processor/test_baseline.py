@@ -8,8 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evidence_builder import evidence
-from vestige.acas_processor.baseline import LEARNED, WINDOW, Antenna, Baseline, Observed, Quantity, ReferenceLevels
 from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.monitoring.baseline import (
+    LEARNED,
+    WINDOW,
+    Antenna,
+    Baseline,
+    Observed,
+    Quantity,
+    ReferenceLevels,
+)
 from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock
 

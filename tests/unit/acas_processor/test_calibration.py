@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evidence_builder import evidence
-from vestige.acas_processor.calibration import hardware_bias_correction_s
 from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.monitoring.calibration import hardware_bias_correction_s
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
 

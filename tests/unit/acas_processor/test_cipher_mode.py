@@ -9,17 +9,17 @@ from pathlib import Path
 import pytest
 
 from vestige.acas_processor.processor import AcasProcessor, Step
-from vestige.acas_processor.sampled_searches import E6ExhaustiveSearch
-from vestige.acas_processor.sampled_snapshot import block_of
-from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
-from vestige.crypto.recs import CipherMode
+from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
+from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import Assistance, Band, GroupDelay, Outcome, Snapshot, Status
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import AcasTestCase
-from vestige.scenario.test_case_folder import simulated
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
 
 SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 SETTINGS = ("receiver.sample_rate_hz=6.2e6", "receiver.cn0_dbhz=43", "attack=none")

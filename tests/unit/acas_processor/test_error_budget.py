@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from vestige.acas_processor.error_budget import ErrorBudget
+from vestige.acas_processor.position.error_budget import ErrorBudget
 
 
 def test_published_columns() -> None:

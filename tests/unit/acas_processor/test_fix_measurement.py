@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from exact_sky import ORBITS, START, exact_block
-from vestige.acas_processor.fix_measurement import FixSettings
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.position.fix_measurement import FixSettings
+from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.pseudorange_errors import PseudorangeErrors
-from vestige.receiver.trajectory import StaticTrajectory
+from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.records import Assistance, CheckResult, Outcome
 
 PLACE = StaticTrajectory(latitude_deg=48.0, longitude_deg=11.0, height_m=500.0)

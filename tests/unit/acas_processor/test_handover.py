@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import START, random_chips
-from vestige.acas_processor.handover import hand_over, predicted_delay_m
+from vestige.acas_processor.searches.handover import hand_over, predicted_delay_m
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.crypto.group_delay import GroupDelayConvention, GroupDelayScale
+from vestige.crypto.recs.group_delay import GroupDelayConvention, GroupDelayScale
 from vestige.records import E1Observation
 from vestige.signal_generator.range_model import RangeModel
 

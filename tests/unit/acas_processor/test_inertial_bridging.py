@@ -10,13 +10,13 @@ from pydantic import TypeAdapter
 
 from exact_sky import ORBITS, START, exact_block
 from vestige.acas_processor.checks.check import two_sided_factor
-from vestige.acas_processor.fix_measurement import FixSettings
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.state import ReceiverState
+from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.processor import AcasProcessor, Step
-from vestige.acas_processor.state import ReceiverState
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
-from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory, Trajectory
+from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory, Trajectory
 from vestige.records import Assistance, CheckResult, Outcome
 from vestige.records.checks import CheckName
 from vestige.records.inertial import LONGEST_STEP_S, Accelerations

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evidence_builder import evidence, outcome
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck
-from vestige.acas_processor.checks.e6_power import E6PowerCheck
+from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
 from vestige.acas_processor.levels import LEVELS, NOBODY, OTHERS, Scope, combine, confirmed, is_alarm
 from vestige.records import Outcome, Status
 from vestige.records.checks import CheckName

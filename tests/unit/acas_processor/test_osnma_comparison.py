@@ -16,11 +16,11 @@ from vestige.acas_processor.checks.osnma import (
     OsnmaReceptionMonitor,
 )
 from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, subframes
-from vestige.acas_processor.memory import OsnmaMemory
+from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.acas_processor.osnma_comparison import compare_osnma
-from vestige.crypto.inav import InavPage
-from vestige.crypto.osnma import OsnmaReceiver
-from vestige.crypto.simulated_chain import make_chain
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.records import Assistance, ReceivedOsnma
 from vestige.records.snapshot_block import OsnmaBlock
 from vestige.time import GalileoTime

@@ -9,13 +9,13 @@ import pytest
 
 from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
+from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.sampled_searches import E1VestigialSearch
-from vestige.acas_processor.sampled_snapshot import block_of
-from vestige.acas_processor.state import TimeUncertainty
+from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
+from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.crypto.group_delay import OS_ICD_CONVENTION
-from vestige.crypto.recs import CipherMode, encrypt
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION
+from vestige.crypto.recs.recs_segment import CipherMode, encrypt
 from vestige.errors import VestigeError
 from vestige.records import (
     Assistance,
@@ -293,11 +293,11 @@ def test_cipher_mode_and_convention_reach_the_searches(monkeypatch: pytest.Monke
         seen.append(self)
         return ()
 
-    monkeypatch.setattr(f"vestige.acas_processor.sampled_searches.{name}.search", search)
+    monkeypatch.setattr(f"vestige.acas_processor.searches.sampled_searches.{name}.search", search)
     if name == "E6ExhaustiveSearch":
         monkeypatch.setattr(E1VestigialSearch, "search", lambda *_, **__: ())
     else:
-        monkeypatch.setattr("vestige.acas_processor.sampled_searches.E6ExhaustiveSearch.search", lambda *_, **__: ())
+        monkeypatch.setattr(E6ExhaustiveSearch, "search", lambda *_, **__: ())
     convention = replace(OS_ICD_CONVENTION, sign=-1)
     processor = AcasProcessor(level=3, cipher_mode=CipherMode.CTR, group_delay_convention=convention)
     processor.step(None, block_of(snapshot), assistance)

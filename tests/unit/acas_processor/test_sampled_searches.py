@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from kept_acquisitions import e1_acquired_once
-from vestige.acas_processor.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
-from vestige.acas_processor.sampled_snapshot import block_of
-from vestige.acas_processor.state import TimeUncertainty
+from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
+from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.records import Assistance, Band, E1Observation, Snapshot, Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
@@ -25,8 +25,8 @@ from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import AcasTestCase
-from vestige.scenario.test_case_folder import simulated
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
 from vestige.time import GalileoTime
 
 SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"

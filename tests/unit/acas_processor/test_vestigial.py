@@ -11,8 +11,8 @@ import pytest
 
 from builders import START, random_chips, received_batch, satellite, validated_key
 from search_builder import arrival, e6_source
-from vestige.acas_processor import vestigial
-from vestige.acas_processor.vestigial import (
+from vestige.acas_processor.searches import vestigial
+from vestige.acas_processor.searches.vestigial import (
     decide_vestigial,
     handover_line,
     handover_peaks,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.campaign.attack_columns import ATTACK_COLUMNS, attack_columns
+from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock

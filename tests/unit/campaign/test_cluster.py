@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from toy_plan import DeadlyPlan, ToyPlan
-from vestige.campaign.cluster import ClusterExecutor, connect
+from vestige.campaign.execution.cluster import ClusterExecutor, connect
 from vestige.campaign.run import Progress, run
 from vestige.errors import UnsupportedError, VestigeError
 
@@ -109,7 +109,7 @@ def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     script = (
         "import sys\n"
         "from distributed import LocalCluster\n"
-        "from vestige.cli import threats\n"
+        "from vestige.cli.campaigns import threats\n"
         "from vestige.cli.main import main\n"
         "import vestige.threats.matrix as matrix\n"
         "if __name__ == '__main__':\n"
@@ -133,8 +133,8 @@ def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
 
 
 def test_no_workers_left_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.campaign.cluster.NO_WORKERS_S", 0.1)
-    monkeypatch.setattr("vestige.campaign.cluster.LOOK_EVERY_S", 0.02)
+    monkeypatch.setattr("vestige.campaign.execution.cluster.NO_WORKERS_S", 0.1)
+    monkeypatch.setattr("vestige.campaign.execution.cluster.LOOK_EVERY_S", 0.02)
     told: list[str] = []
     with started(processes=False, n_workers=1) as other:
         with connect(other.scheduler_address, warn=told.append) as executor:
@@ -159,7 +159,7 @@ def _wait(condition: Callable[[], object]) -> None:
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.campaign.cluster.CONNECT_S", 0.2)
+    monkeypatch.setattr("vestige.campaign.execution.cluster.CONNECT_S", 0.2)
     for address in ("tcp://127.0.0.1:9", "tcp://[::1]:9", f"tcp://{'a' * 70}:9"):
         with pytest.raises(VestigeError, match=rf"^{re.escape(address)}: no dask scheduler answers"):
             connect(address)

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from toy_plan import ToyPlan
-from vestige.campaign.results import open_results
 from vestige.campaign.run import run
+from vestige.campaign.store.results import open_results
 
 N_EPOCHS, CHUNK_EPOCHS, PAUSE_S = 400, 10, 0.01  # 2 s on two workers
 PLAN = ToyPlan(n_epochs=N_EPOCHS)

@@ -9,7 +9,7 @@ import pytest
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.acas_processor.levels import LEVELS
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError

@@ -11,7 +11,7 @@ from tests.one_processor import assert_says, blocks, said_of, short_scene, threa
 from tests.sky_builder import sky_scenario
 
 import vestige as vs
-from vestige.campaign.direct import direct_results
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from toy_plan import ToyPlan
-from vestige.campaign import origin
-from vestige.campaign.executors import measure_chunk
+from vestige.campaign.execution.executors import measure_chunk
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.store import open_store
+from vestige.campaign.store import build_id as origin
+from vestige.campaign.store.store import open_store
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -44,7 +44,7 @@ def test_another_processor_neither_resumes_nor_helps_with_samples(
     for fidelity in ("samples", "correlators"):
         open_store(tmp_path / fidelity, plan(fidelity), chunk_epochs=4)
         expected[fidelity] = origin.origin(plan(fidelity))
-    monkeypatch.setattr("vestige.campaign.origin.processor_name", lambda: "pentium")
+    monkeypatch.setattr("vestige.campaign.store.build_id.processor_name", lambda: "pentium")
     monkeypatch.setattr("vestige.campaign.scenario_plan.processor_name", lambda: "pentium")
     open_store(tmp_path / "correlators", plan("correlators"), chunk_epochs=4)
     assert origin.origin(plan("correlators")) == expected["correlators"]
@@ -56,6 +56,6 @@ def test_another_processor_neither_resumes_nor_helps_with_samples(
 
 def test_another_source_does_not_help(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = origin.origin(ToyPlan(n_epochs=1))
-    monkeypatch.setattr("vestige.campaign.origin.vestige_version", lambda: "0.1.0+source.0")
+    monkeypatch.setattr("vestige.campaign.store.build_id.vestige_version", lambda: "0.1.0+source.0")
     with pytest.raises(VestigeError, match=r"worker .*: vestige_version: found 0\.1\.0\+source\.0, expected"):
         measure_chunk(ToyPlan(n_epochs=1), 0, {}, expected)

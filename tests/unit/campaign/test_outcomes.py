@@ -10,7 +10,7 @@ import xarray
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.campaign.attack_columns import attack_coords
+from vestige.campaign.columns.attack_columns import attack_coords
 from vestige.campaign.outcomes import RESOLUTION_M, Outcome, classify, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -12,7 +12,7 @@ from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError
 from vestige.navigation.orbit import satellite_state
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.recording.observations.observation_file import open_observations
 from vestige.time import GalileoTime

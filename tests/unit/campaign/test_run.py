@@ -17,10 +17,10 @@ import pytest
 import xarray
 
 from toy_plan import DeadlyPlan, ToyPlan
-from vestige.campaign.executors import local_executor
+from vestige.campaign.execution.executors import local_executor
 from vestige.campaign.plan import Coord
-from vestige.campaign.results import open_results
 from vestige.campaign.run import IN_FLIGHT, Progress, measure_chunks, run
+from vestige.campaign.store.results import open_results
 from vestige.errors import InputFileError, VestigeError
 
 PLAN = ToyPlan(n_epochs=230)
@@ -179,7 +179,7 @@ def test_a_worker_process_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_worker_of_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.campaign.executors.origin", lambda _: {"vestige_version": "9.9"})
+    monkeypatch.setattr("vestige.campaign.execution.executors.origin", lambda _: {"vestige_version": "9.9"})
     with pytest.raises(VestigeError, match=r"vestige_version: found 9\.9, expected "):
         run(PLAN, tmp_path / "a.zarr")
 

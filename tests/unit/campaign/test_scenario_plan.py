@@ -20,11 +20,11 @@ import pytest
 import xarray
 
 from vestige.acas_processor.detectors import DETECTORS
-from vestige.campaign.cluster import connect
-from vestige.campaign.results import open_results
+from vestige.campaign.execution.cluster import connect
 from vestige.campaign.run import Progress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import summarise
+from vestige.campaign.store.results import open_results
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario

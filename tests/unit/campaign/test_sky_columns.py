@@ -15,7 +15,7 @@ from tests.sky_builder import CLEAN, SCENARIO, columns_of, sky_scenario
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.records import Status
 from vestige.time import GalileoTime

@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from toy_plan import ToyPlan
-from vestige.campaign.origin import vestige_version
-from vestige.campaign.results import open_results
-from vestige.campaign.store import Store, open_store
+from vestige.campaign.store.build_id import vestige_version
+from vestige.campaign.store.results import open_results
+from vestige.campaign.store.store import Store, open_store
 from vestige.errors import InputFileError
 
 PLAN = ToyPlan(n_epochs=10)
@@ -151,7 +151,7 @@ def test_a_store_of_other_work(tmp_path: Path, other: ToyPlan, message: str) -> 
 
 def test_a_store_of_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     filled(tmp_path / "a.zarr", 0)
-    monkeypatch.setattr("vestige.campaign.origin.vestige_version", lambda: "9.9")
+    monkeypatch.setattr("vestige.campaign.store.build_id.vestige_version", lambda: "9.9")
     with pytest.raises(InputFileError, match=r"vestige_version: found 0\.1\.0.*expected 9\.9; finish with the"):
         open_store(tmp_path / "a.zarr", PLAN, chunk_epochs=4)
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tests.sky_builder import sky_scenario
 
-from vestige.campaign.results import open_results
 from vestige.campaign.run import Progress, run
 from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
-from vestige.campaign.sweep import TABLE, Row, Width, run_sweep
-from vestige.cli.campaign_report import sweep_table
+from vestige.campaign.store.results import open_results
+from vestige.campaign.sweep.sweep import TABLE, Row, Width, run_sweep
+from vestige.cli.campaigns.campaign_report import sweep_table
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.theory.thresholds import probability_of_detection

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.campaign.sweep_axes import MAX_CAMPAIGNS, as_settings, grid, parse_axis, store_name
+from vestige.campaign.sweep.sweep_axes import MAX_CAMPAIGNS, as_settings, grid, parse_axis, store_name
 from vestige.errors import VestigeError
-from vestige.scenario.toml_file import overridden
+from vestige.scenario.toml.toml_file import overridden
 
 VALUES = st.one_of(st.booleans(), st.integers(), st.floats(allow_nan=False), st.text(max_size=8))
 SETTINGS = st.dictionaries(st.sampled_from(["seed", "a.b", "a.c"]), VALUES, min_size=1)

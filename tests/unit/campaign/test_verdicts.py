@@ -9,7 +9,7 @@ import xarray
 
 from report_builder import LIFT_OFF, SKY, made
 from vestige.campaign.outcomes import Outcome, due_verdicts, report
-from vestige.campaign.results import open_results
+from vestige.campaign.store.results import open_results
 from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
 

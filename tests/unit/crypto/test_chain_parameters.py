@@ -7,7 +7,7 @@ import pytest
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
-from vestige.crypto.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
 from vestige.errors import UnsupportedError
 
 ALPHA = bytes.fromhex("a06221261ad9")

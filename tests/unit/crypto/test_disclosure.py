@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.crypto.disclosure import ReceptionProof, provably_before_disclosure
+from vestige.crypto.osnma.disclosure import ReceptionProof, provably_before_disclosure
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.crypto.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
-from vestige.crypto.dsm import DsmKroot, NmaHeader, kroot_blocks, parse_kroot
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
+from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader, kroot_blocks, parse_kroot
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 

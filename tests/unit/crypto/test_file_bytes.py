@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from vestige.crypto import recs_file
 from vestige.crypto.file_bytes import read_bytes, read_text
-from vestige.crypto.file_signature import verify
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs.file_signature import verify
 from vestige.errors import InputFileError
-from vestige.plots.sweep import read_sweep
-from vestige.receiver.empirical_ionosphere import read_residuals
+from vestige.plots.curves.sweep import read_sweep
+from vestige.receiver.errors.empirical_ionosphere import read_residuals
 from vestige.recording.assistance.assistance_files import Settings, read_recs
 from vestige.report.threat_table import read_threat_table
 from vestige.scenario.load import load_scenario

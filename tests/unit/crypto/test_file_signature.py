@@ -12,8 +12,8 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vestige.crypto import file_signature
-from vestige.crypto.file_signature import SignatureName, SignatureStatus
+from vestige.crypto.recs import file_signature
+from vestige.crypto.recs.file_signature import SignatureName, SignatureStatus
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 
 CURVES: dict[str, ec.EllipticCurve] = {"p256": ec.SECP256R1(), "p384": ec.SECP384R1(), "p521": ec.SECP521R1()}

@@ -16,7 +16,7 @@ from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias
 from vestige.recording.recording_toml import read_recording_toml
 from vestige.scenario.load import load_scenario
-from vestige.scenario.toml_file import overridden, read_toml
+from vestige.scenario.toml.toml_file import overridden, read_toml
 
 SCENARIOS = sorted((Path(__file__).resolve().parents[3] / "scenarios").glob("*.toml"))
 PART = ("a", '"b"', "'c'", '"\\"."')

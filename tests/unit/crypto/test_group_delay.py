@@ -8,9 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto import group_delay
-from vestige.crypto.group_delay import GroupDelayConvention, GroupDelayFile, GroupDelayScale, inter_frequency_delay_s
-from vestige.crypto.recs_name import time_of_deciseconds
+from vestige.crypto.recs import group_delay
+from vestige.crypto.recs.group_delay import (
+    GroupDelayConvention,
+    GroupDelayFile,
+    GroupDelayScale,
+    inter_frequency_delay_s,
+)
+from vestige.crypto.recs.recs_name import time_of_deciseconds
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.records import GroupDelay
 from vestige.time import GalileoTime

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from vestige.crypto.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
-from vestige.crypto.mac_lookup import MAC_LOOKUP, Slot, slots
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
+from vestige.crypto.osnma.messages.mac_lookup import MAC_LOOKUP, Slot, slots
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 

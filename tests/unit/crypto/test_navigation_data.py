@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from osnma_builder import WORD_ORDER, make_word, tag_data
-from vestige.crypto.navigation_data import NavigationWords
-from vestige.crypto.subframe import SatelliteSubframe
+from vestige.crypto.osnma.messages.navigation_data import NavigationWords
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_770)  # the next subframe is in the next week

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import Broadcast, make_page
-from vestige.crypto.chain_parameters import ChainParameters
-from vestige.crypto.inav import InavPage
-from vestige.crypto.merkle_tree import MerkleTree
-from vestige.crypto.osnma import OsnmaReceiver, verify
-from vestige.crypto.osnma_report import Count, OsnmaReport, ProblemKind
-from vestige.crypto.public_key import PublicKey, Trust
-from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
-from vestige.crypto.subframe import PageStatus
+from vestige.crypto.keys.merkle_tree import MerkleTree
+from vestige.crypto.keys.public_key import PublicKey, Trust
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.messages.subframe import PageStatus
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
+from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind
+from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
 

@@ -7,7 +7,7 @@ from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.crypto.public_key import (
+from vestige.crypto.keys.public_key import (
     ClaimedPublicKey,
     PublicKey,
     Trust,
@@ -15,7 +15,7 @@ from vestige.crypto.public_key import (
     load_point,
     trusted_by_user,
 )
-from vestige.crypto.signature_scheme import P256, P521, scheme_of_type
+from vestige.crypto.keys.signature_scheme import P256, P521, scheme_of_type
 from vestige.errors import AuthenticationError, UnsupportedError
 
 PRIVATE = ec.derive_private_key(0xACA5, ec.SECP256R1())

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import validated_key
-from vestige.crypto import recs
-from vestige.crypto.chain_parameters import KEY_BITS
-from vestige.crypto.recs import LENGTHS, CipherMode, SegmentLength
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS
+from vestige.crypto.recs import recs_segment as recs
+from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode, SegmentLength
 from vestige.records import ChipSequence
 from vestige.time import GalileoTime
 

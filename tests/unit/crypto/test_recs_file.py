@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import validated_key
-from vestige.crypto import recs, recs_file
-from vestige.crypto.recs import LENGTHS, SegmentLength
-from vestige.crypto.recs_file import FileKind, RecsFile
-from vestige.crypto.recs_name import time_of_deciseconds
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs import recs_segment as recs
+from vestige.crypto.recs.recs_file import FileKind, RecsFile
+from vestige.crypto.recs.recs_name import time_of_deciseconds
+from vestige.crypto.recs.recs_segment import LENGTHS, SegmentLength
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.records import ChipSequence
 from vestige.time import GalileoTime

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.crypto.recs_name import (
+from vestige.crypto.recs.recs_name import (
     RecsName,
     deciseconds_of_week,
     format_time_code,

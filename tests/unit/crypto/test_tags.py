@@ -6,11 +6,11 @@ import hmac
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.crypto.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
-from vestige.crypto.mac_lookup import Slot
-from vestige.crypto.navigation_data import NavigationData
-from vestige.crypto.subframe import SatelliteSubframe
-from vestige.crypto.tags import Mack, Tag, macseq_ok, make_tag, parse_mack
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
+from vestige.crypto.osnma.messages.mac_lookup import Slot
+from vestige.crypto.osnma.messages.navigation_data import NavigationData
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
+from vestige.crypto.osnma.messages.tags import Mack, Tag, macseq_ok, make_tag, parse_mack
 from vestige.time import GalileoTime
 
 TIME = GalileoTime(1251, 277_200)

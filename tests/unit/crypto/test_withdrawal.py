@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from vestige.crypto.chain_register import ChainRegister
-from vestige.crypto.dsm import NmaHeader, parse_kroot
-from vestige.crypto.inav import InavPage
-from vestige.crypto.key_file import read_key_file, write_key_file
-from vestige.crypto.osnma_report import ProblemKind
-from vestige.crypto.public_key import PublicKey
-from vestige.crypto.root_key import RootKey, verify_root_key
-from vestige.crypto.simulated_chain import SimulatedChain
+from vestige.crypto.keys.key_file import read_key_file, write_key_file
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.osnma.chain_register import ChainRegister
+from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
+from vestige.crypto.osnma.osnma_report import ProblemKind
+from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
 from withdrawal_builder import (

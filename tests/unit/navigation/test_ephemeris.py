@@ -8,7 +8,7 @@ import pytest
 
 from real_ephemerides import recorded_words
 from vestige.navigation.ephemeris import FIT_INTERVAL_S, ephemeris_from_words, nearest_ephemerides, sisa_m
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 
 

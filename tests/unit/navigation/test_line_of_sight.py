@@ -8,8 +8,8 @@ from vestige.navigation.earth import ROTATION_RADPS, ecef_from_geodetic
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.line_of_sight import line_of_sight
 from vestige.navigation.orbit import satellite_state
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory
+from vestige.receiver.sky.constellation import walker_ephemerides
+from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory
 from vestige.time import GalileoTime
 
 START = GalileoTime(1373, 0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vestige.navigation.earth import GRAVITATION_M3PS2
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import RELATIVITY_S_PER_SQRT_M, eccentric_anomaly, satellite_state
-from vestige.receiver.constellation import (
+from vestige.receiver.sky.constellation import (
     LATITUDE_RATE_DEG_PER_DAY,
     SEMI_MAJOR_AXIS_M,
     walker_ephemerides,

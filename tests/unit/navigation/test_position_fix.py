@@ -17,8 +17,8 @@ from vestige.navigation.position_fix import (
     transmission,
     velocity_fix,
 )
-from vestige.receiver.constellation import Sky, sky, walker_ephemerides
-from vestige.receiver.trajectory import CircularTrajectory
+from vestige.receiver.sky.constellation import Sky, sky, walker_ephemerides
+from vestige.receiver.sky.trajectory import CircularTrajectory
 from vestige.streams import stream
 from vestige.time import GalileoTime
 

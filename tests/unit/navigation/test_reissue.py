@@ -8,7 +8,7 @@ from tests.real_ephemerides import recorded_ephemerides
 
 from vestige.navigation.orbit import satellite_state
 from vestige.navigation.reissue import issues, reissued
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 
 FRIDAY = GalileoTime.parse("2025-12-12T15:00:00 GST")

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from results_builder import campaign_results, lift_off
-from vestige.plots import animation
-from vestige.plots.animation import write_animation
+from vestige.plots.attacks import animation
+from vestige.plots.attacks.animation import write_animation
 
 
 def _frames(path: Path) -> list[np.ndarray]:

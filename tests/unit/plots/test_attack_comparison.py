@@ -11,7 +11,7 @@ from PIL import Image
 from results_builder import campaign_results, lift_off
 from vestige import plots
 from vestige.errors import VestigeError
-from vestige.plots.attack_comparison import attack_comparison
+from vestige.plots.attacks.attack_comparison import attack_comparison
 from vestige.plots.figure import BLUE, GREEN, ORANGE, RED, figure_of
 
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from vestige import plots
-from vestige.acas_processor.checks.decision_map import DecisionMap
+from vestige.acas_processor.checks.power.decision_map import DecisionMap
 from vestige.plots.figure import figure_of
 from vestige.records.checks import SignalClass
 

@@ -6,7 +6,7 @@ import xarray
 from scipy.special import bdtr, bdtrc
 
 from vestige.errors import VestigeError
-from vestige.plots.detection_curve import KINDS, detection_curve
+from vestige.plots.curves.detection_curve import KINDS, detection_curve
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 ATTRS = {"integration_s": 0.016, "p_fa": 1e-7}

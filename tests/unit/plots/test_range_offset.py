@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from results_builder import campaign_results
+from vestige.plots.curves.range_offset import range_offset
 from vestige.plots.figure import BLUE, RED, new_axes
-from vestige.plots.range_offset import range_offset
 
 
 def test_every_offset_is_a_dot_and_every_miss_a_tick() -> None:

@@ -12,7 +12,7 @@ from vestige import plots
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import proportion
-from vestige.cli.plot import command
+from vestige.cli.campaigns.plot import command
 from vestige.errors import VestigeError
 
 pytestmark = pytest.mark.many_epochs

@@ -6,7 +6,7 @@ import pytest
 
 from results_builder import campaign_results
 from vestige.errors import InputFileError, VestigeError
-from vestige.plots.sweep import read_sweep, sweep_of
+from vestige.plots.curves.sweep import read_sweep, sweep_of
 
 
 def test_campaigns_are_counted() -> None:

@@ -7,8 +7,8 @@ import pytest
 import xarray
 
 from vestige.errors import VestigeError
-from vestige.plots.detection_curve import detection_curve
-from vestige.plots.sweep import read_sweep
+from vestige.plots.curves.detection_curve import detection_curve
+from vestige.plots.curves.sweep import read_sweep
 
 HEADING = "cn0_dbhz,integration_s,p_fa,trials,detections"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from results_builder import campaign_results
+from vestige.plots.attacks.waterfall import COLUMNS, SLICES, waterfall, waterfall_map
 from vestige.plots.figure import new_axes
-from vestige.plots.waterfall import COLUMNS, SLICES, waterfall, waterfall_map
 
 
 def test_the_map_is_the_magnitude_of_every_tap() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from vestige.receiver.accelerometer import Accelerometers
-from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory
+from vestige.receiver.errors.accelerometer import Accelerometers
+from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory
 
 PERFECT = Accelerometers(sigma_bias_mps2=0.0, walk_mps_per_sqrt_s=0.0)
 STATIC = StaticTrajectory(latitude_deg=45.0, longitude_deg=8.0)

@@ -14,9 +14,9 @@ from vestige.records import Band
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import AcasTestCase, placed
-from vestige.scenario.test_case_folder import simulated
 from vestige.signals.definitions import CARRIER_HZ
+from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case_folder import simulated
 
 VESTIGIAL = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 RATE_HZ = 6.2e6

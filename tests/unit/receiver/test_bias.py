@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.bias import BiasResiduals
-from vestige.receiver.error_process import named_streams
+from vestige.receiver.errors.bias import BiasResiduals
+from vestige.receiver.errors.error_process import named_streams
 
 MODEL = BiasResiduals(bgd_sigma_m=1.5, hardware_sigma_m=3.0, hardware_drift_mps=1e-3)
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.error_process import named_streams
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.error_process import named_streams
 
 C_MPS = 299_792_458.0
 

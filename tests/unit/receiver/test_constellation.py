@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vestige.navigation.orbit import satellite_state
-from vestige.receiver.constellation import ElevationCn0, sky, walker_ephemerides
-from vestige.receiver.trajectory import StaticTrajectory
+from vestige.receiver.sky.constellation import ElevationCn0, sky, walker_ephemerides
+from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.time import GalileoTime
 
 TOE = GalileoTime(1372, 604_200)

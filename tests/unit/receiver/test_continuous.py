@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.continuous import ContinuousTruth
-from vestige.receiver.e1_loop import E1Loop
-from vestige.receiver.elevation import View
-from vestige.receiver.multipath import RayBlock
+from vestige.receiver.correlators.e1_loop import E1Loop
+from vestige.receiver.errors.multipath import RayBlock
+from vestige.receiver.samples.continuous import ContinuousTruth
+from vestige.receiver.sky.elevation import View
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeModel

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.correlator_model import CorrelatorModel
+from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.streams import stream
 
 OFFSETS_M = tuple((np.arange(11) - 5) * 15.0)

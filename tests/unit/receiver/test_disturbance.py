@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.disturbance import CHIPS_A_METRE, Disturbance, drawn_disturbance, unrelated_correlation
+from vestige.receiver.correlators.disturbance import (
+    CHIPS_A_METRE,
+    Disturbance,
+    drawn_disturbance,
+    unrelated_correlation,
+)
 from vestige.records import Band
 from vestige.signals.definitions import E6C
 from vestige.spoofer.interference import Jam

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vestige.receiver.e1_loop import E1Loop, E1Tracking
-from vestige.receiver.e1_multipath import e1_multipath_error_m
+from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
+from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.records import Band
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.interference import Jam

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.e1_multipath import REACH_CHIPS, e1_multipath_error_m
+from vestige.receiver.correlators.e1_multipath import REACH_CHIPS, e1_multipath_error_m
 from vestige.signals.pulse import BOC11, BPSK, CBOC_MINUS, Pulse
 
 CHIP_M = 299_792_458 / 1.023e6

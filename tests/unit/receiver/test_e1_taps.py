@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.sky_builder import CLEAN, e1_of, sky_scenario
 
-from vestige.receiver.e1_taps import TAP_CHIPS
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 
 pytestmark = pytest.mark.many_epochs
 

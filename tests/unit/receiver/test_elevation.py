@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.acas_processor.elevation_model import obliquity, relative_ray_amplitude
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.elevation import SatelliteRange
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.tracking_noise import BetzTrackingNoise, noise_growth
-from vestige.receiver.trajectory import CircularTrajectory
+from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise, noise_growth
+from vestige.receiver.sky.constellation import walker_ephemerides
+from vestige.receiver.sky.elevation import SatelliteRange
+from vestige.receiver.sky.trajectory import CircularTrajectory
 from vestige.time import GalileoTime
 
 

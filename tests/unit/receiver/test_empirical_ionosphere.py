@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere, read_residuals
-from vestige.receiver.error_process import named_streams
+from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere, read_residuals
+from vestige.receiver.errors.error_process import named_streams
 
 
 def test_one_sample_is_a_constant() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.error_process import named_streams, steps_s
+from vestige.receiver.errors.error_process import named_streams, steps_s
 from vestige.streams import stream
 
 

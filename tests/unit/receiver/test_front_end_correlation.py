@@ -3,8 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.front_end import FrontEnd
-from vestige.receiver.front_end_correlation import noise_correlation, range_offset_scale, signal_correlation, spread
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.front_end_correlation import (
+    noise_correlation,
+    range_offset_scale,
+    signal_correlation,
+    spread,
+)
 from vestige.signals.definitions import E6C
 
 CHIP_M = 58.6105

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.gauss_markov import GaussMarkovProcess
+from vestige.receiver.errors.gauss_markov import GaussMarkovProcess
 
 
 def rng() -> np.random.Generator:

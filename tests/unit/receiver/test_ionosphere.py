@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.ionosphere import HeavyTailedIonosphere
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
 
 MODELS = st.builds(
     HeavyTailedIonosphere,

@@ -6,8 +6,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.multipath import LmsLiteMultipath, RayBlock
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.multipath import LmsLiteMultipath, RayBlock
 
 C_MPS, F1_HZ, F6_HZ = 299_792_458.0, 1575.42e6, 1278.75e6
 

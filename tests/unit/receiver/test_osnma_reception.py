@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.campaign.statistics import binomial_test
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.osnma_reception import (
     as_mask,
     data_pages,
@@ -18,7 +19,6 @@ from vestige.receiver.osnma_reception import (
     page_loss,
     pages_due,
 )
-from vestige.receiver.tracking_noise import BetzTrackingNoise
 from vestige.streams import stream
 
 GENERATORS, STATES, HALF_PAGE = (0o171, 0o133), 64, 120

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from builders import START
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.recorder import Propagation, ReceivedSatellite, record_band, straight, stretch_samples
+from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite, record_band, straight, stretch_samples
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component
 from vestige.signal_generator.noise_kernel import noise_key

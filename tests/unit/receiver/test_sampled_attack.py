@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.sampled_attack import counterfeit_signals, jammer_samples, true_signal
-from vestige.receiver.sampled_epoch import arrival, e6_samples, window
+from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.samples.sampled_epoch import arrival, e6_samples, window
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.records import Band, Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.search_outcome import Air, SearchOutcome, outcome, search_draws
+from vestige.receiver.correlators.search_outcome import Air, SearchOutcome, outcome, search_draws
 
 N = 50
 DRAWS = {k: search_draws(np.random.default_rng(1), N, k) for k in (1, 2, 3)}

@@ -9,8 +9,8 @@ from scipy import stats
 from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 
 from vestige.acas_processor.measurement import Availability
-from vestige.receiver.front_end_correlation import range_offset_scale
-from vestige.receiver.sampled_epoch import received_signal
+from vestige.receiver.samples.front_end_correlation import range_offset_scale
+from vestige.receiver.samples.sampled_epoch import received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.e6 import SampledE6
 from vestige.records import Band, Status

@@ -5,8 +5,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from vestige.receiver.error_process import named_streams
-from vestige.receiver.tracking_noise import BetzTrackingNoise, PulseName
+from vestige.receiver.errors.error_process import named_streams
+from vestige.receiver.errors.tracking_noise import BetzTrackingNoise, PulseName
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vestige.navigation.earth import geodetic_from_ecef, local_axes_at
-from vestige.receiver.trajectory import (
+from vestige.receiver.sky.trajectory import (
     ALL_TRAJECTORIES,
     CircularTrajectory,
     StaticTrajectory,

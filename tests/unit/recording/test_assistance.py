@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 
 from builders import validated_key
 from osnma_builder import Broadcast
-from vestige.crypto import recs, recs_file
-from vestige.crypto.dsm import NmaHeader
-from vestige.crypto.file_signature import SignatureStatus
-from vestige.crypto.inav import InavPage
-from vestige.crypto.key_file import write_key_file
-from vestige.crypto.recs_name import time_of_deciseconds
-from vestige.crypto.simulated_chain import SimulatedChain, make_chain, sign_kroot
+from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.messages.dsm import NmaHeader
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain, sign_kroot
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs import recs_segment as recs
+from vestige.crypto.recs.file_signature import SignatureStatus
+from vestige.crypto.recs.recs_name import time_of_deciseconds
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance.assistance_files import Kind
 from vestige.recording.assistance.assistance_writer import write_assistance

@@ -9,9 +9,10 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto import recs, recs_file
-from vestige.crypto.key_file import write_key_file
-from vestige.crypto.simulated_chain import make_chain
+from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.crypto.recs import recs_file
+from vestige.crypto.recs import recs_segment as recs
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.inspection import Inspection, inspect_recording
 from vestige.recording.observations.csv_observations import write_csv_observations

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vestige.errors import InputFileError
+from vestige.recording.adc_statistics import levels
 from vestige.recording.description import BandFile
-from vestige.recording.levels import levels
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.recording.samples.sample_format import SampleFormat, encode
 from vestige.records import Band

@@ -26,8 +26,8 @@ from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.records import Band
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import AcasTestCase, placed
-from vestige.scenario.test_case_folder import write_companions
+from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case_folder import write_companions
 from vestige.time import GalileoTime
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"

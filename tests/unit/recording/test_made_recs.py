@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import START, validated_key
-from vestige.crypto.recs import LENGTHS, decrypt
+from vestige.crypto.recs.recs_segment import LENGTHS, decrypt
 from vestige.recording.assistance.made_recs import make_segments, transmit_times
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C

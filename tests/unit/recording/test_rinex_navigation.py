@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.receiver.constellation import walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.time import GalileoTime
 

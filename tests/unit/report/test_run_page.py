@@ -12,7 +12,7 @@ import xarray
 from report_builder import LIFT_OFF, QUICK, SCENARIOS, SKY, data_of, made, rows_of, unpacked
 from results_builder import campaign_results, stored
 from vestige.campaign.levels import failures, level_verdicts
-from vestige.campaign.results import open_results
+from vestige.campaign.store.results import open_results
 from vestige.campaign.verdicts import results_digest
 from vestige.errors import VestigeError
 from vestige.records import Status

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from report_builder import rows_of, threat_folder
-from vestige.cli.threats import command as threats
+from vestige.cli.campaigns.threats import command as threats
 from vestige.report.threat_page import OWN, QUESTION, threat_page
 from vestige.threats.table import TABLE
 

@@ -10,9 +10,9 @@ import pytest
 from vestige.errors import InputFileError, VestigeError
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
-from vestige.scenario.test_case import AcasTestCase, placed
+from vestige.scenario.warnings import cautions
+from vestige.simulated.exported_case import AcasTestCase, placed
 from vestige.spoofer.jammers import Chirp
 from vestige.spoofer.profiles import Ramp, Table, extremes
 from vestige.spoofer.repeaters import LiftOff, Nulling

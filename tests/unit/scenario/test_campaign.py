@@ -9,14 +9,14 @@ import jsonschema
 import pytest
 
 from vestige.errors import InputFileError, VestigeError
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.empirical_ionosphere import EmpiricalIonosphere
-from vestige.receiver.ionosphere import PRESETS, HeavyTailedIonosphere
-from vestige.receiver.multipath import LmsLiteMultipath
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere
+from vestige.receiver.errors.ionosphere import PRESETS, HeavyTailedIonosphere
+from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
-from vestige.scenario.toml_file import overridden
+from vestige.scenario.toml.toml_file import overridden
+from vestige.scenario.warnings import cautions
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 

@@ -13,8 +13,8 @@ from tests.simulated_banks import banks as banks_of
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.cautions import cautions
 from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.warnings import cautions
 
 pytestmark = pytest.mark.many_epochs
 

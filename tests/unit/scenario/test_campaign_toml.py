@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from vestige.scenario.campaign_toml import campaign_toml
 from vestige.scenario.load import load_scenario
+from vestige.scenario.toml.campaign_toml import campaign_toml
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 CASES = {

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.sky_builder import sky_scenario
 
-from vestige.acas_processor.alarm_budget import Cadence
-from vestige.acas_processor.baseline import Antenna
+from vestige.acas_processor.monitoring.alarm_budget import Cadence
+from vestige.acas_processor.monitoring.baseline import Antenna
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario

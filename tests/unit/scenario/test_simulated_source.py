@@ -10,14 +10,14 @@ import pytest
 from tests.sky_builder import sky_scenario
 
 import vestige
-from vestige.crypto.recs import CipherMode
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import VestigeError
 from vestige.records import Status
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.scenario.scenario_processor import processor_of
-from vestige.scenario.simulated_source import SimulatedSource, simulate
+from vestige.simulated.simulated_source import SimulatedSource, simulate
 from vestige.source import Source
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"

@@ -10,10 +10,10 @@ import pytest
 from tests.sky_builder import SCENARIO, sky_scenario
 
 from vestige.errors import VestigeError
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.trajectory import WaypointTrajectory
+from vestige.receiver.sky.constellation import walker_ephemerides
+from vestige.receiver.sky.trajectory import WaypointTrajectory
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
-from vestige.scenario.cautions import cautions
+from vestige.scenario.warnings import cautions
 from vestige.time import GalileoTime
 
 WAYPOINTS = "time_s,latitude_deg,longitude_deg,height_m\n"

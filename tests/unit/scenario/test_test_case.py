@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.crypto.recs import decrypt
+from vestige.crypto.recs.recs_segment import decrypt
 from vestige.errors import VestigeError
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.test_case import PLACED_M, AcasTestCase, placed
-from vestige.scenario.test_case_folder import simulated
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
+from vestige.simulated.exported_case import PLACED_M, AcasTestCase, placed
+from vestige.simulated.exported_case_folder import simulated
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 SETTINGS = ("receiver.sample_rate_hz=6.2e6", "interval_s=0.1", "epochs=500", "recs.duration_ms=4")

@@ -6,8 +6,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vestige.scenario.toml_file import read_toml
-from vestige.scenario.toml_text import toml_text
+from vestige.scenario.toml.toml_file import read_toml
+from vestige.scenario.toml.toml_text import toml_text
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vestige.acas_processor.alarm_budget import Share
+from vestige.acas_processor.monitoring.alarm_budget import Share
 from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.campaign.statistics import count_interval, proportion

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from full_disk import files_of_at_most
-from vestige.campaign.executors import local_executor
-from vestige.campaign.origin import vestige_version
+from vestige.campaign.execution.executors import local_executor
 from vestige.campaign.run_outcome import RunOutcome, window_of
-from vestige.cli.threats import command as threats
+from vestige.campaign.store.build_id import vestige_version
+from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.matrix import Cell, case_of, cases, measure, measure_threats

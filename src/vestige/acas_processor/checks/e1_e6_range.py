@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vestige.acas_processor.error_budget import ErrorBudget
 from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.records.checks import CheckName, CheckSeries
 
 KAPPA = 3.0

@@ -33,7 +33,7 @@ from vestige.acas_processor.checks.check import (
     two_sided_factor,
 )
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.inertial_bridging import rate_steps
+from vestige.acas_processor.position.inertial_bridging import rate_steps
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int64
 
-from vestige.acas_processor.memory import OsnmaMemory, Subframe
+from vestige.acas_processor.monitoring.memory import OsnmaMemory, Subframe
 from vestige.records.snapshot_block import OsnmaBlock
 
 PAGES = 15  # of a subframe [OS-ICD, 4.3]

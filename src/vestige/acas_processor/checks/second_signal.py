@@ -27,9 +27,9 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.acas_processor.checks.check import check_budget
-from vestige.acas_processor.elevation_model import relative_ray_amplitude
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.signals.definitions import E6C

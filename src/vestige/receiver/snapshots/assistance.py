@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.recs import CipherMode
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.receiver.simulation import KEY_ON_AIR, Simulation
 from vestige.receiver.snapshots.e6 import DrawnE6, SampledE6
 from vestige.receiver.snapshots.osnma import OsnmaReception

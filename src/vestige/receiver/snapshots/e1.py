@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
-from vestige.receiver.e1_loop import LOCK_DBHZ
-from vestige.receiver.e1_samples import sampled_e1_taps, sampled_power_rise_db
-from vestige.receiver.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
+from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
+from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth

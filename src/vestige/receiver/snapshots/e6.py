@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.receiver.sampled_epoch import Arrival
+from vestige.receiver.samples.sampled_epoch import Arrival
 from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
 

@@ -1,4 +1,4 @@
-"""The vestigial searches of a block, drawn from the model of their detection (`receiver/search_outcome.py`).
+"""The vestigial searches of a block, drawn from the model in `receiver/correlators/search_outcome.py`.
 
 They are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 says something only where
 the receiver has the key, and where the earliest signal is provably from before its disclosure; E1 alone still counts.
@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.monitoring_settings import SEARCH_P_FA
+from vestige.acas_processor.monitoring.monitoring_settings import SEARCH_P_FA
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.disclosure import provably_before_disclosure
-from vestige.receiver.search_outcome import search_outcome
+from vestige.crypto.osnma.disclosure import provably_before_disclosure
+from vestige.receiver.correlators.search_outcome import search_outcome
 from vestige.receiver.snapshots.assistance import recs_block
 from vestige.receiver.snapshots.e1 import single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.crypto.recs import CipherMode
-from vestige.receiver.accelerometer import Accelerometers
-from vestige.receiver.elevation import ElevationEffects
+from vestige.crypto.recs.recs_segment import CipherMode
+from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.snapshots.assistance import SimulatedAssistance
 from vestige.receiver.snapshots.e1 import e1_block
 from vestige.receiver.snapshots.e6 import DrawnE6, FrontEnds, SampledE6

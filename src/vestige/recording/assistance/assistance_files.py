@@ -2,9 +2,9 @@
 
 | file | what it gives |
 |---|---|
-| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs_file`; a `.bin` that is none (samples, say) is passed over |
-| `*.BGD` | group delays, see `vestige.crypto.group_delay` |
-| `keys.csv` | OSNMA keys, see `vestige.crypto.key_file` |
+| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` that is none (samples, say) is passed over |
+| `*.BGD` | group delays, see `vestige.crypto.recs.group_delay` |
+| `keys.csv` | OSNMA keys, see `vestige.crypto.keys.key_file` |
 | `*.sbf`, `*.csv` with navigation pages | OSNMA keys, see `vestige.recording.navigation.navigation_pages` |
 | `*.xml`, `*.pem` | public key or Merkle tree of OSNMA |
 | `receiver.toml`, `ionosphere.csv` | corrections, see `vestige.recording.assistance.receiver_corrections` |
@@ -19,16 +19,16 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
 
-from vestige.crypto import group_delay, recs_file
 from vestige.crypto.file_bytes import open_file, read_bytes
-from vestige.crypto.file_signature import SignatureStatus, verify_data
-from vestige.crypto.key_file import load_key_file
-from vestige.crypto.merkle_tree import MerkleTree
-from vestige.crypto.osnma import OsnmaReceiver
-from vestige.crypto.public_key import PublicKey
-from vestige.crypto.public_key_file import load_public_keys, read_merkle_tree
-from vestige.crypto.recs_name import parse_name
-from vestige.crypto.root_key import RootKey
+from vestige.crypto.keys.key_file import load_key_file
+from vestige.crypto.keys.merkle_tree import MerkleTree
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree
+from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.recs import group_delay, recs_file
+from vestige.crypto.recs.file_signature import SignatureStatus, verify_data
+from vestige.crypto.recs.recs_name import parse_name
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.recording.assistance.receiver_corrections import (
     IONOSPHERE_NAME,

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 
-from vestige.crypto import file_signature, group_delay, recs_file
-from vestige.crypto.key_file import write_key_file
-from vestige.crypto.recs_name import DECISECONDS_PER_WEEK, deciseconds_of_week
-from vestige.crypto.root_key import RootKey
+from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.crypto.recs import file_signature, group_delay, recs_file
+from vestige.crypto.recs.recs_name import DECISECONDS_PER_WEEK, deciseconds_of_week
 from vestige.recording.assistance.assistance_files import KEYS_NAME
 from vestige.recording.assistance.receiver_corrections import write_hardware_bias, write_ionosphere
 from vestige.records import Assistance, EncryptedSegment

@@ -18,9 +18,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from vestige.crypto.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.file_bytes import list_folder
-from vestige.crypto.file_signature import SignatureStatus, load_public_key, signatures_in
+from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
+from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
 from vestige.records import Assistance

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs import LENGTHS, SegmentLength, encrypt, key_time
+from vestige.crypto.recs.recs_segment import LENGTHS, SegmentLength, encrypt, key_time
 from vestige.errors import VestigeError
 from vestige.output import new_folder
 from vestige.recording.assistance.assistance_files import KEYS_NAME, kind_of

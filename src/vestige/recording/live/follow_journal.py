@@ -21,7 +21,7 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from vestige.acas_processor.state import ReceiverState
+from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.crypto.file_bytes import open_file, read_bytes
 from vestige.errors import InputFileError
 from vestige.folder_lock import only_writer

@@ -27,7 +27,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.live.live_recording import LiveRecording

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vestige.acas_processor.vestigial import TRAVEL_TIME_S
+from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.description import RecordingDescription
 from vestige.recording.observations.growing_observations import GrowingObservations

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vestige.acas_processor.handover import assisted_delay_m
-from vestige.acas_processor.vestigial import (
+from vestige.acas_processor.searches.handover import assisted_delay_m
+from vestige.acas_processor.searches.vestigial import (
     E1_WINDOW_S,
     VestigialDecision,
     arrival_window,
@@ -21,8 +21,8 @@ from vestige.acas_processor.vestigial import (
     handover_peaks,
     line_stretches,
 )
-from vestige.crypto.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
-from vestige.crypto.recs import CipherMode, decrypt
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs.recs_segment import CipherMode, decrypt
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recording import Recording
 from vestige.records import Assistance

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from vestige.errors import UnsupportedError
-from vestige.recording.levels import levels
+from vestige.recording.adc_statistics import levels
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.recording.samples.sample_format import SampleFormat, encode

@@ -15,13 +15,13 @@ from vestige.acas_processor.checks.check import (
     two_sided_factor,
 )
 from vestige.acas_processor.checks.clock import ClockDriftMonitor
-from vestige.acas_processor.checks.cn0 import Cn0Monitor
-from vestige.acas_processor.checks.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
 from vestige.acas_processor.checks.osnma import OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
+from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
+from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
+from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.raim import RaimMonitor
-from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.records import Band
 

@@ -8,8 +8,8 @@ from vestige.acas_processor.checks.check import two_sided_factor
 from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor, ClockHistory, ClockStatistics
 from vestige.campaign.statistics import binomial_test
 from vestige.navigation.position_fix import Fix
-from vestige.receiver.clock import TwoStateClock
-from vestige.receiver.error_process import named_streams
+from vestige.receiver.errors.clock import TwoStateClock
+from vestige.receiver.errors.error_process import named_streams
 from vestige.records import CheckResult, Outcome
 from vestige.records.checks import CheckName
 from vestige.streams import stream

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from evidence_builder import evidence, outcome
-from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.checks.decision_map import (
+from vestige.acas_processor.checks.power.decision_map import (
     DecisionMap,
     Hypotheses,
     PowerDistortionMonitor,
@@ -13,6 +12,7 @@ from vestige.acas_processor.checks.decision_map import (
     confusion,
     decision_map,
 )
+from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.campaign.statistics import binomial_interval
 from vestige.records import CheckResult, Outcome
 from vestige.streams import stream

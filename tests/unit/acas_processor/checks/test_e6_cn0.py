@@ -7,8 +7,8 @@ import pytest
 from scipy.special import bdtr, bdtrc
 
 from evidence_builder import evidence, outcome
-from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.checks.e6_cn0 import E6StrengthMonitor
+from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
+from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.records import CheckResult, Outcome
 
 N = 200_000

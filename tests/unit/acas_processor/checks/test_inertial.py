@@ -7,13 +7,13 @@ import pytest
 
 from vestige.acas_processor.checks.check import two_sided_factor
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.inertial_bridging import gained_towards_mps
+from vestige.acas_processor.position.inertial_bridging import gained_towards_mps
 from vestige.campaign.statistics import binomial_test
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.line_of_sight import LineOfSight, ReceiverMotion, line_of_sight
-from vestige.receiver.constellation import walker_ephemerides
-from vestige.receiver.trajectory import CircularTrajectory, StaticTrajectory
+from vestige.receiver.sky.constellation import walker_ephemerides
+from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory
 from vestige.streams import stream
 from vestige.time import GalileoTime
 

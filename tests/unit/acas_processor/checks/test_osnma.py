@@ -11,7 +11,7 @@ from vestige.acas_processor.checks.osnma import (
     OsnmaReceptionMonitor,
 )
 from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, subframes
-from vestige.acas_processor.memory import OsnmaMemory
+from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.campaign.statistics import binomial_test
 from vestige.records import CheckResult, Outcome
 from vestige.records.snapshot_block import OsnmaBlock

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from evidence_builder import evidence, outcome
-from vestige.acas_processor.baseline import Quantity
-from vestige.acas_processor.checks.cn0 import Cn0Monitor
-from vestige.acas_processor.checks.noise_floor import WrongCodeFloorMonitor
-from vestige.acas_processor.checks.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
+from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.campaign.statistics import binomial_test
 from vestige.records import Band, CheckResult, Outcome
 from vestige.records.snapshot_block import FrontEndBlock

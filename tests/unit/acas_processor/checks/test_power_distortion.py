@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.acas_processor.checks.power_distortion import (
+from vestige.acas_processor.checks.power.power_distortion import (
     distortion_detection,
     distortion_threshold,
     distortion_variance,

@@ -7,7 +7,7 @@ from scipy.special import bdtrc
 from evidence_builder import evidence, outcome
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.correlator_model import CorrelatorModel
+from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.records import Outcome
 
 OFFSETS_M = (np.arange(11) - 5) * 15.0

@@ -7,7 +7,7 @@ import pytest
 from tests.sky_builder import sky_scenario
 
 from vestige.acas_processor.checks.osnma_subframes import PAGES, subframes
-from vestige.acas_processor.memory import OsnmaMemory
+from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.records.snapshot_block import OsnmaBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 

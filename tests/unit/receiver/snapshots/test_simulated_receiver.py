@@ -12,8 +12,8 @@ from tests.sky_builder import CLEAN, sky_scenario
 
 import vestige.receiver.simulation as simulation_module
 from vestige.acas_processor.detectors import MaximumDetector
+from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.state import TimeUncertainty
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.snapshots.e6 import SampledE6
 from vestige.records import Band

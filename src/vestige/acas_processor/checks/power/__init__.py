@@ -1,0 +1,1 @@
+"""Checks of power and of C/N0."""

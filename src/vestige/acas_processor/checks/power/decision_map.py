@@ -1,0 +1,336 @@
+"""Regions of the (power, distortion) plane, computed by simulating the hypotheses, and the check that uses them.
+
+Theory of operation
+-------------------
+Each hypothesis is a distribution of second signals [WESSON18]:
+
+    clean       none
+    multipath   one ray: Rayleigh amplitude, exponential delay, on the tracked satellite only, so no power
+    spoofed     η and Δτ uniform, on all satellites
+    jammed      J/N uniform in dB
+
+`simulate` draws (ΔP, D) under one of them, with the closed forms of `power_distortion`: no samples are needed.
+Histograms of many draws, smoothed, are the densities p(ΔP, D | H); the map takes in each cell the hypothesis of least
+expected cost. Alarms where there is only multipath or nothing cost `alarm_cost` times as much as misses: that is the
+knob between false alarms and detection.
+
+A map belongs to one C/N0 of the tracked satellite, which the size of D follows. It is drawn once and kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Int8, Int64
+
+from vestige.acas_processor.checks.power.power_distortion import distortion_variance, mean_distortion, power_rise_db
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.baseline import Quantity
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records.checks import CheckName, CheckSeries, SignalClass
+from vestige.signals.pulse import BPSK, Pulse
+from vestige.streams import stream
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypotheses:
+    """The receiver, and what may happen to it.
+
+    Attributes
+    ----------
+    cn0_dbhz
+        C/N0 of the tracked satellite without interference.
+    sky_cn0_dbhz
+        Mean C/N0 of all satellites in the band.
+    integration_s, half_spacing_chips, pulse, chip_rate_hz
+        Of the taps: T, τ_d, the replica's pulse, its chip rate.
+    bandwidth_hz, n_satellites, sigma_power_db
+        Of the power: W, satellites in it, drift.
+    ray_power_db, ray_mean_excess_m
+        Multipath: mean power relative to the satellite, mean excess delay.
+    spoofer_advantage_db, spoofer_offset_chips
+        Range of η, and largest |Δτ|.
+    jam_to_noise_db
+        Range of J/N.
+    """
+
+    cn0_dbhz: float = 45.0
+    sky_cn0_dbhz: float = 45.0
+    integration_s: float = 0.1
+    half_spacing_chips: float = 0.15
+    pulse: Pulse = BPSK
+    chip_rate_hz: float = 1.023e6
+    bandwidth_hz: float = 2e6
+    n_satellites: int = 10
+    sigma_power_db: float = 0.4
+    ray_power_db: float = -16.0
+    ray_mean_excess_m: float = 40.0
+    spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)
+    spoofer_offset_chips: float = 1.0
+    jam_to_noise_db: tuple[float, float] = (3.0, 20.0)
+
+    @property
+    def signals_to_noise(self) -> float:
+        """r, power of all satellites in the band over that of the noise."""
+        return self.n_satellites * 10 ** (self.sky_cn0_dbhz / 10) / self.bandwidth_hz
+
+    def simulate(
+        self, truth: SignalClass, rng: np.random.Generator, n: int
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return n pairs of ΔP in dB and D in σ under one hypothesis."""
+        zero = np.zeros(n)
+        eta, offset, jam = zero, zero, zero
+        if truth is SignalClass.MULTIPATH:
+            eta = rng.standard_exponential(n) * 10 ** (self.ray_power_db / 10)
+            offset = rng.standard_exponential(n) * self.ray_mean_excess_m * self.chip_rate_hz / SPEED_OF_LIGHT_MPS
+        elif truth is SignalClass.SPOOFED:
+            eta = 10 ** (rng.uniform(*self.spoofer_advantage_db, n) / 10)
+            offset = rng.uniform(-self.spoofer_offset_chips, self.spoofer_offset_chips, n)
+        elif truth is SignalClass.JAMMED:
+            jam = 10 ** (rng.uniform(*self.jam_to_noise_db, n) / 10)
+        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a ray is one satellite's own
+        rise_db = power_rise_db(everywhere, jam, signals_to_noise=self.signals_to_noise)
+        amplitude = np.sqrt(2 * 10 ** (self.cn0_dbhz / 10) * self.integration_s * eta)
+        mean = amplitude * mean_distortion(offset, self.half_spacing_chips, self.pulse)
+        spread = np.sqrt(distortion_variance(self.half_spacing_chips, self.pulse) * (1 + jam))
+        difference = mean + spread * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+        measured_db = rise_db + self.sigma_power_db * rng.standard_normal(n)
+        return measured_db, np.abs(difference) * 10 ** (-rise_db / 20)
+
+
+_POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
+_DISTORTION = (0.0, 7.0, 0.07)  # of ln(1 + D)
+_SMOOTHING_CELLS = 1.0  # 1σ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DecisionMap:
+    """Which class each cell of the plane is taken for.
+
+    Attributes
+    ----------
+    power_edges_db, distortion_edges
+        Edges of the cells; what lies beyond belongs to the outermost.
+    classes
+        `SignalClass` of each cell.
+    """
+
+    power_edges_db: Float[np.ndarray, " k"]
+    distortion_edges: Float[np.ndarray, " l"]
+    classes: Int8[np.ndarray, "a b"]
+
+    def classify(
+        self, power_rise_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]
+    ) -> Int8[np.ndarray, " n"]:
+        """Return the `SignalClass` of each pair.
+
+        Parameters
+        ----------
+        power_rise_db
+            ΔP.
+        distortion
+            D.
+        """
+        row = np.searchsorted(self.power_edges_db, power_rise_db) - 1
+        column = np.searchsorted(self.distortion_edges, distortion) - 1
+        a, b = self.classes.shape
+        return self.classes[np.clip(row, 0, a - 1), np.clip(column, 0, b - 1)]
+
+
+@lru_cache(maxsize=64)
+def decision_map(
+    hypotheses: Hypotheses, *, alarm_cost: float = 1.0, seed: int = 0, draws: int = 400_000
+) -> DecisionMap:
+    """Return the map of least expected cost, all four hypotheses equally likely.
+
+    Parameters
+    ----------
+    hypotheses
+        What is simulated.
+    alarm_cost
+        Cost of calling clean or multipath an attack; every other error costs 1.
+    seed
+        Of the draws; the same seed gives the same map.
+    draws
+        For each hypothesis.
+    """
+    edges = tuple(
+        np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
+    )
+    densities = []
+    for truth in SignalClass:
+        rise_db, distortion = hypotheses.simulate(truth, stream(seed, "decision map", truth.name), draws)
+        x, y = (
+            np.clip(value, edge[0], edge[-1])
+            for value, edge in zip((rise_db, np.log1p(distortion)), edges, strict=True)
+        )
+        counts, _, _ = np.histogram2d(x, y, bins=edges)
+        densities.append(_smoothed(counts / draws))
+    likelihood = np.stack(densities)
+    cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
+    cost[: SignalClass.SPOOFED, SignalClass.SPOOFED :] = alarm_cost
+    expected = np.einsum("tpd,tc->cpd", likelihood, cost)
+    classes = np.argmin(expected, axis=0)
+    classes = _filled(classes, likelihood.sum(axis=0) > 1e-12)
+    return DecisionMap(power_edges_db=edges[0], distortion_edges=np.expm1(edges[1]), classes=classes.astype(np.int8))
+
+
+def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
+    """Return the classes with those of cells in which nothing was drawn taken over from a neighbour.
+
+    First from the neighbour of less power, then of less distortion: an attack beyond the range of the hypotheses is
+    what it would be at their end.
+    """
+    classes, drawn = classes.copy(), drawn.copy()
+    low, high = slice(None, -1), slice(1, None)
+    every = slice(None)
+    moves = [((low, every), (high, every)), ((every, low), (every, high))]
+    moves += [(to, source) for source, to in moves]
+    while not drawn.all():
+        for source, to in moves:
+            known = drawn[source] & ~drawn[to]
+            classes[to] = np.where(known, classes[source], classes[to])
+            drawn[to] |= known
+    return classes
+
+
+def _smoothed(density: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a b"]:
+    """Return a histogram smoothed by a Gaussian of `_SMOOTHING_CELLS` along both axes, its sum kept."""
+    reach = np.arange(-4, 5)
+    kernel = np.exp(-((reach / _SMOOTHING_CELLS) ** 2) / 2)
+    kernel /= kernel.sum()
+    for axis in (0, 1):
+        pad = [(4, 4) if k == axis else (0, 0) for k in range(2)]
+        padded = np.pad(density, pad, mode="symmetric")
+        density = sum(
+            weight * np.take(padded, np.arange(k, k + density.shape[axis]), axis=axis)
+            for k, weight in enumerate(kernel)
+        )
+    return density
+
+
+def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
+    """Return how often each class (rows) is taken for each (columns), on draws that the map was not made from.
+
+    Parameters
+    ----------
+    decisions
+        The map.
+    hypotheses
+        What is simulated; not necessarily that from which the map was made.
+    seed, draws
+        Of the trials, and how many of each class.
+    """
+    rows = []
+    for truth in SignalClass:
+        rng = stream(seed, "held apart", truth.name)
+        rows.append(
+            np.bincount(decisions.classify(*hypotheses.simulate(truth, rng, draws)), minlength=len(SignalClass))
+        )
+    return np.stack(rows).astype(np.int64)
+
+
+class PowerAndDistortion(NamedTuple):
+    """ΔP of the band in dB, D in σ, and the C/N0 of the map that decides; NaN where not known."""
+
+    map_dbhz: Float[np.ndarray, "n m"]
+    rise_db: Float[np.ndarray, "n m"]
+    distortion: Float[np.ndarray, "n m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerDistortionMonitor:
+    """Whether power and distortion of a satellite are those of an attack.
+
+    The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
+
+    Attributes
+    ----------
+    hypotheses
+        What the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`.
+    alarm_cost
+        Cost of a false alarm over that of a miss.
+    cn0_step_db
+        Steps of C/N0 for which maps are made.
+    p_fa
+        Published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath.
+    """
+
+    hypotheses: Hypotheses = field(default_factory=Hypotheses)
+    alarm_cost: float = 10.0
+    cn0_step_db: float = 3.0
+    p_fa: float = 0.006
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.POWER_DISTORTION
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "class"
+
+    def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
+        """Return the map for a satellite of this C/N0."""
+        rounded = round(expected_cn0_dbhz / self.cn0_step_db) * self.cn0_step_db
+        return decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
+
+    def probability_of_detection(
+        self, eta_db: Float[np.ndarray, " k"], expected_cn0_dbhz: float, *, seed: int = 0, draws: int = 20_000
+    ) -> Float[np.ndarray, " k"]:
+        """Return the rate at which a spoofer of each advantage η is called an attack, from as many draws each."""
+        decisions, rates = self.map_for(expected_cn0_dbhz), []
+        for eta in eta_db.tolist():
+            strength = replace(self.hypotheses, cn0_dbhz=expected_cn0_dbhz, spoofer_advantage_db=(eta, eta))
+            rng = stream(seed, "detection curve", repr(eta))
+            found = decisions.classify(*strength.simulate(SignalClass.SPOOFED, rng, draws))
+            rates.append(np.count_nonzero(found >= SignalClass.SPOOFED) / draws)
+        return np.array(rates)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block: a class for every epoch at which E1 correlators are known."""
+        measured = self.measured(evidence)
+        statistic = np.full(evidence.shape, np.nan)
+        known = np.isfinite(measured.map_dbhz) & np.isfinite(measured.distortion) & np.isfinite(measured.rise_db)
+        for cn0_dbhz in np.unique(measured.map_dbhz[known]).tolist():
+            here = known & (measured.map_dbhz == cn0_dbhz)
+            statistic[here] = self.map_for(cn0_dbhz).classify(measured.rise_db[here], measured.distortion[here])
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if evidence.measured.snapshots.e1.taps is None:
+                return "E1 was not tracked between the last two RECS"
+            if np.isnan(statistic[here]):
+                return "received power, E1 correlators or expected C/N0 are not known"
+            name = SignalClass(int(statistic[here])).name.lower()
+            return f"power {measured.rise_db[here]:+.1f} dB, distortion {measured.distortion[here]:.1f} sigma: {name}"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=np.full(evidence.shape, float(SignalClass.MULTIPATH)),
+            explain=explain,
+            exact=False,
+        )
+
+    def measured(self, evidence: Evidence) -> PowerAndDistortion:
+        """Return power and distortion of every epoch and satellite, and the C/N0 of the map that decides."""
+        e1 = evidence.measured.snapshots.e1
+        expected_dbhz = evidence.references[Quantity.E1_CN0_DBHZ].value
+        rise_db = evidence.observed[Quantity.E1_POWER_DB] - evidence.references[Quantity.E1_POWER_DB].value
+        distortion = np.full(evidence.shape, np.nan)
+        if e1.taps is not None:
+            half = self.hypotheses.half_spacing_chips
+            early, late = e1.tap_chips.index(-half), e1.tap_chips.index(half)
+            distortion = np.abs(e1.taps[..., early] - e1.taps[..., late])
+        return PowerAndDistortion(
+            map_dbhz=np.round(expected_dbhz / self.cn0_step_db) * self.cn0_step_db,
+            rise_db=np.broadcast_to(rise_db[:, None], evidence.shape),
+            distortion=distortion,
+        )

@@ -1,0 +1,105 @@
+"""C/N0 of E6 in one RECS against what is expected of the satellite [WFO, Sec. IV-B].
+
+Whoever brings a second encrypted signal, stronger or of the opposite phase, changes what one correlator holds. With
+s = √(2 C/N0 T) expected, the largest |c| of the bank in standard deviations of the noise per dimension is Rician, and
+for the s of a signal that can be found as good as normal about √(s² + 1):
+
+    |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
+
+σ_model holds fading by rays, the place between two taps (−1.2 dB at the most, 15 m apart), antenna and satellite; it is
+the larger part, so the budget is a bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.check import check_budget, two_sided_factor
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability
+from vestige.acas_processor.monitoring.baseline import Quantity
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.theory.thresholds import amplitude
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6StrengthMonitor:
+    """Whether the encrypted signal is as strong as expected.
+
+    Attributes
+    ----------
+    sigma_model_db
+        Spread of the truth about the expectation, 1σ.
+    p_fa
+        False-alarm probability of one test of one satellite, a bound.
+    """
+
+    sigma_model_db: float = 1.5
+    p_fa: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.E6_CN0
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "sigma"
+
+    def statistic(
+        self,
+        magnitude_sigma: Float[np.ndarray, "*n"],
+        expected_cn0_dbhz: Float[np.ndarray, "*n"],
+        integration_s: float | Float[np.ndarray, "*n"],
+    ) -> Float[np.ndarray, "*n"]:
+        """Return |c| − √(s² + 1).
+
+        Parameters
+        ----------
+        magnitude_sigma
+            Largest |c| of the bank, in standard deviations of the noise per dimension.
+        expected_cn0_dbhz, integration_s
+            C/N0 and T.
+        """
+        return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
+
+    def threshold(
+        self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]
+    ) -> Float[np.ndarray, "*n"]:
+        """Return the largest |statistic| that passes."""
+        spread = amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
+        return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        reference, banks = evidence.references[Quantity.E6_CN0_DBHZ], evidence.measured.banks
+        correlated = evidence.measured.availability == Availability.CORRELATED
+        noise = np.where(correlated, banks.noise_power, 1.0)
+        magnitude = np.max(np.abs(np.where(correlated[..., None], banks.taps, 0.0)), axis=2) / np.sqrt(noise / 2)
+        statistic = np.where(correlated, self.statistic(magnitude, reference.value, banks.integration_s), np.nan)
+        threshold = self.threshold(reference.value, banks.integration_s) * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return "nothing was correlated on E6"
+            if np.isnan(statistic[here]):
+                return reference.why_unknown(here)
+            return f"E6 is {statistic[here]:+.1f} sigma from the strength that is expected"
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=False,
+        )

@@ -1,0 +1,109 @@
+"""The E6 noise floor, measured with codes that are not in the signal, against its calibration [WFO, Sec. IV-A].
+
+The detection threshold follows this floor, so that raising it never makes a false detection but only misses. A floor
+that rises says why there was a miss: noise on E6, or the self-noise of a strong random code, which does not come from
+the sky. The mean over all wrong codes of N_c chips scatters by 4.343/√N_c dB:
+
+    ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
+
+Both are before the gain control: a gain that follows the noise would hide it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.check import (
+    check_budget,
+    two_sided_detection,
+    two_sided_factor,
+)
+from vestige.acas_processor.checks.power.received_power import DB_PER_NEPER
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability
+from vestige.acas_processor.monitoring.baseline import Quantity
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.signals.definitions import E6C
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrongCodeFloorMonitor:
+    """Whether the noise floor of the correlators is what it was when the receiver was calibrated.
+
+    Attributes
+    ----------
+    n_chips
+        N_c, chips of the RECS.
+    sigma_system_db
+        Drift of gain and temperature, 1σ.
+    p_fa
+        False-alarm probability of one test.
+    """
+
+    n_chips: int = round(16e-3 * E6C.chip_rate_hz)
+    sigma_system_db: float = 0.3
+    p_fa: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName.NOISE_FLOOR
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "dB"
+
+    @property
+    def sigma_db(self) -> float:
+        """Standard deviation of ΔN without interference, in dB."""
+        return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.n_chips))
+
+    @property
+    def threshold_db(self) -> float:
+        """Largest |ΔN| that passes, in dB."""
+        return two_sided_factor(self.p_fa) * self.sigma_db
+
+    def probability_of_detection(self, jam_to_noise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the probability that added noise of J/N, in the band of the code, is seen."""
+        rise_db = 10 * np.log10(1 + 10 ** (jam_to_noise_db / 10))
+        return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        measured, reference = evidence.measured, evidence.references[Quantity.FLOOR_DB]
+        correlated = measured.availability == Availability.CORRELATED
+        n_chips = np.round(np.where(correlated, measured.banks.integration_s, 1.0) * E6C.chip_rate_hz)
+        sigma_db = np.hypot(self.sigma_system_db, DB_PER_NEPER / np.sqrt(n_chips))
+        statistic = evidence.observed[Quantity.FLOOR_DB] - reference.value
+        threshold = two_sided_factor(self.p_fa) * sigma_db * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return "nothing was correlated on E6"
+            if np.isnan(evidence.observed[Quantity.FLOOR_DB][here]):
+                return "the gain of the E6 front end is not known"
+            if np.isnan(statistic[here]):
+                return reference.why_unknown(here)
+            return (
+                f"the E6 noise floor is {statistic[here]:+.1f} dB from its usual level, "
+                f"more than {threshold[here]:.1f} dB"
+            )
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=not self.sigma_system_db,
+        )

@@ -1,0 +1,114 @@
+"""Received power of a band, or the gain that its AGC sets against it [AKOS12].
+
+The power before the gain control, averaged over W T independent samples, scatters by 4.343/√(W T) dB: 0.03 dB in 2 MHz
+and 10 ms. Temperature and gain drift scatter more, and set the threshold:
+
+    ΔP = P − P_nominal,    |ΔP| ≤ K √(σ_system² + (4.343 dB)²/(W T)),    K from P_fa, two-sided
+
+A gain control holds the power behind it, so a receiver that tells only the gain tells the power: ΔP = −Δgain.
+
+A spoofer adds η times the satellites' power, which lies below the noise: the rise is large only in a narrow band.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.check import (
+    check_budget,
+    two_sided_detection,
+    two_sided_factor,
+)
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.baseline import Quantity
+from vestige.records import Band
+from vestige.records.checks import CheckName, CheckSeries
+
+DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a power
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivedPowerMonitor:
+    """Whether the power of a band is what it was when the receiver was calibrated.
+
+    Attributes
+    ----------
+    band
+        Whose front end.
+    sigma_system_db
+        Drift of gain and temperature, 1σ.
+    bandwidth_hz, averaging_s
+        W and T of the power measurement.
+    p_fa
+        False-alarm probability of one test.
+    """
+
+    band: Band
+    sigma_system_db: float = 0.3
+    bandwidth_hz: float = 2e6
+    averaging_s: float = 0.01
+    p_fa: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    @property
+    def name(self) -> CheckName:
+        """What the check is called."""
+        return CheckName(f"{self.band.value} received power")
+
+    @property
+    def unit(self) -> str:
+        """Unit of statistic and threshold."""
+        return "dB"
+
+    @property
+    def sigma_db(self) -> float:
+        """Standard deviation of ΔP without interference, in dB."""
+        return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.bandwidth_hz * self.averaging_s))
+
+    @property
+    def threshold_db(self) -> float:
+        """Largest |ΔP| that passes, in dB."""
+        return two_sided_factor(self.p_fa) * self.sigma_db
+
+    def probability_of_detection(self, rise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the probability that a rise (or fall) of the power is seen."""
+        return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block; a saturated front end fails it, whatever power it reads."""
+        quantity = Quantity.E1_POWER_DB if self.band is Band.E1 else Quantity.E6_POWER_DB
+        reference = evidence.references[quantity]
+        front_end = evidence.measured.snapshots.front_end.get(self.band)
+        measured_db = evidence.observed[quantity]
+        statistic = measured_db - reference.value
+        if front_end is not None:
+            statistic = np.where(front_end.saturated, np.inf, statistic)
+        threshold = self.threshold_db * reference.growth
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if np.isinf(statistic[epoch]):
+                return f"the {self.band.value} front end is saturated"
+            if np.isnan(measured_db[epoch]):
+                return f"no status of the {self.band.value} front end"
+            if np.isnan(statistic[epoch]):
+                return reference.why_unknown((epoch,))
+            return (
+                f"{self.band.value} power is {statistic[epoch]:+.1f} dB from its usual level, "
+                f"more than {threshold[epoch]:.1f} dB"
+            )
+
+        return CheckSeries(
+            name=self.name,
+            unit=self.unit,
+            p_fa=self.p_fa,
+            statistic=statistic,
+            threshold=threshold,
+            explain=explain,
+            exact=not self.sigma_system_db,
+        )

@@ -1,0 +1,1 @@
+"""What the receiver remembers between epochs, and what its alarms cost."""

@@ -1,0 +1,121 @@
+"""How many false alarms a level may raise in a day, and the share of each check.
+
+Most checks can be set to any false-alarm probability. They get equal shares of the level's alarms a day, and each
+spreads its share over its tests of a day:
+
+    P_fa = alarms a day / (number of such checks · tests a day)
+
+Some bring their own, and come on top: the range check errs with erfc(κ/√2) if its budget σ is what the errors are (it
+is meant to be more), E6 power with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
+confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole: an alarm that is held
+(`alarm.py`) counts its failures once.
+
+Of those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is taken.
+The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vestige.acas_processor.checks.e1_e6_range import KAPPA
+from vestige.acas_processor.checks.power.e6_power import MIN_PD
+from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
+from vestige.records.checks import CheckName
+
+DAY_S = 86_400.0
+SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
+RANGE = CheckName.E1_E6_RANGE
+EXACT = frozenset({CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE, CheckName.RAIM})
+ALARMS_A_DAY = 1.0  # for what can be chosen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cadence:
+    """How often a receiver tests.
+
+    Attributes
+    ----------
+    satellites
+        In view.
+    observation_s, recs_s, search_s
+        Time between epochs of E1, between RECS, and between exhaustive searches, in s.
+    """
+
+    satellites: int
+    observation_s: float = 1.0
+    recs_s: float = 30.0
+    search_s: float = 3600.0
+
+    def tests_a_day(self, row: CheckSpec) -> float:
+        """Return how many tests of a check there are in a day."""
+        interval_s = {
+            TestCadence.OBSERVATION: self.observation_s,
+            TestCadence.RECS: self.recs_s,
+            TestCadence.SUBFRAME: SUBFRAME_S,
+            TestCadence.SEARCH: self.search_s,
+        }[row.cadence]
+        return DAY_S / interval_s * (self.satellites if row.scope is Scope.SATELLITE else 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """What a check may do.
+
+    Attributes
+    ----------
+    p_fa
+        False-alarm probability of one test, before confirmation.
+    alarms_a_day
+        At most, after confirmation.
+    chosen
+        Whether p_fa is a share of the budget, or the check's own.
+    """
+
+    p_fa: float
+    alarms_a_day: float
+    chosen: bool
+
+
+def false_alarm_budget(
+    level: int,
+    cadence: Cadence,
+    *,
+    alarms_a_day: float = ALARMS_A_DAY,
+    kappa: float = KAPPA,
+    pd: float = MIN_PD,
+    further: Mapping[CheckSpec, float] | None = None,
+) -> dict[CheckName | str, Share]:
+    """Return the share of each check of a level, by name.
+
+    Parameters
+    ----------
+    level
+        Mitigation level, a key of `LEVELS`.
+    cadence
+        How often the receiver tests.
+    alarms_a_day
+        Of all checks together whose probability can be chosen.
+    kappa
+        Of the range check.
+    pd
+        Probability that E6 is detected, at the C/N0 in view: below `MIN_PD` a miss is no alarm.
+    further
+        Checks that a user wrote, with the false-alarm probability of one test of each.
+    """
+    further = {} if further is None else further
+    own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {
+        "E6 power": 1 - pd,
+        RANGE: math.erfc(kappa / math.sqrt(2)),
+        "power-distortion": 0.006,  # [WESSON18]
+        "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
+    }
+    free = sum(row.name not in own for row in LEVELS[level])
+    shares: dict[CheckName | str, Share] = {}
+    for row in (*LEVELS[level], *further):
+        tests = cadence.tests_a_day(row)
+        p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)
+        shares[row.name] = Share(p_fa=p_fa, alarms_a_day=p_fa**row.confirm * tests, chosen=row.name not in own)
+    return shares

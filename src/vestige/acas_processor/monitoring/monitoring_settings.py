@@ -1,0 +1,140 @@
+"""Settings of the checks that levels 2 and 3 add, and which object makes each check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from vestige.acas_processor.checks.check import Check
+from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor
+from vestige.acas_processor.checks.e1_e6_range import RangeCheck
+from vestige.acas_processor.checks.inertial import InertialMonitor
+from vestige.acas_processor.checks.osnma import (
+    OsnmaAgreementMonitor,
+    OsnmaAvailabilityMonitor,
+    OsnmaReceptionMonitor,
+)
+from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
+from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
+from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
+from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
+from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
+from vestige.acas_processor.checks.raim import RaimMonitor
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
+from vestige.acas_processor.levels import LEVELS
+from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Cadence, false_alarm_budget
+from vestige.acas_processor.monitoring.baseline import ReferenceLevels
+from vestige.acas_processor.position.fix_measurement import FixSettings
+from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
+from vestige.records import Band
+from vestige.records.checks import CheckName
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+
+_CLOCK = (CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE)
+SEARCH_P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitoringSettings:
+    """Settings of the checks that levels 2 and 3 add.
+
+    Attributes
+    ----------
+    cadence, alarms_a_day
+        How often epochs come, and how many false alarms a day they may bring: thresholds follow.
+    test_p_fa
+        If given, the false-alarm probability of one test of every check, of the three of the clock together, in place
+        of the shares of the budget: to measure detection curves.
+    levels
+        Reference levels that are known beforehand; the others are learned.
+    fix
+        Orbits, and what is assumed of the observations.
+    e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
+        As below.
+    osnma_availability, osnma_reception
+        The checks with their settings; their false-alarm probability is replaced by that of the level's budget.
+    second_signal_filtered
+        Whether a filter of the E6 front end bends the correlation function, so that two signals look like one.
+    e1_search, exhaustive_search
+        The searches with their settings, but for what follows.
+    search_p_fa
+        False-alarm probability of one search.
+    exhaustive_period_s
+        Time between two exhaustive searches when nothing is wrong.
+    """
+
+    cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
+    alarms_a_day: float = ALARMS_A_DAY
+    test_p_fa: float | None = None
+    levels: ReferenceLevels = field(default_factory=ReferenceLevels)
+    fix: FixSettings = field(default_factory=FixSettings)
+    e1_power: ReceivedPowerMonitor = field(default_factory=lambda: ReceivedPowerMonitor(band=Band.E1))
+    e6_power: ReceivedPowerMonitor = field(default_factory=lambda: ReceivedPowerMonitor(band=Band.E6))
+    e1_cn0: Cn0Monitor = field(default_factory=Cn0Monitor)
+    e6_cn0: E6StrengthMonitor = field(default_factory=E6StrengthMonitor)
+    noise_floor: WrongCodeFloorMonitor = field(default_factory=WrongCodeFloorMonitor)
+    second_signal: SecondSignalMonitor = field(default_factory=SecondSignalMonitor)
+    second_signal_filtered: bool = False
+    clock: ClockDriftMonitor = field(default_factory=ClockDriftMonitor)
+    power_distortion: PowerDistortionMonitor = field(default_factory=PowerDistortionMonitor)
+    inertial: InertialMonitor = field(default_factory=InertialMonitor)
+    osnma_availability: OsnmaAvailabilityMonitor = field(default_factory=OsnmaAvailabilityMonitor)
+    osnma_reception: OsnmaReceptionMonitor = field(default_factory=OsnmaReceptionMonitor)
+    e1_search: E1VestigialSearch = field(default_factory=E1VestigialSearch)
+    exhaustive_search: E6ExhaustiveSearch = field(default_factory=E6ExhaustiveSearch)
+    search_p_fa: float = SEARCH_P_FA
+    exhaustive_period_s: float = 3600.0
+
+
+def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
+    """Return the false-alarm probability of one test of each check of a processor's level."""
+    settings, names = processor.monitoring, [spec.name for spec in LEVELS[processor.level]]
+    own = {one.spec.name: one.p_fa for one in processor.own_of_level}
+    if settings.test_p_fa is not None:
+        return {name: settings.test_p_fa / (3 if name in _CLOCK else 1) for name in names} | own
+    shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day)
+    return {name: shares[name].p_fa for name in names} | own
+
+
+def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
+    """Return the checks of a processor's level that look at one block alone; the searches are made by `assess`.
+
+    Parameters
+    ----------
+    processor
+        With its settings.
+    p_fa
+        False-alarm probability of one test of each check of the level.
+    """
+    settings = processor.monitoring
+
+    def clock(name: CheckName) -> Callable[[float], Check]:
+        return lambda share: ClockCheck(name=name, monitor=replace(settings.clock, p_fa=3 * share))
+
+    makers: dict[CheckName | str, Callable[[float], Check]] = {
+        CheckName.E6_POWER: lambda _: E6PowerCheck(min_pd=processor.min_pd),
+        CheckName.E1_E6_RANGE: lambda _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
+        CheckName.E1_RECEIVED_POWER: lambda share: replace(settings.e1_power, p_fa=share),
+        CheckName.E6_RECEIVED_POWER: lambda share: replace(settings.e6_power, p_fa=share),
+        CheckName.E1_CN0: lambda share: replace(settings.e1_cn0, p_fa=share),
+        CheckName.E6_CN0: lambda share: replace(settings.e6_cn0, p_fa=share),
+        CheckName.NOISE_FLOOR: lambda share: replace(settings.noise_floor, p_fa=share),
+        CheckName.E6_SECOND_SIGNAL: lambda share: replace(settings.second_signal, p_fa=share),
+        CheckName.CLOCK_INNOVATION: clock(CheckName.CLOCK_INNOVATION),
+        CheckName.CLOCK_CONSISTENCY: clock(CheckName.CLOCK_CONSISTENCY),
+        CheckName.CLOCK_SLOPE: clock(CheckName.CLOCK_SLOPE),
+        CheckName.RAIM: lambda share: RaimMonitor(p_fa=share),
+        CheckName.SOLUTION_SEPARATION: SolutionSeparationMonitor.of_budget,
+        CheckName.OSNMA_AVAILABILITY: lambda share: replace(settings.osnma_availability, p_fa=share),
+        CheckName.OSNMA_RECEPTION: lambda share: replace(settings.osnma_reception, p_fa=share),
+        CheckName.OSNMA_AGREEMENT: lambda _: OsnmaAgreementMonitor(),
+        CheckName.POWER_DISTORTION: lambda _: settings.power_distortion,
+        CheckName.INERTIAL_RANGE_RATE: lambda share: replace(settings.inertial, p_fa=share),
+    }
+    ours: dict[CheckName | str, Check] = {name: makers[name](share) for name, share in p_fa.items() if name in makers}
+    return ours | {one.spec.name: one for one in processor.own_of_level}

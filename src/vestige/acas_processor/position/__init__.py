@@ -1,0 +1,1 @@
+"""Ranges in use, position, and the errors of both."""

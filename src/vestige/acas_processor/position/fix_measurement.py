@@ -1,0 +1,200 @@
+"""The position fix of every epoch of a block, and what the checks of step 5 need of it [WFO, Sec. IV-B].
+
+The fix takes all E1 pseudoranges of an epoch and the broadcast orbits. Standard deviations that depend on the elevation
+come from a first fix without them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.raim import raim_statistic
+from vestige.acas_processor.checks.solution_separation import largest_separations
+from vestige.acas_processor.measurement import FixBlock
+from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.earth import local_axes_at
+from vestige.navigation.ephemeris import FIT_INTERVAL_S, Ephemeris, why_no_orbits
+from vestige.navigation.position_fix import (
+    UNKNOWNS,
+    Fix,
+    Transmission,
+    inverse_normal,
+    position_fix,
+    static_range_rate,
+    transmission,
+    velocity_fix,
+)
+from vestige.navigation.raim import redundancy
+from vestige.records.snapshot_block import E1Block
+from vestige.records.times import GalileoTimes
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixSettings:
+    """Orbits, and what the receiver assumes of its observations.
+
+    Attributes
+    ----------
+    ephemerides
+        Broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be.
+    errors
+        Standard deviations of the observations.
+    fit_interval_s
+        How far from its time an ephemeris is used.
+    """
+
+    ephemerides: tuple[Ephemeris, ...] = ()
+    errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)
+    fit_interval_s: float = FIT_INTERVAL_S
+
+    def why_no_fix(self, time: GalileoTime) -> str | None:
+        """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""
+        return why_no_orbits(self.ephemerides, time, UNKNOWNS) if self.ephemerides else None
+
+    def transmission(
+        self, time: GalileoTimes, svids: tuple[int, ...], pseudorange_m: Float[np.ndarray, "n m"]
+    ) -> Transmission:
+        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit.
+
+        Parameters
+        ----------
+        time
+            Of the observations.
+        svids
+            Satellite of each column.
+        pseudorange_m
+            NaN where not measured.
+        """
+        n, m = pseudorange_m.shape
+        position, velocity = np.full((2, n, m, 3), np.nan)
+        clock_m, clock_mps = np.full((2, n, m), np.nan)
+        anchor = self.ephemerides[0].toe
+        elapsed_s = time.since(anchor)
+        for column, svid in enumerate(svids):
+            for ephemeris, rows in _chosen(self._of(svid), time, self.fit_interval_s):
+                sent = transmission([ephemeris], anchor, elapsed_s[rows], pseudorange_m[rows, column][:, None])
+                position[rows, column], velocity[rows, column] = sent.position_m[:, 0], sent.velocity_mps[:, 0]
+                clock_m[rows, column], clock_mps[rows, column] = sent.clock_m[:, 0], sent.clock_mps[:, 0]
+        return Transmission(position_m=position, velocity_mps=velocity, clock_m=clock_m, clock_mps=clock_mps)
+
+    def _of(self, svid: int) -> tuple[Ephemeris, ...]:
+        return tuple(one for one in self.ephemerides if one.svid == svid)
+
+    def measure(self, time: GalileoTimes, svids: tuple[int, ...], e1: E1Block) -> FixBlock | None:
+        """Return the fix of every epoch; None without orbits."""
+        if not self.ephemerides:
+            return None
+        sent = self.transmission(time, svids, e1.pseudorange_m)
+        unknown = np.full(e1.pseudorange_m.shape, np.nan)
+        elevation_rad = unknown
+        if self.errors.needs_elevation:
+            plain = PseudorangeErrors(floor_m=max(self.errors.floor_m, 1.0), loops=self.errors.loops)
+            elevation_rad = elevations(sent, position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown)))
+        sigma_m = self.errors.range_m(e1.cn0_dbhz, elevation_rad)
+        common_m = self.errors.common_m(elevation_rad)
+        fix = position_fix(sent, e1.pseudorange_m, sigma_m, common_m=common_m)
+        return FixBlock(
+            sigma_m=sigma_m,
+            common_m=common_m,
+            **fix_quantities(
+                sent,
+                fix,
+                rate_mps=-SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ * e1.doppler_hz,
+                sigma_rate_mps=self.errors.rate_sigma_mps(e1.cn0_dbhz),
+            ),
+        )
+
+
+def fix_quantities(
+    sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
+) -> dict[str, Any]:
+    """Return what a `FixBlock` holds of a fix.
+
+    Parameters
+    ----------
+    sent, fix
+        Satellites at transmission, and the fix of each epoch.
+    rate_mps, sigma_rate_mps
+        Measured rates of the pseudoranges and their standard deviations.
+    """
+    _, drift_mps = velocity_fix(sent, fix, rate_mps)
+    separation_sigmas, separation_modes = largest_separations(fix)
+    return {
+        "fix": fix,
+        "sent": sent,
+        "range_rate_mps": rate_mps,
+        "static_range_rate_mps": static_range_rate(sent, fix),
+        "sigma_rate_mps": sigma_rate_mps,
+        "drift_mps": drift_mps,
+        "sigma_drift_mps": np.sqrt(_drift_variance(fix, sigma_rate_mps)),
+        "own_sigma_clock_m": np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
+        "raim_statistic": raim_statistic(fix),
+        "separation_sigmas": separation_sigmas,
+        "separation_modes": separation_modes,
+    }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LazyFix:
+    """The fixes of a block, made when they are first asked for.
+
+    Attributes
+    ----------
+    settings, time, svids, e1
+        As `FixSettings.measure` takes them.
+    """
+
+    settings: FixSettings
+    time: GalileoTimes
+    svids: tuple[int, ...]
+    e1: E1Block
+
+    @cached_property
+    def block(self) -> FixBlock | None:
+        """The fix of each epoch; None without orbits."""
+        return self.settings.measure(self.time, self.svids, self.e1)
+
+
+def elevations(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
+    """Return the elevation of the satellites in rad, seen from the fix; NaN without one."""
+    return elevations_from(fix.position_m, sent.position_m)
+
+
+def elevations_from(
+    position_m: Float[np.ndarray, "n 3"], satellite_m: Float[np.ndarray, "n m 3"]
+) -> Float[np.ndarray, "n m"]:
+    """Return the elevation of satellites in rad, seen from ECEF positions; NaN where one of the two is not known.
+
+    The turn of the Earth during the flight, below 10 µrad, is left out.
+    """
+    known = np.isfinite(position_m[:, :1])
+    axes = local_axes_at(np.where(known, position_m, [[6_378_137.0, 0.0, 0.0]]))
+    towards = satellite_m - position_m[:, None]
+    up = np.einsum("nj,nmj->nm", axes[:, 2], towards)
+    return np.arcsin(up / np.sqrt(np.einsum("nmj,nmj->nm", towards, towards)))
+
+
+def _chosen(
+    own: tuple[Ephemeris, ...], time: GalileoTimes, fit_interval_s: float
+) -> list[tuple[Ephemeris, np.ndarray]]:
+    """Return which ephemeris is used in which rows: the nearest, as `nearest_ephemerides` has it."""
+    if not own:
+        return []
+    age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
+    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # of equally near ones the later wins
+    usable = np.min(age_s, axis=0) <= fit_interval_s
+    rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]
+    return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]
+
+
+def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
+    """Return the variance of the clock's drift from that of the range rates; NaN without a fix."""
+    share = redundancy(fix.geometry, fix.weight).gain[:, 3]
+    return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m

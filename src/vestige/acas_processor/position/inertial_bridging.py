@@ -1,0 +1,208 @@
+"""Inertial bridging from one RECS to the next: what range rates did, and what the receiver gained in velocity.
+
+Each epoch with RECS and a position leaves behind the range rates of its satellites, what they would be if receiver and
+receiver clock stood still, and the directions to them. The next one compares (`checks/inertial.py`). An epoch without a
+position leaves nothing behind, so the one after it has nothing to compare with.
+
+Increments of velocity are in local axes, which turn with the place: over 7.5 km, 30 s of an aircraft, by 1.2 mrad. They
+are turned into ECEF one by one, along the path between the two fixes. Positions at both ends and increments give that
+path: first along a straight line, then bent by what the increments say. The velocities at both ends follow from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
+from vestige.navigation.earth import local_axes_at
+
+
+def _nothing() -> Float[np.ndarray, " m"]:
+    return np.zeros(0)
+
+
+def gained_towards_mps(
+    before: Float[np.ndarray, "*n m 3"],
+    now: Float[np.ndarray, "*n m 3"],
+    gained_mps: Float[np.ndarray, "*n 3"],
+    mean_mps: Float[np.ndarray, "*n 3"],
+) -> Float[np.ndarray, "*n m"]:
+    """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
+
+    Parameters
+    ----------
+    before, now
+        e, unit vectors to the satellites at both ends.
+    gained_mps, mean_mps
+        Δv = ∫ a dt and the mean of the receiver's velocities at both ends, all in one system of axes.
+    """
+    own = np.einsum("...mi,...i->...m", (before + now) / 2, gained_mps)
+    return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RateStep:
+    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both.
+
+    Attributes
+    ----------
+    epoch
+        Row of the later one.
+    interval_s
+        Between the two.
+    rate_change_mps, static_change_mps, gained_mps
+        As for `InertialMonitor.statistic`.
+    sigma_change_mps
+        Standard deviation of the measured change.
+    why
+        Why there is nothing to compare; empty if there is.
+    """
+
+    epoch: int
+    interval_s: float = np.nan
+    rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    gained_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    why: str = ""
+
+
+def rate_steps(evidence: Evidence) -> Iterator[RateStep]:
+    """Yield the steps that end at the RECS of a block; nothing without inertial sensors."""
+    for epoch, before, now in _pairs(evidence):
+        if now is None:
+            yield RateStep(epoch=epoch, why="no position fix")
+        elif before is None:
+            yield RateStep(epoch=epoch, why="no snapshot with a position fix before")
+        elif not now.time - before.time > 0:
+            yield RateStep(epoch=epoch, why="the snapshot before is of the same time")
+        elif not before.covered:
+            yield RateStep(epoch=epoch, why=f"the accelerations do not cover the time since {before.time}")
+        else:
+            yield _step(epoch, before, now, evidence.measured.snapshots.svids)
+
+
+def remembered_rates(evidence: Evidence) -> RateMemory | None:
+    """Return what the next block needs."""
+    left = [now for _, _, now in _pairs(evidence)]
+    last = left[-1] if left else evidence.rates
+    return _with_increments(evidence, last, _last_recs(evidence), evidence.shape[0])
+
+
+def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMemory | None]]:
+    """Yield each epoch with RECS, what the one before left behind with all increments since, and what it leaves."""
+    if evidence.measured.snapshots.increments is None:
+        return
+    before, after = evidence.rates, 0
+    for epoch in np.flatnonzero(evidence.measured.snapshots.recs).tolist():
+        now = _left_behind(evidence, epoch)
+        yield epoch, _with_increments(evidence, before, after, epoch + 1), now
+        before, after = now, epoch + 1
+
+
+def _last_recs(evidence: Evidence) -> int:
+    """Return the row after the last epoch with RECS, 0 if there is none."""
+    rows = np.flatnonzero(evidence.measured.snapshots.recs)
+    return int(rows[-1]) + 1 if rows.size else 0
+
+
+def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:
+    """Return what an epoch left behind, with the increments of the rows from `first` to before `last` added."""
+    increments = evidence.measured.snapshots.increments
+    if left is None or increments is None:
+        return None
+    here = np.flatnonzero((increments.epoch >= first) & (increments.epoch < last)).tolist()
+    more = tuple((increments.time.at(k), tuple(increments.delta_velocity_mps[k].tolist())) for k in here)
+    covered = left.covered and bool(np.all(increments.covered[first:last]))
+    return replace(left, increments=(*left.increments, *more), covered=covered)
+
+
+def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
+    """Return what an epoch leaves behind; None without a position."""
+    found, snapshots = evidence.measured.fix, evidence.measured.snapshots
+    if found is None or not found.fix.valid[epoch]:
+        return None
+    x, y, z = found.fix.position_m[epoch].tolist()
+    satellites = {}
+    for column, svid in enumerate(snapshots.svids):
+        here = (epoch, column)
+        rate, static = float(found.range_rate_mps[here]), float(found.static_range_rate_mps[here])
+        if np.isfinite(rate) and np.isfinite(static):
+            e_x, e_y, e_z = (-found.fix.geometry[epoch, column, :3]).tolist()
+            sigma = float(found.sigma_rate_mps[here])
+            satellites[svid] = SatelliteRate(rate_mps=rate, static_mps=static, sigma_mps=sigma, towards=(e_x, e_y, e_z))
+    return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
+
+
+def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
+    interval_s = now.time - before.time
+    places = np.array([before.position_m, now.position_m])
+    ends_s = np.array([time - before.time for time, _ in before.increments])
+    sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
+    path = _straight(places, ends_s, interval_s)
+    for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
+        gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
+        path = _bent(places, ends_s, interval_s, gained)
+    m = len(svids)
+    rate, static, sigma = np.full((3, m), np.nan)
+    towards = np.full((2, m, 3), np.nan)
+    for column, svid in enumerate(svids):
+        if svid in before.satellites and svid in now.satellites:
+            old, new = before.satellites[svid], now.satellites[svid]
+            rate[column], static[column] = new.rate_mps - old.rate_mps, new.static_mps - old.static_mps
+            sigma[column] = np.hypot(old.sigma_mps, new.sigma_mps)
+            towards[0, column], towards[1, column] = old.towards, new.towards
+    return RateStep(
+        epoch=epoch,
+        interval_s=interval_s,
+        rate_change_mps=rate,
+        static_change_mps=static,
+        gained_mps=gained_towards_mps(towards[0], towards[1], np.sum(gained, axis=0), path.mean_of_ends_mps),
+        sigma_change_mps=sigma,
+    )
+
+
+class _Path(NamedTuple):
+    """Places in the middle of each of k increments, and the mean of the velocities at both ends."""
+
+    middles_m: Float[np.ndarray, "k 3"]
+    mean_of_ends_mps: Float[np.ndarray, " 3"]
+
+
+def _straight(places: Float[np.ndarray, "2 3"], ends_s: Float[np.ndarray, " k"], interval_s: float) -> _Path:
+    """Return the path of a receiver that does not accelerate."""
+    return _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
+
+
+def _bent(
+    places: Float[np.ndarray, "2 3"],
+    ends_s: Float[np.ndarray, " k"],
+    interval_s: float,
+    gained: Float[np.ndarray, "k 3"],
+) -> _Path:
+    """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
+
+    Parameters
+    ----------
+    places
+        ECEF, at both ends.
+    ends_s, interval_s
+        Ends of the steps after the first place, and when the second one is reached.
+    gained
+        Velocity gained in each step, ECEF.
+    """
+    steps_s = np.diff(ends_s, prepend=0.0)[:, None]
+    before = np.cumsum(gained, axis=0) - gained
+    moved = steps_s * (before + gained / 2)  # beside what the velocity at the beginning makes
+    rest_s = interval_s - (float(ends_s[-1]) if ends_s.size else 0.0)
+    total = np.sum(gained, axis=0)
+    first = (places[1] - places[0] - np.sum(moved, axis=0) - rest_s * total) / interval_s
+    so_far = np.cumsum(moved, axis=0) - moved + steps_s / 2 * (before + gained / 4)
+    middles_s = (ends_s - steps_s[:, 0] / 2)[:, None]
+    return _Path(places[0] + middles_s * first + so_far, first + total / 2)

@@ -1,0 +1,114 @@
+"""What a receiver assumes of the errors of its E1 observations: standard deviations from C/N0 and elevation.
+
+    σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        of a pseudorange
+    σ_ρ̇ = λ σ_f(C/N0)                                                                of its rate
+
+with the noise of the receiver's own loops (`thermal_noise`, [KAPLAN06, 5.6.2]), the obliquity M and the multipath A of
+`elevation_model`. A share of the ionosphere's variance is common to all satellites: it is in the covariance of the fix,
+not in its weights.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+
+_GRID_DBHZ = np.arange(10.0, 75.5, 1.0)
+
+
+@runtime_checkable
+class LoopNoise(Protocol):
+    """Thermal noise of the receiver's tracking loops: standard deviations against C/N0 in dBHz.
+
+    It is hashed, compared and pickled, as a frozen dataclass is.
+    """
+
+    def __hash__(self) -> int:
+        """Return a number that equal models share."""
+        ...
+
+    def code_sigma_m(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of a pseudorange in m."""
+        ...
+
+    def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of a Doppler in Hz."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PseudorangeErrors:
+    """Standard deviations of E1 observations.
+
+    Attributes
+    ----------
+    floor_m
+        Of all that is not named below.
+    ionosphere_m, ionosphere_common
+        Residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
+        satellites.
+    multipath_m
+        Of multipath at 16° elevation.
+    rate_mps
+        Of a range rate, where `loops` does not say it.
+    loops
+        Noise of the tracking loops; None for none beside the floor.
+    """
+
+    floor_m: float = 5.0
+    ionosphere_m: float = 0.0
+    ionosphere_common: float = 0.5
+    multipath_m: float = 0.0
+    rate_mps: float = 0.1
+    loops: LoopNoise | None = None
+
+    @property
+    def needs_elevation(self) -> bool:
+        """Whether the standard deviations depend on the elevation."""
+        return bool(self.ionosphere_m or self.multipath_m)
+
+    def range_m(
+        self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
+    ) -> Float[np.ndarray, "n m"]:
+        """Return the standard deviation of pseudoranges; NaN where the C/N0 is not known but matters."""
+        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _of_grid(_log_code_m(self.loops), cn0_dbhz)
+        if not self.needs_elevation:
+            return np.sqrt(code_m**2 + self.floor_m**2)
+        ionosphere_m = self.ionosphere_m * obliquity(elevation_rad)
+        multipath_m = self.multipath_m * relative_ray_amplitude(elevation_rad)
+        return np.sqrt(code_m**2 + ionosphere_m**2 + multipath_m**2 + self.floor_m**2)
+
+    def common_m(self, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"] | None:
+        """Return what the common part of the ionosphere adds to each pseudorange, None if it is not modelled."""
+        if not self.ionosphere_m:
+            return None
+        return math.sqrt(self.ionosphere_common) * self.ionosphere_m * obliquity(elevation_rad)
+
+    def rate_sigma_mps(self, cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """Return the standard deviation of range rates."""
+        if self.loops is None:
+            return np.full(cn0_dbhz.shape, self.rate_mps)
+        return _of_grid(_log_doppler_hz(self.loops), cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+
+
+def _of_grid(log_sigma: Float[np.ndarray, " k"], cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Return a standard deviation; between whole dB its logarithm is interpolated, which is good to 1e-3."""
+    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, log_sigma))
+
+
+@lru_cache(maxsize=16)
+def _log_code_m(loops: LoopNoise) -> Float[np.ndarray, " k"]:
+    return np.log([loops.code_sigma_m(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
+
+
+@lru_cache(maxsize=16)
+def _log_doppler_hz(loops: LoopNoise) -> Float[np.ndarray, " k"]:
+    return np.log([loops.doppler_sigma_hz(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])

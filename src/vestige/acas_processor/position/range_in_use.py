@@ -1,0 +1,86 @@
+"""Which range of each satellite may be used, and the position that a snapshot authenticates [WFO, Sec. III-D, IV].
+
+What a RECS authenticates is the time since the RECS before. In epochs with RECS a range is in use
+
+1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
+   they are broadcast; if both searches found it, within one chip, its place is that of the exhaustive search;
+2. where the correlators of the RECS hold two signals and the earlier one is where E1 says: that of E1;
+3. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
+
+Otherwise there is none. The position is the fix of all satellites with a range in use, four at least. It takes
+pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
+from vestige.acas_processor.measurement import FixBlock
+from vestige.acas_processor.position.fix_measurement import fix_quantities
+from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.position_fix import UNKNOWNS, position_fix
+from vestige.records import Status
+from vestige.records.checks import CheckName
+from vestige.signals.definitions import E6C
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+
+
+def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock:
+    """Return verdicts with the ranges and positions that are in use."""
+    snapshots = block.measured.snapshots
+    authentic = POSITION[Status.AUTHENTIC]
+    e1_in_use = (block.status == authentic) & (block.state == authentic)
+    if CheckName.E6_SECOND_SIGNAL in block.failed:
+        earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
+        limit_m = processor.kappa * processor.budget.sigma_m
+        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & (np.abs(earlier_m) <= limit_m)
+    offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
+    earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
+    used = (e1_in_use | earlier) & snapshots.recs[:, None]
+    range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
+    block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier)
+    return replace(block, position=_positions(block, processor, range_m))
+
+
+def _earliest_m(
+    handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n m"]:
+    """Return where the earliest signal of both searches is, in m after E1; NaN where none found several.
+
+    Nobody can send before the satellite, so the earlier of two signals counts. Two places within a chip are of one
+    signal: then it is that of the exhaustive search, which looks everywhere.
+    """
+    same_or_later = ~(handed_over_m < exhaustive_m - SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz)
+    return np.where(np.isfinite(exhaustive_m) & same_or_later, exhaustive_m, handed_over_m)
+
+
+def _positions(
+    block: VerdictBlock, processor: AcasProcessor, range_m: Float[np.ndarray, "n m"]
+) -> PositionBlock | None:
+    """Return the position of each epoch; None without orbits."""
+    measured, settings = block.measured, processor.monitoring.fix
+    if measured.fix is None:
+        return None
+    snapshots = measured.snapshots
+    if snapshots.data_authenticated is not None:
+        range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
+    rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
+    sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
+    all_fix = measured.fix
+    sigma_m = all_fix.sigma_m[rows]
+    common_m = None if all_fix.common_m is None else all_fix.common_m[rows]
+    fix = position_fix(sent, range_m[rows], sigma_m, common_m=common_m)
+    quantities = fix_quantities(
+        sent, fix, rate_mps=all_fix.range_rate_mps[rows], sigma_rate_mps=all_fix.sigma_rate_mps[rows]
+    )
+    used = np.zeros(range_m.shape, np.bool_)
+    used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
+    return PositionBlock(rows=rows, fixes=FixBlock(sigma_m=sigma_m, common_m=common_m, **quantities), used=used)

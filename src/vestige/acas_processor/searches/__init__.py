@@ -1,0 +1,1 @@
+"""The vestigial signal searches, and when they run."""

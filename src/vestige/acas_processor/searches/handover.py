@@ -1,0 +1,124 @@
+"""Hand-over from E1 to E6: when and how the encrypted chips are expected in the E6 samples [WFO, Sec. II-B].
+
+Everything that moves both bands alike (geometry, clocks, troposphere) is in the E1 pseudorange. What remains is
+
+    P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive: E6 later
+    f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154
+
+The RECS epoch is a time of transmission on the satellite's clock, so the expected reception solves t = t_tx + P6(t)/c
+with P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²) around the time of the observation. The satellite clock needs no
+correction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
+from vestige.records import ChipSequence, E1Observation, GroupDelay, Handover
+from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
+
+# E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
+NOMINAL_E6_OVER_E1_DB = 2.0
+_LIGHT_TIME_STEPS = 4  # P changes by < 1 km/s · 0.1 s; each step gains five decimals
+
+
+@runtime_checkable
+class Corrections(Protocol):
+    """What is known of the delay of E6 behind E1: `Assistance`, or whatever else states it."""
+
+    @property
+    def group_delays(self) -> tuple[GroupDelay, ...]:
+        """Broadcast group delays."""
+        ...
+
+    @property
+    def hardware_bias_e1_e6_s(self) -> float:
+        """Calibrated delay of the E6 front end minus that of E1, in s."""
+        ...
+
+    @property
+    def ionosphere_e1_m(self) -> Mapping[int, float]:
+        """Predicted slant ionospheric delay on E1 by SVID, in m."""
+        ...
+
+
+def predicted_delay_m(
+    *,
+    ionosphere_e1_m: float = 0.0,
+    bgd_e1_e6_s: float = 0.0,
+    hardware_bias_e1_e6_s: float = 0.0,
+    convention: GroupDelayConvention = OS_ICD_CONVENTION,
+) -> float:
+    """Return P6 − P1 in m; positive means that E6 arrives later.
+
+    Parameters
+    ----------
+    ionosphere_e1_m
+        Slant ionospheric delay on E1 in m.
+    bgd_e1_e6_s
+        BGD(E1,E6) in s.
+    hardware_bias_e1_e6_s
+        Receiver delay of E6 minus E1 in s.
+    convention
+        How the group delay is to be read, see `vestige.crypto.recs.group_delay`.
+    """
+    group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
+    return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
+
+
+def assisted_delay_m(
+    assistance: Corrections, svid: int, time: GalileoTime, convention: GroupDelayConvention = OS_ICD_CONVENTION
+) -> float:
+    """Return P6 − P1 of a satellite in m as the assistance predicts it: 0 for what it does not say."""
+    valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
+    delay_m = predicted_delay_m(
+        ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
+        bgd_e1_e6_s=max(valid, key=lambda delay: delay.valid_from).bgd_e1_e6_s if valid else 0.0,
+        hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s,
+        convention=convention,
+    )
+    require_finite(f"assistance of E{svid:02d}", delay_m=delay_m)
+    return delay_m
+
+
+def hand_over(
+    observation: E1Observation,
+    observed_at: GalileoTime,
+    chips: ChipSequence,
+    *,
+    delay_m: float = 0.0,
+    e6_over_e1_db: float = NOMINAL_E6_OVER_E1_DB,
+) -> Handover:
+    """Return where and how the chips are expected in the E6 samples.
+
+    Parameters
+    ----------
+    observation, observed_at
+        E1 measurement and the receiver-clock time to which it refers.
+    chips
+        The decrypted RECS with its time of transmission.
+    delay_m
+        P6 − P1 from `predicted_delay_m`, in m.
+    e6_over_e1_db
+        Expected C/N0 of E6-C over that of E1-C (signal power, antenna and front ends), in dB.
+    """
+    wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+    since_transmission_s = observed_at - chips.transmit_time
+    dt = 0.0
+    for _ in range(_LIGHT_TIME_STEPS):
+        change_m = wavelength_m * (observation.doppler_hz * dt + 0.5 * observation.doppler_rate_hz_per_s * dt**2)
+        pseudorange_m = observation.pseudorange_m - change_m + delay_m
+        dt = pseudorange_m / SPEED_OF_LIGHT_MPS - since_transmission_s
+    scale = E6_CARRIER_HZ / E1_CARRIER_HZ
+    return Handover(
+        svid=observation.svid,
+        chips=chips,
+        start_time=observed_at + dt,
+        doppler_hz=scale * (observation.doppler_hz + observation.doppler_rate_hz_per_s * dt),
+        doppler_rate_hz_per_s=scale * observation.doppler_rate_hz_per_s,
+        expected_cn0_dbhz=observation.cn0_dbhz + e6_over_e1_db,
+    )

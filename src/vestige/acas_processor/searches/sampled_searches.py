@@ -1,0 +1,369 @@
+"""The vestigial searches in samples: how many signals of a satellite there are, and where the earliest is.
+
+Step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
+
+`E1VestigialSearch` belongs to level 2: all signals on E1, and the hand-over of each to E6. `E6ExhaustiveSearch` belongs
+to level 3: every half chip and Doppler bin of E6. Both take a snapshot and its assistance and answer for each satellite
+with the peaks and the number of signals. Both search the `TimeUncertainty`: what the receiver knows of its clock before
+its first authentic fix, and after it only what the oscillator may have drifted since.
+
+`block_searches.py` answers for a block of one epoch with these two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.monitoring.state import TimeUncertainty
+from vestige.acas_processor.searches.handover import assisted_delay_m
+from vestige.acas_processor.searches.vestigial import (
+    E1_WINDOW_S,
+    VestigialDecision,
+    arrival_window,
+    decide_vestigial,
+    handover_peaks,
+    line_stretches,
+    reception_proof,
+)
+from vestige.crypto.osnma.disclosure import ReceptionProof
+from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
+from vestige.crypto.recs.recs_segment import CipherMode, decrypt
+from vestige.records import Assistance, ChipSequence, SampleBatch, Snapshot
+from vestige.records.snapshot_block import SEARCH_NOT_RUN
+from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.search.e1_search import search_e1
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+from vestige.sample_processor.search.peak import Peak
+from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
+from vestige.theory.search_budget import search_budget
+from vestige.time import GalileoTime
+
+_Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SatelliteSearch:
+    """What a search says of one satellite.
+
+    Attributes
+    ----------
+    signals
+        On E1, the strongest first; none from the exhaustive search.
+    peaks
+        In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
+        of its key; then E6 says nothing of it, but `count` counts what was found all the same.
+    count, carrying
+        Number of signals, NaN if the search was not run, and of those that carry the encrypted chips.
+    not_run
+        0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`.
+    sent
+        Time of transmission of the RECS that the peaks are of; None without peaks.
+    """
+
+    svid: int
+    signals: tuple[Acquisition, ...]
+    peaks: tuple[Peak, ...]
+    count: float
+    carrying: int = 0
+    not_run: int = 0
+    sent: GalileoTime | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1VestigialSearch:
+    """All signals on E1, handed over to E6.
+
+    Attributes
+    ----------
+    p_fa
+        Of one snapshot, for E1 and for E6 each.
+    doppler_span_hz, periods
+        Of `search_e1`.
+    taps
+        Of `search_handover`.
+    cipher_mode, group_delay_convention
+        As `AcasProcessor` has them.
+    """
+
+    p_fa: float = 1e-3
+    doppler_span_hz: float = 5000.0
+    periods: int = 24
+    taps: int = 5
+    cipher_mode: CipherMode = CipherMode.CBC
+    group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    def search(
+        self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
+    ) -> tuple[SatelliteSearch, ...]:
+        """Return what there is of every satellite with a RECS; without E6 or a key E1 alone decides.
+
+        The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
+        then a signal may be the right one at the wrong time.
+
+        Parameters
+        ----------
+        snapshot
+            With at least 8 ms of E1, better 100; E6 as far as it goes.
+        """
+        svids = _satellites(assistance)
+        if snapshot.e1 is None:
+            return tuple(_not_run(svid, "no E1 samples") for svid in svids)
+        signals = search_e1(
+            _beginning(snapshot.e1),
+            svids,
+            overall_pfa=self.p_fa,
+            doppler_span_hz=self.doppler_span_hz,
+            periods=self.periods,
+        )
+        results = []
+        for svid in svids:
+            own = tuple(one for one in signals if one.svid == svid)
+            wanted = len(own) > 1 or uncertainty.fixed_at is None
+            looked_for = own if wanted else ()
+            decision, sent = self._handed_over(svid, looked_for, snapshot.e1, snapshot, assistance, uncertainty)
+            if not own:
+                results.append(_not_run(svid, "no signal of this satellite on E1"))
+                continue
+            results.append(
+                SatelliteSearch(
+                    svid=svid,
+                    signals=own,
+                    peaks=_proven(decision),
+                    count=float(max(len(own), len(decision.peaks))),
+                    carrying=len(decision.peaks),
+                    sent=sent,
+                )
+            )
+        return tuple(results)
+
+    def _handed_over(
+        self,
+        svid: int,
+        signals: tuple[Acquisition, ...],
+        e1: SampleBatch,
+        snapshot: Snapshot,
+        assistance: Assistance,
+        uncertainty: TimeUncertainty,
+    ) -> tuple[VestigialDecision, GalileoTime | None]:
+        """Return the decision on E6 at the places of all signals on E1, and when its RECS was sent, which says most."""
+        decision, sent = decide_vestigial(svid, ()), None
+        e6 = _samples(snapshot)
+        if e6 is None or not signals:
+            return decision, sent
+        codes, _ = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
+        for code in codes:
+            window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
+            if window is None:
+                continue
+            delay_m = assisted_delay_m(assistance, svid, snapshot.time, self.group_delay_convention)
+            lines = [
+                line
+                for one in signals
+                for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
+            ]
+            found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
+            own = decide_vestigial(svid, found, _proof(code, snapshot, assistance, uncertainty))
+            if _says(own) > _says(decision):
+                decision, sent = own, code.transmit_time
+        return decision, sent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6ExhaustiveSearch:
+    """Every half chip and Doppler bin of E6.
+
+    Attributes
+    ----------
+    p_fa
+        Of one snapshot.
+    how
+        Integration time, Doppler span, engine, workers.
+    around_s
+        How far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty.
+    cipher_mode
+        As `AcasProcessor` has it.
+    """
+
+    p_fa: float = 1e-3
+    how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
+    around_s: float | None = None
+    cipher_mode: CipherMode = CipherMode.CBC
+
+    def __post_init__(self) -> None:
+        check_budget(self.p_fa)
+
+    def search(
+        self,
+        snapshot: Snapshot,
+        assistance: Assistance,
+        uncertainty: TimeUncertainty,
+        e6: SampleSource | None = None,
+        *,
+        expected: Mapping[int, GalileoTime] | None = None,
+    ) -> tuple[SatelliteSearch, ...]:
+        """Return what there is of every satellite with a RECS.
+
+        Parameters
+        ----------
+        e6
+            Samples in place of those of the snapshot: a file that is too long for one.
+        expected
+            Where E1 puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
+        """
+        source = e6 or _samples(snapshot)
+        found = {
+            svid: _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode) for svid in _satellites(assistance)
+        }
+        codes = [code for codes, _ in found.values() for code in codes]
+        decisions: dict[int, VestigialDecision] = {}
+        sent: dict[int, GalileoTime] = {}
+        if source is not None:
+            stretches = self._stretches(source, codes, uncertainty.at(snapshot.time), expected or {})
+            found_of = sorted(self._peaks(source, stretches), key=lambda one: _apart_s(one[0], snapshot))
+            for code, peaks in found_of:
+                own = decide_vestigial(code.svid, peaks, _proof(code, snapshot, assistance, uncertainty))
+                if code.svid not in decisions or _says(own) > _says(decisions[code.svid]):
+                    decisions[code.svid] = own
+                    sent[code.svid] = code.transmit_time
+        return tuple(
+            _not_run(svid, "no E6 samples") if source is None else _of_decision(svid, decisions.get(svid), codes, sent)
+            for svid, (codes, _) in found.items()
+        )
+
+    def _stretches(
+        self,
+        source: SampleSource,
+        codes: list[ChipSequence],
+        uncertainty_s: float,
+        expected: Mapping[int, GalileoTime],
+    ) -> list[_Stretch]:
+        """Return which codes to look for where: those of one transmission at once, or each around its own place."""
+        stretches = []
+        for sent in sorted({code.transmit_time for code in codes}):
+            group = [code for code in codes if code.transmit_time == sent]
+            window = arrival_window(sent, uncertainty_s, source)
+            if window is None:
+                continue
+            if self.around_s is None:
+                stretches.append((group, *window))
+                continue
+            for code in group:
+                if code.svid in expected:
+                    first = max(window[0], expected[code.svid] + -self.around_s)
+                    stretches.append(([code], first, min(window[1], expected[code.svid] + self.around_s)))
+        return stretches
+
+    def _peaks(
+        self, source: SampleSource, stretches: list[_Stretch]
+    ) -> Iterator[tuple[ChipSequence, tuple[Peak, ...]]]:
+        """Yield the codes that could be looked for, each with the peaks of its search."""
+        for group, first, last in stretches:
+            hypotheses = self._hypotheses(source, (first, last), len(group))
+            if hypotheses <= 0:
+                continue
+            share = self.p_fa / len(stretches)
+            limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=share).threshold
+            *_, state = self.how.run(source, group, first, last, limit)
+            yield from ((code, state.peaks) for code in group)
+
+    def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
+        return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
+
+
+def _not_run(svid: int, why: str) -> SatelliteSearch:
+    return SatelliteSearch(svid=svid, signals=(), peaks=(), count=math.nan, not_run=SEARCH_NOT_RUN.index(why) + 1)
+
+
+def _of_decision(
+    svid: int,
+    decision: VestigialDecision | None,
+    codes: tuple[ChipSequence, ...],
+    sent: Mapping[int, GalileoTime],
+) -> SatelliteSearch:
+    """Return what an exhaustive search says of one satellite."""
+    if decision is None:
+        why = "the E6 samples do not hold the RECS anywhere in the time uncertainty"
+        return _not_run(svid, why if codes else "no RECS of this satellite, or no key that proves anything")
+    if not decision.peaks:
+        return _not_run(svid, "the RECS was not found in E6")
+    if decision.true is None and not decision.spoofed:
+        return _not_run(svid, "the RECS was found when its key may have been known")
+    return SatelliteSearch(
+        svid=svid,
+        signals=(),
+        peaks=_proven(decision),
+        count=float(len(decision.peaks)),
+        carrying=len(decision.peaks),
+        sent=sent[svid],
+    )
+
+
+def _says(decision: VestigialDecision) -> int:
+    """Rank a decision: 2 if several signals were found, 1 if one, 0 if none. Ties go to the RECS of the snapshot."""
+    return min(len(decision.peaks), 2)
+
+
+def _apart_s(code: ChipSequence, snapshot: Snapshot) -> float:
+    return abs(code.transmit_time - snapshot.time)
+
+
+def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
+    """Return the peaks if the first is the true signal."""
+    return () if decision.true is None else decision.peaks
+
+
+def _proof(
+    code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
+) -> ReceptionProof:
+    """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
+
+    The labels of the samples follow E1, and with it a spoofer; `received_at` does not.
+    """
+    proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
+    behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)
+    return replace(proof, labels_behind_s=behind_s)
+
+
+def _codes(
+    snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
+) -> tuple[tuple[ChipSequence, ...], str]:
+    """Return the RECS of a satellite that may prove something in a snapshot, its own first, and why there is none."""
+    begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
+    keys = {key.time: key for key in assistance.keys}
+    codes, reason = [], "no RECS of this satellite"
+    for segment in assistance.segments:
+        if segment.svid != svid:
+            continue
+        key = keys.get(segment.key_time)
+        if key is None:
+            reason = f"no validated OSNMA key of {segment.key_time}"
+            continue
+        code = decrypt(segment, key, mode=cipher_mode)
+        if _proof(code, snapshot, assistance, uncertainty).holds(begin):
+            codes.append(code)
+        else:
+            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
+    return tuple(sorted(codes, key=lambda code: _apart_s(code, snapshot))), "" if codes else reason
+
+
+def _samples(snapshot: Snapshot) -> SampleSource | None:
+    """Return the E6 samples of a snapshot, None if it has none, or a model in place of them."""
+    if not isinstance(snapshot.e6, CorrelatableSamples):
+        return None
+    return snapshot.e6.surroundings or BatchSource(snapshot.e6.batch)
+
+
+def _beginning(batch: SampleBatch) -> SampleBatch:
+    """Return the first 100 ms."""
+    return replace(batch, samples=batch.samples[: math.ceil(E1_WINDOW_S * batch.sample_rate_hz)])
+
+
+def _satellites(assistance: Assistance) -> list[int]:
+    return sorted({one.svid for one in assistance.segments})

@@ -1,0 +1,96 @@
+"""One snapshot of samples as a block of one epoch: how a recording enters the processor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.searches.block_searches import SampledSearches
+from vestige.records import Correlatable, E1Observation, Snapshot
+from vestige.records.inertial import Accelerations
+from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Handovers, SnapshotBlock
+from vestige.records.times import GalileoTimes
+from vestige.signals.definitions import E6C
+from vestige.time import GalileoTime
+from vestige.valid_numbers import require_finite
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledE6:
+    """E6 of one epoch, as samples."""
+
+    e6: Correlatable
+
+    def correlate(
+        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
+    ) -> BankBlock:
+        """Return the banks that are asked for; NaN where the samples do not hold them."""
+        taps = np.full((*asked.shape, offsets_m.size), np.nan + 0j)
+        noise_power, integration_s = np.full((2, *asked.shape), np.nan)
+        for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(asked)), strict=True):
+            handover = handovers.at(epoch, satellite)
+            bank = None if handover is None else self.e6.correlate(handover, offsets_m)
+            if handover is not None and bank is not None:
+                owner, largest = f"E6 of E{handover.svid:02d}", float(np.abs(bank.taps).sum())
+                require_finite(owner, taps=largest, noise_power=bank.noise_power)
+                taps[epoch, satellite], noise_power[epoch, satellite] = bank.taps, bank.noise_power
+                integration_s[epoch, satellite] = handover.chips.chips.size / E6C.chip_rate_hz
+        return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
+
+
+def block_of(
+    snapshot: Snapshot, *, since: GalileoTime | None = None, accelerations: Accelerations | None = None
+) -> SnapshotBlock:
+    """Return a snapshot as a block of one epoch.
+
+    Parameters
+    ----------
+    snapshot
+        With samples.
+    since
+        Time of the snapshot before, from which on accelerations count; None at first.
+    accelerations
+        Of inertial sensors; None without any.
+    """
+    svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
+    observations = [snapshot.observations.get(svid) for svid in svids]
+
+    shape = (1, len(svids))
+    received = GalileoTimes.of([snapshot.received_at])
+    return SnapshotBlock(
+        index=np.array([snapshot.index]),
+        time=GalileoTimes.of([snapshot.time]),
+        received_at=GalileoTimes(
+            np.broadcast_to(received.second[:, None], shape), np.broadcast_to(received.fraction[:, None], shape)
+        ),
+        time_uncertainty_s=np.array([snapshot.time_uncertainty_s], np.float64),
+        svids=svids,
+        asked=np.ones(shape, np.bool_),
+        recs=np.ones(1, np.bool_),
+        e1=E1Block(
+            pseudorange_m=_row(observations, "pseudorange_m"),
+            carrier_phase_cycles=_row(observations, "carrier_phase_cycles"),
+            doppler_hz=_row(observations, "doppler_hz"),
+            doppler_rate_hz_per_s=_row(observations, "doppler_rate_hz_per_s"),
+            cn0_dbhz=_row(observations, "cn0_dbhz"),
+        ),
+        front_end={
+            band: FrontEndBlock(
+                agc_gain_db=np.array([status.agc_gain_db], np.float64),
+                total_power_db=np.array([status.total_power_db], np.float64),
+                saturated=np.array([status.saturated], np.bool_),
+            )
+            for band, status in snapshot.front_end.items()
+        },
+        e6=None if snapshot.e6 is None else SampledE6(snapshot.e6),
+        searches=SampledSearches(snapshot, svids),
+        increments=None if accelerations is None else accelerations.increments(since, snapshot.time),
+    )
+
+
+def _row(observations: Sequence[E1Observation | None], name: str) -> Float[np.ndarray, "1 m"]:
+    """Return a quantity of the satellites, NaN of those that E1 does not show."""
+    return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])

@@ -1,0 +1,326 @@
+"""What the receiver measured, as columns of the results and back: judged again they give the same verdicts.
+
+`measured_columns` is made by the workers, `measured_block` by whoever judges: the campaign as its chunks come in, and
+later a plot or the threat table, at any mitigation level. No column that begins with `truth_` is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
+from vestige.acas_processor.position.fix_measurement import LazyFix
+from vestige.acas_processor.processor import AcasProcessor
+from vestige.campaign.plan import Column
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS
+from vestige.receiver.osnma_reception import as_mask, of_mask, pages_due
+from vestige.receiver.snapshots.assistance import recs_with_keys
+from vestige.receiver.snapshots.osnma import PagesReceived
+from vestige.receiver.snapshots.searches import DrawnSearches, KnownSearches, SearchFinds
+from vestige.records import Band
+from vestige.records.recs_block import RecsBlock
+from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, SnapshotBlock, VelocityIncrements
+from vestige.records.times import GalileoTimes
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.stored import StoredScenario
+from vestige.theory.thresholds import threshold
+from vestige.time import GalileoTime
+
+Columns = Mapping[str, np.ndarray]
+_EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
+_AVAILABILITY = {
+    "flag_values": [int(one) for one in Availability],
+    "flag_meanings": " ".join(one.name.lower() for one in Availability),
+}
+
+
+def _table(rows: tuple[tuple[str, tuple[str, ...], str, str, str], ...]) -> dict[str, Column]:
+    return {
+        name: Column(
+            dims=dims,
+            dtype=dtype,
+            units=units,
+            long_name=text,
+            attrs=_AVAILABILITY if name == "availability" else {},
+        )
+        for name, dims, dtype, units, text in rows
+    }
+
+
+# name: dims, dtype, units, meaning
+MEASURED_COLUMNS = _table(
+    (
+        ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
+        ("recs", _EPOCH, "bool", "1", "whether a RECS is sent"),
+        ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
+        ("availability", _SATELLITE, "int8", "1", "how far the measurement of E6 came"),
+        ("e6_received_s", _SATELLITE, "float64", "s", "when samples too late to prove anything ended, after the start"),
+        ("taps", (*_SATELLITE, "tap"), "complex64", "1", "correlator output"),
+        ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
+        ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
+        ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
+        ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
+    )
+)
+
+# what the checks of levels 2 and 3 look at beside
+E1_COLUMNS = _table(
+    (
+        ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
+        ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
+        ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
+        ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
+        ("e1_signals", _SATELLITE, "float32", "1", "signals that the search of E1 finds; NaN without RECS"),
+        ("handover_carrying", _SATELLITE, "float32", "1", "signals of E1 that carry the encrypted chips in E6"),
+        ("handover_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+        ("exhaustive_signals", _SATELLITE, "float32", "1", "signals that an exhaustive search of E6 finds"),
+        ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+        ("earliest_received_s", _SATELLITE, "float64", "s", "end of the earliest signal's RECS, after the start"),
+    )
+)
+
+OSNMA_COLUMNS = _table(
+    (
+        ("in_view", _SATELLITE, "bool", "1", "whether the satellite is above the mask"),
+        ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
+        ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
+        ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
+        ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
+        ("gained_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
+    )
+)
+
+_FINDS = {
+    "e1_signals": "e1_signals",
+    "handover_carrying": "handover_carrying",
+    "handover_earliest_m": "handover_earliest_m",
+    "exhaustive_signals": "exhaustive_signals",
+    "exhaustive_earliest_m": "exhaustive_earliest_m",
+    "earliest_received_s": "earliest_s",
+}
+
+
+def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str, np.ndarray]:
+    """Return the values of `MEASURED_COLUMNS` but for `time_s`.
+
+    Parameters
+    ----------
+    start
+        Of the scenario.
+    measured
+        The block.
+    """
+    snapshots = measured.snapshots
+    too_late = measured.availability == Availability.NOT_PROVEN
+    return {
+        "e6_received_s": np.where(too_late, snapshots.received_at.since(start), np.nan),
+        "recs": snapshots.recs,
+        "osnma_key": measured.recs.with_key[:, 0],  # the same key for all satellites
+        "availability": measured.availability,
+        "taps": measured.banks.taps,
+        "noise_power": measured.banks.noise_power,
+        "predicted_pd": measured.predicted_pd,
+        "e1_pseudorange_m": snapshots.e1.pseudorange_m,
+        "e1_cn0_dbhz": snapshots.e1.cn0_dbhz,
+    }
+
+
+def e1_columns(snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
+    """Return the values of `E1_COLUMNS` of a simulated receiver."""
+    if snapshots.e1.taps is None or not isinstance(snapshots.searches, DrawnSearches):
+        raise TypeError("E1 of this receiver is not tracked between RECS, or its searches are not drawn")
+    finds = snapshots.searches.finds
+    return {
+        "e1_doppler_hz": snapshots.e1.doppler_hz,
+        "e1_taps": snapshots.e1.taps,
+        "e1_power_db": snapshots.front_end[Band.E1].total_power_db,
+        "e6_power_db": snapshots.front_end[Band.E6].total_power_db,
+    } | {name: getattr(finds, of) for name, of in _FINDS.items()}
+
+
+def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, np.ndarray]:
+    """Return the values of `OSNMA_COLUMNS`."""
+    if snapshots.data_authenticated is None:
+        raise TypeError("nobody looked which data OSNMA authenticates")
+    gained_mps = np.full((len(snapshots.time), 3), np.nan)
+    if snapshots.increments is not None:
+        gained_mps[snapshots.increments.epoch] = snapshots.increments.delta_velocity_mps
+    return {
+        "in_view": pages.in_view,
+        "osnma_due": as_mask(pages.page >= 0),
+        "osnma_pages": as_mask(pages.received),
+        "osnma_differs": pages.forged,
+        "osnma_data": snapshots.data_authenticated,
+        "gained_mps": gained_mps,
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """Whose columns are to be judged.
+
+    Attributes
+    ----------
+    scenario
+        Of the campaign, or as its results hold it.
+    processor
+        Of its receiver.
+    svids
+        The satellites.
+    """
+
+    scenario: CampaignScenario | StoredScenario
+    processor: AcasProcessor
+    svids: tuple[int, ...]
+
+
+def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
+    """Return what the receiver measured in some epochs.
+
+    Parameters
+    ----------
+    of
+        The campaign.
+    epoch
+        Numbers of the epochs, ascending.
+    columns
+        Of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
+    """
+    scenario, processor = of.scenario, of.processor
+    time = _times(scenario, epoch)
+    recs = _recs(scenario, time, columns, len(of.svids))
+    e1 = _e1(columns)
+    received_s = np.asarray(columns["e6_received_s"])
+    availability = columns["availability"].astype(np.int8)
+    shape = availability.shape
+    snapshots = SnapshotBlock(
+        index=epoch,
+        time=time,
+        received_at=GalileoTimes.after(scenario.start_time, np.nan_to_num(received_s)),
+        time_uncertainty_s=np.full(epoch.size, scenario.receiver.time_uncertainty_s, np.float64),
+        svids=of.svids,
+        asked=np.ones(shape, np.bool_),
+        recs=columns["recs"].astype(np.bool_),
+        e1=e1,
+        front_end=_front_ends(columns),
+        searches=_searches(scenario, columns, recs),
+        **_of_sky(scenario, time, columns),
+    )
+    unknown = np.full(shape, np.nan)
+    noise_power = _double(columns["noise_power"])
+    return MeasurementBlock(
+        snapshots=snapshots,
+        recs=recs,
+        availability=availability,
+        banks=BankBlock(
+            offsets_m=processor.offsets_m,
+            taps=columns["taps"].astype(np.complex128),
+            noise_power=noise_power,
+            integration_s=np.where(np.isnan(noise_power), np.nan, scenario.recs.integration_s),
+        ),
+        detected=_detected(of, columns),
+        predicted_pd=_double(columns["predicted_pd"]),
+        expected_s=unknown,
+        doppler_e6_hz=unknown,
+        fixes=LazyFix(settings=processor.monitoring.fix, time=time, svids=of.svids, e1=e1),
+    )
+
+
+def _double(values: np.ndarray) -> Float[np.ndarray, "*n"]:
+    return values.astype(np.float64)
+
+
+def _times(scenario: CampaignScenario | StoredScenario, epoch: Int64[np.ndarray, " n"]) -> GalileoTimes:
+    deciseconds = epoch * round(10 * scenario.interval_s)
+    return GalileoTimes(scenario.start_time.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
+
+
+def _recs(
+    scenario: CampaignScenario | StoredScenario, time: GalileoTimes, columns: Columns, n_satellites: int
+) -> RecsBlock:
+    found = np.repeat(columns["recs"].astype(np.bool_)[:, None], n_satellites, axis=1)
+    with_key = found & columns["osnma_key"].astype(np.bool_)[:, None]
+    return recs_with_keys(time.second, found, with_key, key_delay=scenario.recs.key_delay)
+
+
+def _e1(columns: Columns) -> E1Block:
+    pseudorange_m = _double(columns["e1_pseudorange_m"])
+    unknown = np.full(pseudorange_m.shape, np.nan)
+    with_taps = "e1_taps" in columns
+    return E1Block(
+        pseudorange_m=pseudorange_m,
+        carrier_phase_cycles=unknown,
+        doppler_hz=_double(columns["e1_doppler_hz"]) if with_taps else unknown,
+        doppler_rate_hz_per_s=unknown,
+        cn0_dbhz=_double(columns["e1_cn0_dbhz"]),
+        taps=columns["e1_taps"].astype(np.complex128) if with_taps else None,
+        tap_chips=TAP_CHIPS if with_taps else (),
+    )
+
+
+def _front_ends(columns: Columns) -> dict[Band, FrontEndBlock]:
+    if "e1_power_db" not in columns:
+        return {}
+    e1_db, e6_db = _double(columns["e1_power_db"]), _double(columns["e6_power_db"])
+    never = np.zeros(e1_db.size, np.bool_)
+    return {
+        Band.E1: FrontEndBlock(agc_gain_db=-e1_db, total_power_db=e1_db, saturated=never),
+        Band.E6: FrontEndBlock(
+            agc_gain_db=_double(columns["e6_agc_gain_db"]),
+            total_power_db=e6_db,
+            saturated=columns["e6_saturated"] > 0,
+        ),
+    }
+
+
+def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, recs: RecsBlock) -> KnownSearches | None:
+    if "e1_signals" not in columns:
+        return None
+    finds = SearchFinds(**{of: _double(columns[name]) for name, of in _FINDS.items()})
+    return KnownSearches(finds=finds, start=scenario.start_time, recs=recs)
+
+
+def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, columns: Columns) -> dict[str, Any]:
+    """Return what a snapshot of a sky has beside that of a single line of sight."""
+    if "osnma_pages" not in columns:
+        return {}
+    start = scenario.start_time
+    pages = PagesReceived(
+        start=start,
+        interval_s=scenario.interval_s,
+        page=pages_due(start.second + _double(columns["time_s"]), scenario.interval_s),
+        in_view=columns["in_view"].astype(np.bool_),
+        received=of_mask(columns["osnma_pages"].astype(np.int16)),
+        forged=columns["osnma_differs"].astype(np.bool_),
+    )
+    gained_mps, increments = _double(columns["gained_mps"]), None
+    if scenario.receiver.accelerometers is not None:
+        rows = np.flatnonzero(np.isfinite(gained_mps[:, 0]))
+        increments = VelocityIncrements(
+            epoch=rows,
+            time=time[rows],
+            delta_velocity_mps=gained_mps[rows],
+            covered=np.ones(gained_mps.shape[0], np.bool_),
+        )
+    return {
+        "osnma": pages.block,
+        "increments": increments,
+        "data_authenticated": columns["osnma_data"].astype(np.bool_),
+    }
+
+
+def _detected(of: Judged, columns: Columns) -> DetectedBlock:
+    """Return what the processor's detector said."""
+    place = list(of.scenario.processor.detectors).index(of.scenario.processor.detector)
+    return DetectedBlock(
+        tap=columns["tap_index"][place].astype(np.int64),
+        magnitude_sigma=_double(columns["magnitude_sigma"][place]),
+        phase_rad=_double(columns["phase_rad"][place]),
+        range_offset_m=_double(columns["range_offset_m"][place]),
+        threshold_sigma=float(threshold(of.processor.p_fa)),
+    )

@@ -1,0 +1,1 @@
+"""Where the epochs of a campaign are computed."""

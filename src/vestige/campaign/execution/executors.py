@@ -1,0 +1,94 @@
+"""Workers: what runs in them, and how local ones are started and ended.
+
+This module is imported by every worker process, so it imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import platform
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+from typing import TYPE_CHECKING, Any
+
+from vestige.campaign.store.build_id import origin
+from vestige.errors import VestigeError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from vestige.campaign.plan import Plan
+
+# The campaign is parallel over chunks; libraries that start threads of their own only get into each other's way.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def measure_chunk(
+    plan: Plan, first: int, inputs: Mapping[str, Any], expected: Mapping[str, str]
+) -> Mapping[str, np.ndarray]:
+    """Return what `plan.measure` returns, if this worker has the `expected` origin: source and processor.
+
+    Raises
+    ------
+    VestigeError
+        If it has another one: its results could not be mixed with the others.
+    """
+    found = origin(plan)
+    for name, value in expected.items():
+        if found.get(name) != value:
+            raise VestigeError(f"worker {platform.node()}: {name}: found {found.get(name)}, expected {value}")
+    return plan.measure(first, inputs)
+
+
+@contextmanager
+def local_executor(kind: str, workers: int) -> Iterator[Executor]:
+    """Give an executor with `workers` threads or processes; leaving it waits for the calls that are running.
+
+    Processes are started afresh (`spawn`), because a fork of a process with threads may inherit a lock for ever.
+    """
+    if workers < 1:
+        raise ValueError(f"{workers} workers")
+    if kind == "threads":
+        executor: Executor = ThreadPoolExecutor(workers, thread_name_prefix="vestige")
+    elif kind == "processes":
+        spawn = multiprocessing.get_context("spawn")
+        executor = ProcessPoolExecutor(workers, mp_context=spawn, initializer=_start_process)
+    else:
+        raise ValueError(f"executor {kind!r}: threads, processes or a concurrent.futures.Executor")
+    with _environment(ONE_THREAD if kind == "processes" else {}):
+        try:
+            yield executor
+        finally:
+            executor.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes that are started meanwhile (they are read when numpy is loaded)."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _start_process() -> None:
+    """Leave Ctrl-C to the coordinator, and end with it even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if (parent := multiprocessing.parent_process()) is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,324 @@
+"""The results of a campaign, opened: columns, the scenario as it was parsed, and what is missing or damaged.
+
+    results = open_results("night.zarr", partial=True)
+    results.scenario.processor.level, results.dataset["status"], results.damaged
+
+`open_results` is the one way into a store. Whatever is in the folder, it returns `Results` or raises one line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import xarray
+import zarr
+from jaxtyping import Float, Int8, Int64
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+
+from vestige.campaign.plan import EPOCH
+from vestige.campaign.store.store import MENDS, Store, open_existing
+from vestige.campaign.store.store_files import EXPECTED, arrays_of, check_files, check_small_array
+from vestige.errors import InputFileError, VestigeError
+from vestige.receiver.simulation import Fidelity
+from vestige.scenario.stored import StoredScenario, stored_scenario
+from vestige.scenario.toml.toml_file import LARGEST_NUMBER
+
+_NO_EPOCHS = np.zeros(0, dtype=np.int64)
+
+
+NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemerides of its satellites
+
+
+class RunAttributes(BaseModel):
+    """What the results say of their run beside the scenario.
+
+    Attributes
+    ----------
+    scenario_digest
+        SHA-256 of the scenario, in hexadecimal digits.
+    p_fa, threshold_sigma
+        False-alarm probability of one correlator, and its threshold in standard deviations of one dimension.
+    signal, cn0_dbhz
+        Whether E6-C was on air, and its C/N0; None without it.
+    integration_s
+        Length of a correlation.
+    vestige_version
+        The source that made the results; empty if they were not stored.
+    processor
+        The kind of processor on which bits depend; None if they do not.
+    navigation
+        RINEX text of the ephemerides of a sky; None of a single line of sight.
+    own_parts
+        The parts of the user's, `module:Name@digest` of each, with spaces between them.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+    scenario_digest: str
+    p_fa: Annotated[float, Field(gt=0, lt=1)]
+    threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
+    signal: bool
+    cn0_dbhz: FiniteFloat | None = None
+    integration_s: Annotated[float, Field(gt=0, le=10)]
+    fidelity: Fidelity
+    satellites_expected: Annotated[int, Field(ge=1, le=100)]
+    cn0_e1_expected_dbhz: FiniteFloat
+    vestige_version: str = ""
+    processor: str | None = None
+    navigation: str | None = None
+    own_parts: str = ""
+
+    @model_validator(mode="after")
+    def _strength_of_a_signal(self) -> RunAttributes:
+        if self.signal != (self.cn0_dbhz is not None):
+            raise ValueError("cn0_dbhz if there is a signal, and only then")
+        return self
+
+
+class CheckColumns(NamedTuple):
+    """A check of stored results.
+
+    Attributes
+    ----------
+    result
+        1 where it failed, after confirmation, 0 where it passed, −1 where it was not run.
+    statistic, threshold
+        In the unit of the check; NaN where it was not run.
+    """
+
+    result: Int8[np.ndarray, "n m"]
+    statistic: Float[np.ndarray, "n m"]
+    threshold: Float[np.ndarray, "n m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """The results of a campaign.
+
+    Attributes
+    ----------
+    path
+        The store.
+    dataset
+        All columns with their labels, units and attributes; values are read from disk when they are used. If epochs are
+        missing, the coordinate `epoch` says which ones are here.
+    n_epochs
+        How many epochs the campaign has when it has ended.
+    damaged
+        Epochs whose values do not agree with their hash; they are not in `dataset`.
+    """
+
+    path: Path
+    dataset: xarray.Dataset
+    n_epochs: int
+    damaged: tuple[range, ...]
+
+    @property
+    def scenario(self) -> StoredScenario:
+        """The scenario. Raises `VestigeError` if the results have none."""
+        return scenario_of(self.dataset)
+
+    @property
+    def attributes(self) -> RunAttributes:
+        """What else the results say of their run. Raises `VestigeError` if they do not."""
+        return attributes_of(self.dataset)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether all epochs are here."""
+        return self.dataset.sizes[EPOCH] == self.n_epochs
+
+    @property
+    def epochs(self) -> Int64[np.ndarray, " n"]:
+        """Numbers of the epochs that are here."""
+        found = self.dataset.coords.get(EPOCH)
+        return np.arange(self.n_epochs) if found is None else np.asarray(found.values, dtype=np.int64)
+
+    @property
+    def time_s(self) -> Float[np.ndarray, " n"]:
+        """Time of each epoch after the start."""
+        return values(self.dataset, "time_s")
+
+    @property
+    def status(self) -> Int8[np.ndarray, "n m"]:
+        """Position in `Status` of the verdict of each epoch and satellite, at the mitigation level of the scenario."""
+        return self._of_satellites("status").astype(np.int8)
+
+    @property
+    def state(self) -> Int8[np.ndarray, "n m"]:
+        """Position in `Status` of what the receiver shows its user of each satellite after each epoch."""
+        return self._of_satellites("state").astype(np.int8)
+
+    @property
+    def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
+        """Pseudorange of each satellite that may be used; NaN where none may."""
+        return self._of_satellites("range_in_use_m").astype(np.float64)
+
+    def check(self, name: str) -> CheckColumns:
+        """Return what a check said of every epoch and satellite.
+
+        Raises
+        ------
+        VestigeError
+            If the level of the scenario has no such check.
+        """
+        names = [str(one) for one in self.dataset["check"].values]
+        if name not in names:
+            raise VestigeError(f"check: found {name!r}, expected one of {', '.join(names)}")
+        of = self.dataset.isel(check=names.index(name)).transpose(EPOCH, "satellite", ...)
+        return CheckColumns(
+            result=of["check_result"].values.astype(np.int8),
+            statistic=of["check_statistic"].values.astype(np.float64),
+            threshold=of["check_threshold"].values.astype(np.float64),
+        )
+
+    def _of_satellites(self, name: str) -> np.ndarray:
+        return np.asarray(self.dataset[name].transpose(EPOCH, "satellite").values)
+
+    def load(self) -> Results:
+        """Return the results with all values in memory."""
+        return Results(path=self.path, dataset=self.dataset.load(), n_epochs=self.n_epochs, damaged=self.damaged)
+
+
+def open_results(
+    path: Path | str, *, partial: bool = False, damaged: Literal["refuse", "leave out"] = "refuse", verify: bool = True
+) -> Results:
+    """Return the results of a campaign.
+
+    Parameters
+    ----------
+    path
+        The store, a folder.
+    partial
+        Whether a campaign that has not ended is accepted.
+    damaged
+        What is made of epochs whose values do not agree with their hash. With `leave out` they are missing like those
+        of a campaign that has not ended, which needs `partial`, and `Results.damaged` has them.
+    verify
+        Whether all values are read once and compared with their hashes; a million epochs take some seconds.
+
+    Raises
+    ------
+    InputFileError
+        If there is no such store, it is damaged, or the campaign has not ended and `partial` is not set.
+    """
+    path = Path(path)
+    store = open_existing(path, mode="r")
+    recorded = store.finished(verify=False)
+    finished = store.finished(verify=True) if verify else recorded
+    torn = tuple(store.epochs(chunk) for chunk in sorted(recorded - finished))
+    if torn and damaged == "refuse":
+        found = f"values that do not agree with their hash ({sum(map(len, torn))} epochs in all)"
+        raise InputFileError(path, f"epoch {torn[0].start}", found, f"the values that were written; {MENDS}")
+    if len(finished) < store.n_chunks and not partial:
+        found = f"{sum(len(store.epochs(chunk)) for chunk in finished)} epochs"
+        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same run again finishes it)")
+    dataset = open_dataset(path)
+    _check_attributes(path, dataset)
+    if len(finished) < store.n_chunks:
+        kept = np.concatenate([*_numbers(store, sorted(finished)), _NO_EPOCHS])
+        dataset = dataset.isel({EPOCH: kept}).assign_coords({EPOCH: kept})
+    return Results(path=path, dataset=dataset, n_epochs=store.n_epochs, damaged=torn)
+
+
+def open_dataset(path: Path) -> xarray.Dataset:
+    """Return what a zarr store holds, not read yet.
+
+    Raises
+    ------
+    InputFileError
+        If it is no store, or its metadata are damaged.
+    """
+    check_files(path)
+    try:  # nothing for dask, no consolidated metadata (they are no part of zarr v3), and a unit `s` stays a number
+        return xarray.open_dataset(
+            path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
+        )
+    except Exception as error:  # damaged metadata raise anything
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED) from error
+
+
+def load_small(path: Path, expected: str) -> xarray.Dataset:
+    """Return a zarr store of some 100 kB at most, such as a threat table, with all values in memory.
+
+    Parameters
+    ----------
+    expected
+        What it should be, for the message.
+
+    Raises
+    ------
+    InputFileError
+        If it is no such store, is damaged, or claims to be larger.
+    """
+    check_files(path, expected)
+    try:
+        for name, array in arrays_of(path, zarr.open_group(path, mode="r", zarr_format=3)).items():
+            check_small_array(path, name, array)
+        return open_dataset(path).load()
+    except InputFileError:
+        raise
+    except Exception as error:  # damaged metadata and values raise anything
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", expected) from error
+
+
+def scenario_of(results: xarray.Dataset) -> StoredScenario:
+    """Return the scenario of results.
+
+    Raises
+    ------
+    VestigeError
+        If they have none, or it is not the one of which they have the digest.
+    """
+    return stored_scenario(scenario_text(results))
+
+
+def scenario_text(results: xarray.Dataset) -> str:
+    """Return the JSON text of the scenario of results, with the errors of `scenario_of`."""
+    text = results.attrs.get("scenario")
+    if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
+        raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
+    return text
+
+
+def attributes_of(results: xarray.Dataset) -> RunAttributes:
+    """Return what results say of their run.
+
+    Raises
+    ------
+    VestigeError
+        If something is missing or out of its range.
+    """
+    try:
+        return RunAttributes.model_validate(results.attrs)
+    except ValidationError as error:
+        first: Any = error.errors(include_url=False, include_context=False)[0]
+        name = first["loc"][0] if first["loc"] else "signal"
+        found = f"no {name}" if first["type"] == "missing" else f"{name} {first['input']!r}"[:60]
+        raise VestigeError(
+            f"results of a campaign: found {found}, expected that of `vestige run`: {first['msg']}"
+        ) from error
+
+
+def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
+    """Return a variable as float64, epochs first, or along the axes named."""
+    found = results[name]
+    order = dims or (EPOCH, *(str(dim) for dim in found.dims if dim != EPOCH))
+    return found.transpose(*order).values.astype(np.float64)
+
+
+def _numbers(store: Store, chunks: Iterable[int]) -> list[np.ndarray]:
+    return [np.array(store.epochs(chunk), dtype=np.int64) for chunk in chunks]
+
+
+def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
+    """Raise if a number among the attributes is none that a computation can use."""
+    for name, value in dataset.attrs.items():
+        if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
+            raise InputFileError(path, name, value, "a finite number of reasonable size")

@@ -1,0 +1,277 @@
+"""The results of a campaign on disk: one zarr store, written chunk by chunk, that any interruption leaves usable.
+
+The store is a zarr v3 group with one array for each column, full length from the beginning and cut along `epoch` into
+the campaign's chunks, so that a chunk is a set of files of its own. A finished chunk is recorded in `progress/digest`,
+an array with one number for each chunk: a 64-bit hash of the chunk's values, written after them; 0 is not finished.
+On resuming, the values are read again and hashed. So it does not matter how a run ended (`kill -9` between two files,
+a power failure that lost what had been written, a store that was copied in part): what does not agree with its hash is
+computed again. A new store is made beside its place and renamed, so a store is there as a whole or not at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, cast
+
+import numpy as np
+import zarr
+
+from vestige.campaign.plan import EPOCH, Plan
+from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.store_files import (
+    EXPECTED,
+    METADATA,
+    arrays_of,
+    check_array,
+    check_chunk,
+    check_files,
+    check_small_array,
+)
+from vestige.campaign.store.store_skeleton import (
+    CHUNK,
+    COLUMN,
+    COORD,
+    DIGEST,
+    PROGRESS,
+    UNFINISHED,
+    WORK,
+    column_text,
+    coord_text,
+    identity,
+    mended,
+    schema,
+    work_digest,
+    write_skeleton,
+)
+from vestige.errors import InputFileError
+from vestige.scenario.limits import MAX_EPOCHS
+
+MENDS = "the same run again mends it"
+_DIGITS = 10  # of a number of a chunk
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Store:
+    """An open store; `open_store` makes it.
+
+    Attributes
+    ----------
+    attrs
+        What the store says of the work whose results it holds.
+    columns
+        The arrays with an axis `epoch`.
+    digests
+        One hash for each chunk.
+    chunk_epochs
+        Epochs in a chunk (the last one may have fewer), fixed when the store was made.
+    """
+
+    path: Path
+    attrs: Mapping[str, Any]
+    columns: Mapping[str, zarr.Array[Any]]
+    digests: zarr.Array[Any]
+    n_epochs: int
+    chunk_epochs: int
+
+    @property
+    def n_chunks(self) -> int:
+        """How many chunks the epochs are cut into."""
+        return -(-self.n_epochs // self.chunk_epochs)
+
+    def epochs(self, chunk: int) -> range:
+        """Return the epochs of a chunk."""
+        first = chunk * self.chunk_epochs
+        return range(first, min(first + self.chunk_epochs, self.n_epochs))
+
+    def write(self, chunk: int, results: Mapping[str, np.ndarray]) -> None:
+        """Write the columns of a chunk, then record it as finished."""
+        for name, array in self.columns.items():
+            array[self._region(array, chunk)] = results[name]
+        self.digests[chunk] = _digest(results)
+
+    def read(self, chunk: int) -> dict[str, np.ndarray]:
+        """Return the columns of a chunk."""
+        return {name: np.asarray(array[self._region(array, chunk)]) for name, array in self.columns.items()}
+
+    def finished(self, *, verify: bool) -> frozenset[int]:
+        """Return the chunks that are recorded as finished; with `verify` only those whose values agree with it."""
+        digests = {chunk: self._recorded(chunk) for chunk in self._touched()}
+        recorded = [chunk for chunk, digest in digests.items() if digest != UNFINISHED]
+        return frozenset(chunk for chunk in recorded if not verify or self._holds(chunk, digests[chunk]))
+
+    def _touched(self) -> list[int]:
+        """Return the chunks of which there is a record: what a store claims beyond them costs nothing."""
+        names = (path.name for path in (self.path / PROGRESS / DIGEST / "c").glob("*"))
+        numbers = (int(name) for name in names if name.isascii() and name.isdecimal() and len(name) < _DIGITS)
+        return sorted(number for number in numbers if number < self.n_chunks)
+
+    def _recorded(self, chunk: int) -> int:
+        try:
+            check_chunk(self.path, f"{PROGRESS}/{DIGEST}", self.digests, (chunk,))
+            return int(np.asarray(self.digests[chunk]))
+        except Exception:  # a torn file raises anything, and all of it means: not recorded
+            return UNFINISHED
+
+    def _holds(self, chunk: int, digest: int) -> bool:
+        try:
+            for name, array in self.columns.items():
+                check_chunk(self.path, name, array, tuple(chunk if dim == EPOCH else 0 for dim in _dims(array)))
+            return _digest(self.read(chunk)) == digest
+        except Exception:  # as above
+            return False
+
+    def _region(self, array: zarr.Array[Any], chunk: int) -> tuple[slice, ...]:
+        epochs = self.epochs(chunk)
+        return tuple(slice(epochs.start, epochs.stop) if dim == EPOCH else slice(None) for dim in _dims(array))
+
+
+def make_store(path: Path, plan: Plan, *, chunk_epochs: int) -> None:
+    """Make the store of a plan, without values, if nothing or an empty folder is there."""
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        return
+    if plan.n_epochs < 1 or chunk_epochs < 1:
+        raise ValueError(f"{plan.n_epochs} epochs in chunks of {chunk_epochs}: both must be at least 1")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        error.filename = str(path)  # the name that the user knows
+        raise
+    with private as folder:
+        write_skeleton(Path(folder) / "store", plan, min(chunk_epochs, plan.n_epochs))
+        try:
+            (Path(folder) / "store").rename(path)
+        except OSError:
+            if not (path / METADATA).exists():  # else another process was faster, and its store is as good
+                raise
+
+
+def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
+    """Return the store of a plan: a new one, or the one that is there, if it is of the same work.
+
+    Metadata and labels that were damaged are written again. The caller is the only one who writes (`only_writer`).
+
+    Parameters
+    ----------
+    path
+        A folder; those above it are made.
+    chunk_epochs
+        Epochs in a chunk of a new store. A store that is there keeps its own.
+
+    Raises
+    ------
+    InputFileError
+        If `path` is something else, or the store of another scenario, seed or source of vestige.
+    """
+    path = Path(path)
+    make_store(path, plan, chunk_epochs=chunk_epochs)
+    check_files(path)
+    try:
+        store = open_existing(path, mode="r+")
+    except InputFileError:
+        if not mended(path, plan):
+            raise
+        store = open_existing(path, mode="r+")
+    _check_identity(store, plan)
+    return store
+
+
+def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
+    """Return the epochs in a chunk of a store that is there already, if they are others than wanted.
+
+    None if there is no store, or one that must be mended first.
+    """
+    try:
+        store = open_existing(Path(path), mode="r")
+    except InputFileError:
+        return None
+    return None if store.chunk_epochs == min(wanted, store.n_epochs) else store.chunk_epochs
+
+
+def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
+    """Return the store that is there, of whatever work.
+
+    Raises
+    ------
+    InputFileError
+        If there is none, or its metadata or labels are damaged.
+    """
+    check_files(path)
+    try:
+        group = zarr.open_group(path, mode=mode, zarr_format=3)
+        if PROGRESS not in group:
+            raise InputFileError(path, "store", "no results of a campaign", EXPECTED)
+        own: dict[str, Any] = group[PROGRESS].attrs.asdict()
+        attributes = group.attrs.asdict()
+        if own.pop(WORK, work := work_digest(attributes)) != work:
+            raise ValueError("attributes that are not those with which the store was made")
+        arrays = arrays_of(path, group)
+        store = Store(
+            path=path,
+            attrs={**attributes, **own},
+            columns={name: array for name, array in arrays.items() if EPOCH in _dims(array)},
+            digests=cast("zarr.Array[Any]", group[f"{PROGRESS}/{DIGEST}"]),
+            n_epochs=int(own["n_epochs"]),
+            chunk_epochs=int(own[CHUNK]),
+        )
+        _check_sizes(store)
+        columns = {COLUMN + name: column_text(a.dtype, _dims(a), a.shape) for name, a in store.columns.items()}
+        labels = {name: array for name, array in arrays.items() if name not in store.columns}
+        for name, array in labels.items():
+            check_small_array(path, name, array)
+        coords = {COORD + name: coord_text(_dims(a)[0], a[:]) for name, a in labels.items()}
+        if {"n_epochs": store.n_epochs, CHUNK: store.chunk_epochs, **columns, **coords} != own:
+            raise ValueError("arrays that are not those with which the store was made")
+    except InputFileError:
+        raise
+    except zarr.errors.GroupNotFoundError as error:
+        raise InputFileError(path, "store", "no zarr store", EXPECTED) from error
+    except Exception as error:  # damaged metadata raise anything
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED}; {MENDS}") from error
+    return store
+
+
+def _check_sizes(store: Store) -> None:
+    """Raise ValueError if a store claims more than a campaign writes."""
+    if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
+        raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, at most {MAX_EPOCHS} are written")
+    if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
+        raise ValueError("another number of chunks than that with which the store was made")
+    check_array(DIGEST, store.digests)
+    for name, array in store.columns.items():
+        check_array(name, array)
+        of_one = tuple(
+            store.chunk_epochs if dim == EPOCH else length
+            for dim, length in zip(_dims(array), array.shape, strict=True)
+        )
+        if array.chunks != of_one:
+            raise ValueError(f"{name}: chunks of {array.chunks}, expected {of_one}")
+
+
+def _check_identity(store: Store, plan: Plan) -> None:
+    found = {name: value for name, value in store.attrs.items() if name not in (CHUNK, WORK)}
+    expected = {**identity(plan), **schema(plan)}
+    # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
+    for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
+        if found.get(name) != expected.get(name):
+            advice = "; finish with the one that made it or begin anew" if name in origin(plan) else ", as in this run"
+            raise InputFileError(
+                store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}{advice}"
+            )
+
+
+def _dims(array: zarr.Array[Any]) -> tuple[str | None, ...]:
+    return tuple(array.metadata.dimension_names or ())  # type: ignore[union-attr]
+
+
+def _digest(results: Mapping[str, np.ndarray]) -> int:
+    """Return a 64-bit hash of names and values, never `UNFINISHED`."""
+    digest = hashlib.blake2b(digest_size=8)
+    for name in sorted(results):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(results[name]).data)
+    return int.from_bytes(digest.digest(), "little") | 1

@@ -1,0 +1,272 @@
+"""Sweeps: one campaign for each value of a setting, each as long as its count needs.
+
+A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
+one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
+curves are drawn from; it is written anew after each value. Of an attack, and of a level above 1, a row says what came
+of it, as the threat table says of each of its runs (`threat_outcome.py`).
+
+A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
+enough. That is decided after each chunk in the order of the chunks, so the epochs that count depend neither on the
+number of workers nor on interruptions.
+
+All values share the scenario's seed, so neighbouring points share their noise and err to the same side; a sweep of
+`seed` shows how far.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vestige.campaign.plan import CHUNK_EPOCHS
+from vestige.campaign.run import Columns, ExecutorChoice, Progress, run
+from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
+from vestige.campaign.store.results import attributes_of
+from vestige.campaign.sweep.sweep_axes import Value, store_name
+from vestige.crypto.file_bytes import read_text
+from vestige.errors import InputFileError
+from vestige.output import replacement
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.processor_table import ProcessorTable
+from vestige.theory.thresholds import probability_of_detection
+
+if TYPE_CHECKING:
+    import xarray
+
+TABLE = "sweep.csv"
+MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
+_FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Width:
+    """How narrow the interval of a count is to be.
+
+    Attributes
+    ----------
+    width
+        Upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of
+        detection and miss.
+    """
+
+    width: float
+    relative: bool = False
+
+    def reached(self, successes: int, trials: int) -> bool:
+        """Return whether the interval after `successes` in `trials` is narrow enough."""
+        rarer = min(successes, trials - successes)
+        if self.relative and not rarer:
+            return False
+        return enough(successes, trials, self.width * (rarer / trials if self.relative else 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """What one campaign of a sweep has shown.
+
+    Attributes
+    ----------
+    settings
+        The values that make it.
+    store
+        Name of its store in the folder of the sweep.
+    cn0_dbhz, p_fa, integration_s
+        Of the scenario.
+    signal
+        Whether there was any.
+    detector
+        The one of the scenario, whose count ends a campaign.
+    epochs
+        How many were counted.
+    detections
+        For each detector. Without a signal, banks with a false alarm.
+    p_d_theory
+        Marcum Q on a tap; NaN without signal.
+    false_alarms
+        Of single taps, on noise alone.
+    level
+        Mitigation level of the scenario.
+    outcome
+        What came of it at that level, from the first start of an attack to the last stop; None without an attack and
+        at level 1, and of a campaign that was ended early.
+    """
+
+    settings: Mapping[str, Value]
+    store: str
+    cn0_dbhz: float
+    p_fa: float
+    integration_s: float
+    signal: bool
+    detector: str
+    epochs: int
+    detections: Mapping[str, Proportion]
+    p_d_theory: float
+    false_alarms: Proportion
+    level: int
+    outcome: RunOutcome | None
+
+
+def run_sweep(
+    campaigns: Sequence[tuple[Mapping[str, Value], CampaignScenario]],
+    folder: Path,
+    *,
+    width: Width | None = None,
+    workers: int = 1,
+    executor: ExecutorChoice = "threads",
+    chunk_epochs: int = CHUNK_EPOCHS,
+    progress: Callable[[str, Progress], None] | None = None,
+) -> Iterator[Row]:
+    """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
+
+    Parameters
+    ----------
+    campaigns
+        Settings, and the scenario with these settings.
+    folder
+        Of the sweep; what it holds already is not measured again.
+    width
+        Where a campaign may stop; all its epochs without it.
+    workers, executor, chunk_epochs
+        As `run` takes them.
+    progress
+        Called with the name of a campaign's store and its progress.
+
+    Raises
+    ------
+    InputFileError
+        If `folder` is the store of one campaign, or holds a sweep of other keys, whose table would be lost.
+    """
+    _check_folder(folder, {key for settings, _ in campaigns for key in settings})
+    rows: list[Row] = []
+    for settings, scenario in campaigns:
+        name = store_name(settings)
+        results = run(
+            ScenarioPlan(scenario=scenario),
+            folder / name,
+            workers=workers,
+            executor=executor,
+            chunk_epochs=chunk_epochs,
+            progress=None if progress is None else lambda now, name=name: progress(name, now),  # type: ignore[misc]
+            enough=None if width is None else _Counter(scenario.processor, width),
+        )
+        attributes = attributes_of(results)
+        cn0_dbhz, signal = scenario.receiver.cn0_dbhz, scenario.receiver.signal
+        theory = (
+            probability_of_detection(cn0_dbhz, attributes.integration_s, attributes.p_fa) if signal else float("nan")
+        )
+        rows.append(
+            Row(
+                settings=settings,
+                store=name,
+                cn0_dbhz=cn0_dbhz,
+                p_fa=attributes.p_fa,
+                integration_s=attributes.integration_s,
+                signal=signal,
+                detector=scenario.processor.detector,
+                epochs=results.sizes["epoch"],
+                detections={
+                    detector: summarise(results, detector).detections for detector in scenario.processor.detectors
+                },
+                p_d_theory=theory,
+                false_alarms=false_alarms(results),
+                level=scenario.processor.level,
+                outcome=_outcome(scenario, results),
+            )
+        )
+        _write_table(folder / TABLE, rows)
+        yield rows[-1]
+
+
+def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome | None:
+    level = scenario.processor.level
+    if results.sizes["epoch"] < scenario.epochs or (level == 1 and not scenario.attack):
+        return None
+    return outcomes_of(scenario, results, (level,), window_of(scenario))[0]
+
+
+class _Counter:
+    """Counts the detections of one detector chunk by chunk, and says when they are enough."""
+
+    def __init__(self, processor: ProcessorTable, width: Width) -> None:
+        self._detector, self._width = list(processor.detectors).index(processor.detector), width
+        self._detections = self._decisions = 0
+
+    def __call__(self, results: Columns) -> bool:
+        correlated = ~np.isnan(results["noise_power"])
+        self._decisions += int(np.count_nonzero(correlated))
+        self._detections += int(np.count_nonzero((results["tap_index"][self._detector] >= 0) & correlated))
+        return self._width.reached(self._detections, self._decisions)
+
+
+def _check_folder(folder: Path, keys: set[str]) -> None:
+    """Raise if a sweep of these keys would write over, or into, something else."""
+    if (folder / "zarr.json").exists():
+        raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
+    if not (folder / TABLE).exists():
+        return
+    expected = "the table of a sweep"
+    try:
+        text = read_text(folder / TABLE, at_most=MAX_FILE_BYTES, expected=expected)
+        heading = next(csv.reader(StringIO(text, newline="")), [])
+    except csv.Error as error:
+        raise InputFileError(folder / TABLE, "heading", str(error), expected) from error
+    before = heading[: heading.index(_FIRST_RESULT)] if _FIRST_RESULT in heading else heading
+    if set(before) != keys:
+        raise InputFileError(folder / TABLE, "keys", ", ".join(before), f"{', '.join(sorted(keys))}, as in this sweep")
+
+
+def _write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Write all rows; the file is there as a whole or not at all."""
+    table = [_cells(row) for row in rows]
+    with replacement(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for cells in table for name in cells)))
+        writer.writeheader()
+        writer.writerows(table)
+
+
+def _cells(row: Row) -> dict[str, object]:
+    """Return a row of the table. Without signal nothing can be detected, so there are no such columns."""
+    detected: dict[str, object] = {"trials": next(iter(row.detections.values())).trials}
+    for detector, counted in row.detections.items():
+        detected |= {f"detections_{detector}": counted.successes}
+        detected |= {f"p_d_{detector}": counted.value, f"low_{detector}": counted.low, f"high_{detector}": counted.high}
+    alarms = row.false_alarms
+    return {
+        **row.settings,
+        _FIRST_RESULT: row.cn0_dbhz,
+        "integration_s": row.integration_s,
+        "p_fa": row.p_fa,
+        "epochs_counted": row.epochs,
+        **(detected | {"p_d_theory": row.p_d_theory} if row.signal else {}),
+        "false_alarm_trials": alarms.trials,
+        "false_alarms": alarms.successes,
+        "low_false_alarm": alarms.low,
+        "high_false_alarm": alarms.high,
+        **_outcome_cells(row),
+        "store": row.store,
+    }
+
+
+def _outcome_cells(row: Row) -> dict[str, object]:
+    """Return what came of an attack, or of a level above 1, under the names that `threats.csv` has."""
+    found = row.outcome
+    if found is None:
+        return {}
+    return {
+        "level": row.level,
+        "word": found.word,
+        "alarms": found.alarms,
+        **{name: int(getattr(found, name)) for name in ("detected", "mitigated", "protected", "missed", "denied")},
+        "time_to_detect_s": found.time_to_detect_s,
+        "worst_accepted_m": found.worst_range_m,
+        "worst_position_m": found.worst_position_m,
+        "checks": found.checks,
+    }

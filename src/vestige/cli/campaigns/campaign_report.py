@@ -1,0 +1,186 @@
+"""What `vestige run` prints of a campaign, or of a sweep of campaigns: text for people, JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import xarray
+
+from vestige.campaign.levels import verdicts_of_run
+from vestige.campaign.run_outcome import RunOutcome
+from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
+from vestige.campaign.store.results import attributes_of
+from vestige.campaign.sweep.sweep import Row
+from vestige.cli.campaigns.attack_report import attack_lines, attack_values
+from vestige.cli.campaigns.level_report import level_lines, level_values
+from vestige.theory.thresholds import probability_of_detection
+
+
+def campaign_json(results: xarray.Dataset) -> str:
+    """Return what was found in one campaign."""
+    attributes = attributes_of(results)
+    judged, level = verdicts_of_run(results)
+    return as_json(
+        {
+            "epochs": results.sizes["epoch"],
+            "fidelity": attributes.fidelity,
+            "signal": attributes.signal,
+            "cn0_dbhz": attributes.cn0_dbhz,
+            "p_fa": attributes.p_fa,
+            "p_d_theory": _theory(results),
+            "false_alarms": asdict(false_alarms(results)),
+            "detectors": {name: asdict(summarise(results, name)) for name in detectors_of(results)},
+            "attack": attack_values(judged),
+            **({} if level is None else {"verdicts": level_values(results, level)}),
+        }
+    )
+
+
+def campaign_text(results: xarray.Dataset, store: Path) -> str:
+    """Return what was found in one campaign, a few lines."""
+    attributes = attributes_of(results)
+    strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
+    lines = [
+        f"{store}: {results.sizes['epoch']} epochs, {attributes.fidelity}, {strength}, P_fa {attributes.p_fa:g}",
+        f"false alarms of single taps on noise: {_count(false_alarms(results))}",
+    ]
+    if attributes.signal:
+        lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
+    undecided = results.sizes["epoch"] * results.sizes["satellite"] - summarise(results).detections.trials
+    if undecided:
+        lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
+    for name in detectors_of(results):
+        lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
+    judged, level = verdicts_of_run(results)
+    if level is not None:
+        lines += level_lines(results, level)
+    return "\n".join([*lines, *attack_lines(judged)])
+
+
+def sweep_json(rows: Sequence[Row]) -> str:
+    """Return the rows of a sweep."""
+    return as_json({"campaigns": [asdict(row) for row in rows]})
+
+
+def sweep_table(rows: Sequence[Row], file: Path) -> str:
+    """Return a line for each campaign: what was counted, beside what theory says of a signal on a tap.
+
+    Where there is an attack, or a level above 1, what came of it takes the place of the theory.
+
+    Parameters
+    ----------
+    file
+        Where the same table is as CSV.
+    """
+    if any(row.outcome is not None for row in rows):
+        return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
+    keys = list(rows[0].settings)
+    detectors = _detectors(rows)
+    missed = [f"missed {name}" for name in detectors]
+    table = [[*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
+    for row in rows:
+        found, alarms = row.detections[row.detector], row.false_alarms
+        table.append(
+            [
+                *(str(row.settings[key]) for key in keys),
+                str(row.epochs),
+                *("" if one is None else str(one.trials - one.successes) for one in map(row.detections.get, detectors)),
+                f"{found.value:.5f}",
+                f"{found.low:.5f} to {found.high:.5f}",
+                f"{row.p_d_theory:.5f}" if row.signal else "no signal",
+                f"{alarms.successes} of {alarms.trials}",
+                f"{alarms.low:.2g} to {alarms.high:.2g}",
+            ]
+        )
+    return "\n".join([*_columns(table), f"table: {file}"])
+
+
+def _detectors(rows: Sequence[Row]) -> list[str]:
+    """Return the names of all detectors that some row has."""
+    return list(dict.fromkeys(name for row in rows for name in row.detections))
+
+
+def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """Return the cells of a sweep of an attack, or of a level above 1: what came of it."""
+    keys = list(rows[0].settings)
+    names = ["level", "what came of it", "first alarm", "by", "mitigated", "largest error in use", "of a position"]
+    detectors = _detectors(rows)
+    table = [[*keys, *names, *(f"missed {name}" for name in detectors)]]
+    for row in rows:
+        settings = [str(row.settings[key]) for key in keys]
+        counts = [row.detections.get(name) for name in detectors]
+        missed = ["" if one is None else f"{one.trials - one.successes} of {one.trials}" for one in counts]
+        table.append([*settings, str(row.level), *_outcome_words(row.outcome), *missed])
+    return table
+
+
+def _outcome_words(found: RunOutcome | None) -> list[str]:
+    if found is None:
+        return ["not judged", "", "", "", "", ""]
+    first, _, _ = found.checks.partition("; ")
+    return [
+        found.word,
+        f"after {found.time_to_detect_s:g} s" if found.detected else "none",
+        first.rpartition(" ")[0],
+        "yes" if found.mitigated else "no",
+        *(
+            "none in use" if math.isnan(worst) else f"{worst:.4g} m"
+            for worst in (found.worst_range_m, found.worst_position_m)
+        ),
+    ]
+
+
+def _columns(table: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines, with columns as wide as their widest cell."""
+    widths = [max(len(cells[i]) for cells in table) for i in range(len(table[0]))]
+    return ["  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)) for cells in table]
+
+
+def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:
+    found = summarise(results, name)
+    rate = found.detections
+    if not rate.trials:
+        return [f"{name:8s} detector: nothing to decide"]
+    low_m, high_m = found.cluster_m
+    return [
+        f"{name:8s} detector: {found.misses} missed, P_d {rate.value:.6f} "
+        f"({100 * rate.confidence:g} %: {rate.low:.6f} to {rate.high:.6f})",
+        f"  range offset: mean {found.range_offset_mean_m:+.2f} m, 1σ {found.range_offset_std_m:.2f} m, "
+        f"{found.cluster.successes} between {low_m:g} and {high_m:g} m",
+        "  percentiles: " + ", ".join(f"{p:g} % {value:+.1f} m" for p, value in found.percentiles_m.items()),
+    ]
+
+
+def _alarm_line(results: xarray.Dataset, name: str) -> list[str]:
+    return [f"{name:8s} detector: false alarms in {_count(summarise(results, name).detections)} banks"]
+
+
+def _count(found: Proportion) -> str:
+    interval = f"{100 * found.confidence:g} %: {found.low:.3g} to {found.high:.3g}"
+    return f"{found.successes} of {found.trials}, {found.value:.3g} ({interval})"
+
+
+def _theory(results: xarray.Dataset) -> float:
+    attributes = attributes_of(results)
+    if attributes.cn0_dbhz is None:
+        return math.nan
+    return float(probability_of_detection(attributes.cn0_dbhz, attributes.integration_s, attributes.p_fa))
+
+
+def as_json(value: Any) -> str:
+    """Return nested results as one JSON object; what is no finite number is null."""
+    return json.dumps(_finite(value), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Return nested results with None for what is no finite number, which JSON does not have."""
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,322 @@
+"""`vestige plot`: figures of the results of a campaign, each one command."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vestige.cli.options import parts_option
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+FORMATS = ("png", "pdf", "svg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """A figure: what it shows, and which options choose something in it."""
+
+    help: str
+    of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
+    of_attack: bool = False  # of a campaign with an attack
+    of_threats: bool = False  # of the folder that `vestige threats` writes
+    of_sky: bool = False  # of a campaign with a constellation; shows all its satellites
+    with_detector: bool = True
+    compared: bool = False  # drawn for each detector if there is an attack, which they see differently
+    formats: tuple[str, ...] = FORMATS
+
+
+KINDS = {
+    "detecting-correlator": Kind(help="magnitude, phase and detection against time", compared=True),
+    "waterfall": Kind(help="all correlators against time, as a landscape", with_detector=False),
+    "waterfall-map": Kind(help="all correlators against time, as a map", with_detector=False),
+    "magnitude-histogram": Kind(help="magnitude of the detecting correlator, split by detected or not"),
+    "range-histogram": Kind(help="range offset, in log scale"),
+    "range-offset": Kind(help="range offset against time", compared=True),
+    "attack-comparison": Kind(
+        help="range offset of both detectors, over the attack's truth", of_attack=True, with_detector=False
+    ),
+    "animation": Kind(
+        help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
+    ),
+    "sky": Kind(help="where the satellites are (of a sky)", of_sky=True),
+    "position": Kind(help="error of the position fixes against time (of a sky)", of_sky=True),
+    "monitors": Kind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
+    "decision-map": Kind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
+    "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
+    "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
+    "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
+    "threats": Kind(help="attack by mitigation level, of the folder of `vestige threats`", of_threats=True),
+}
+_COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
+_ALL = "all"
+_DETECTORS = ("early", "maximum")
+
+
+def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
+    """Return the number; a usage error if it is NaN or infinite, which no range excludes."""
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is not a finite number.", param=parameter)
+    return value
+
+
+_EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
+    [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_threats]
+    + [f"  {_ALL:21} all but the animation and those of a sky as PNG, into a folder; under attack for both detectors"]
+    + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
+    + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
+    + ["KINDs of a threat table:"]
+    + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_threats]
+)
+
+
+def _detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
+    if name not in _DETECTORS and ":" not in name:
+        raise click.BadParameter(f"found {name!r}, expected {', '.join(_DETECTORS)} or module:Name")
+    return name
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
+@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg, .gif) or folder."
+)
+@click.option(
+    "--detector",
+    default="early",
+    show_default=True,
+    metavar="NAME",
+    callback=_detector_name,
+    help="early, maximum, or `module:Name` of your own.",
+)
+@click.option("--svid", type=int, help="Satellite; needed if there are several.")
+@click.option(
+    "--width-cm",
+    type=click.FloatRange(4, 60),
+    default=8.0,
+    show_default=True,
+    callback=_finite,
+    help="Width of the figure.",
+)
+@click.option("--from", "start_s", type=float, callback=_finite, help="First time to show, in s after the start.")
+@click.option("--to", "stop_s", type=float, callback=_finite, help="Time before which to stop, in s after the start.")
+@click.option(
+    "--flank-from",
+    "flank_from_m",
+    type=float,
+    callback=_finite,
+    help="range-histogram: fit an exponential law beyond this offset, in m.",
+)
+@parts_option
+def command(
+    kind: str,
+    results: tuple[Path, ...],
+    output: Path,
+    detector: str,
+    svid: int | None,
+    width_cm: float,
+    start_s: float | None,
+    stop_s: float | None,
+    flank_from_m: float | None,
+) -> None:
+    """Draw a figure of RESULTS, the store that `vestige run` writes, and print the name of the file written.
+
+    A campaign that has not ended is drawn as far as it has come.
+    """
+    chosen = KINDS.get(kind)
+    if chosen is not None and output.suffix.lower().lstrip(".") not in chosen.formats:
+        allowed = ", .".join(chosen.formats)
+        raise click.BadParameter(f"{output}: the suffix of a figure of this kind is one of .{allowed}", param_hint="-o")
+    if chosen is not None and chosen.of_threats:
+        _draw_threats(results, output)
+        return
+    if chosen is None or not chosen.of_sweep:
+        if len(results) > 1:
+            raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
+        choice = _Choice(detector=detector, svid=svid, flank_from_m=flank_from_m, width_cm=width_cm)
+        _draw_campaign(kind, results[0], _open(results[0], start_s, stop_s), output, choice)
+        return
+
+    from vestige import plots
+
+    sweep = _read_sweep(results, detector, svid, start_s, stop_s)
+    plots.write(plots.detection_curve(sweep, count=_COUNT[kind]), output, width_cm=width_cm)
+    echo(str(output))
+
+
+def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
+    """Draw the map of a threat table and print the name of the file."""
+    from vestige import plots
+    from vestige.threats.table import read_threat_dataset
+
+    if len(folders) > 1:
+        raise click.UsageError(f"threats is of one table, found {len(folders)}")
+    plots.write(plots.threat_map(read_threat_dataset(folders[0])), output)
+    echo(str(output))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Choice:
+    """What the options choose in a figure."""
+
+    detector: str
+    svid: int | None
+    flank_from_m: float | None
+    width_cm: float
+
+
+def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path, choice: _Choice) -> None:
+    """Draw one figure into a file, or all of a campaign into a folder, and print the names of the files."""
+    from vestige import plots
+    from vestige.errors import InputFileError, VestigeError
+
+    if kind != _ALL:
+        figures = [(kind, output, choice)]
+    else:
+        output.mkdir(parents=True, exist_ok=True)
+        figures = _all_of(plots.is_attacked(results), output, choice)
+    for name, file, of in figures:
+        try:
+            if name == "animation":
+                plots.write_animation(results, file, svid=of.svid, width_cm=of.width_cm)
+            else:
+                plots.write(_axes(name, results, of), file, width_cm=of.width_cm)
+        except InputFileError:
+            raise
+        except VestigeError as error:
+            raise VestigeError(f"{path}: {error}") from error
+        echo(str(file))
+
+
+def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
+    """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
+    other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
+    figures = []
+    for name, kind in KINDS.items():
+        if (
+            kind.of_sweep
+            or kind.of_sky
+            or kind.of_threats
+            or "png" not in kind.formats
+            or (kind.of_attack and not attacked)
+        ):
+            continue
+        figures.append((name, folder / f"{name}.png", choice))
+        if kind.compared and attacked:
+            figures.append((name, folder / f"{name}-{other.detector}.png", other))
+    return figures
+
+
+def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
+    from vestige import plots
+    from vestige.campaign.store.results import open_results
+    from vestige.errors import VestigeError
+
+    results = open_results(path, partial=True).dataset
+    if "epoch" in results.coords:
+        echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
+    try:
+        return plots.between(results, start_s, stop_s)
+    except VestigeError as error:
+        raise VestigeError(f"{path}: {error}") from error
+
+
+def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
+    """Return the axes of one kind of figure."""
+    from vestige import plots
+
+    if KINDS[name].of_sky:
+        return _sky_axes(name, results, of.svid)
+    choice: dict[str, int | float | str | None] = {"svid": of.svid}
+    if KINDS[name].with_detector:
+        choice["detector"] = of.detector
+    if name == "range-histogram" and of.flank_from_m is not None:
+        choice["right_flank"] = of.flank_from_m
+    return getattr(plots, name.replace("-", "_"))(results, **choice)
+
+
+def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
+    """Return the axes of one kind of figure of a sky."""
+    import numpy as np
+
+    from vestige import plots
+    from vestige.acas_processor.levels import LEVELS
+    from vestige.campaign.levels import level_verdicts
+
+    if name == "sky":
+        return plots.sky_plot(results)
+    if name == "position":
+        return plots.position_error(results)
+    if name == "decision-map":
+        return _decision_map(results, svid)
+    n = results.sizes["epoch"]
+    lines = [
+        plots.MonitorLine(
+            name=check.name,
+            run=np.any(check.run.reshape(n, -1), axis=1),
+            failed=np.any(check.failed.reshape(n, -1), axis=1),
+        )
+        for check in level_verdicts(results, (max(LEVELS),))[0].checks.values()
+    ]
+    return plots.monitor_timeline(results["time_s"].values, lines)
+
+
+def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
+    """Return the axes of the map that decides most epochs, of all satellites or of one, with those in it."""
+    import numpy as np
+
+    from vestige import plots
+    from vestige.acas_processor.levels import LEVELS
+    from vestige.campaign.levels import level_verdicts
+    from vestige.campaign.outcomes import attacked_epochs
+    from vestige.errors import VestigeError
+
+    (of_level,) = level_verdicts(results, (max(LEVELS),))
+    monitor = of_level.processor.monitoring.power_distortion
+    measured = monitor.measured(of_level.block.evidence)
+    svids = results["svid"].values.tolist()
+    if svid is not None and svid not in svids:
+        raise VestigeError(f"satellite: found no {svid}, expected one of {', '.join(map(str, svids))}")
+    of = np.isin(svids, svids if svid is None else [svid]) & np.isfinite(measured.map_dbhz)
+    levels, counts = np.unique(measured.map_dbhz[of], return_counts=True)
+    if not levels.size:
+        raise VestigeError("results of a sky: found no satellite in view")
+    level = float(levels[np.argmax(counts)])
+    here = of & (measured.map_dbhz == level)
+    whose = "power and distortion" if svid is None else f"E{svid:02d}, power and distortion"
+    return plots.decision_map(
+        monitor.map_for(level),
+        title=f"{whose}, about {level:g} dBHz",
+        power_db=measured.rise_db[here],
+        distortion=measured.distortion[here],
+        attacked=attacked_epochs(results)[here],
+    )
+
+
+def _read_sweep(
+    paths: tuple[Path, ...], detector: str, svid: int | None, start_s: float | None, stop_s: float | None
+) -> xarray.Dataset:
+    from vestige import plots
+
+    if len(paths) == 1 and (table := _table_of(paths[0])) is not None:
+        if (svid, start_s, stop_s) != (None, None, None):
+            raise click.UsageError(f"{table} is a table of counts: --svid, --from and --to choose nothing in it")
+        return plots.read_sweep(table, detector=detector)
+    return plots.sweep_of([_open(path, start_s, stop_s) for path in paths], detector=detector, svid=svid)
+
+
+def _table_of(path: Path) -> Path | None:
+    """Return the table of a sweep that a path means, None if it is no sweep."""
+    from vestige.campaign.sweep.sweep import TABLE
+
+    if path.is_dir() and (path / TABLE).is_file():
+        return path / TABLE
+    return path if path.suffix.lower() == ".csv" else None

@@ -1,0 +1,170 @@
+"""`vestige run`: run a campaign scenario, or a sweep of campaigns, into stores."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import WidthType, parts_option
+from vestige.cli.pool import MAX_THREADS, pool
+from vestige.cli.terminal import echo
+from vestige.output import check_output
+
+if TYPE_CHECKING:
+    from vestige.scenario.campaign import CampaignScenario
+
+
+@click.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Store (zarr) to write or continue."
+)
+@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
+@click.option(
+    "--threads/--processes",
+    default=None,
+    help=f"Kind of workers.  [default: up to {MAX_THREADS} threads, else processes]",
+)
+@click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+@click.option(
+    "--chunk",
+    "chunk_epochs",
+    type=click.IntRange(1, 1_000_000),
+    help="Epochs in a chunk.  [2000; 10000 of a single line of sight without samples]",
+)
+@click.option("--fidelity", type=click.Choice(["samples", "correlators"]), help="In place of the scenario's own.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace a value, `receiver.cn0_dbhz=37`; `none` removes.",
+)
+@click.option(
+    "--sweep",
+    "sweeps",
+    multiple=True,
+    metavar="KEY=A:B:STEP",
+    help="One campaign a value, ends included; or KEY=a,b,c. Several: each combination. OUTPUT is a folder of stores.",
+)
+@click.option("--width", type=WidthType(), help="End a campaign of a sweep at this width of its interval: 0.01, 20%.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@parts_option
+def command(
+    scenario: Path,
+    output: Path,
+    workers: int | None,
+    threads: bool | None,
+    scheduler: str | None,
+    chunk_epochs: int | None,
+    fidelity: str | None,
+    settings: tuple[str, ...],
+    sweeps: tuple[str, ...],
+    width: tuple[float, bool] | None,
+    as_json: bool,
+) -> None:
+    """Run the campaign SCENARIO and print what both detectors did.
+
+    A run that was stopped, however it was, is continued by the same command and ends with the same bits.
+    """
+    from vestige.campaign.execution.executors import ONE_THREAD
+
+    if width is not None and not sweeps:
+        raise click.UsageError("--width needs --sweep: a single campaign has the epochs of its scenario")
+    if scheduler is not None and (workers, threads) != (None, None):
+        raise click.UsageError("--scheduler has the cluster's workers: -j, --threads and --processes choose nothing")
+    check_output(output, (scenario,), folder=True)
+    os.environ.update(ONE_THREAD)  # before numpy is loaded: chunks are what runs in parallel, and bits stay the same
+    own = (f'fidelity="{fidelity}"',) if fidelity else ()
+    how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
+    if sweeps:
+        campaigns = _campaigns(scenario, (*settings, *own), sweeps)
+        _caution(scenario, [one for _, one in campaigns])
+        from vestige.campaign.sweep.sweep_axes import store_name
+
+        _caution_chunks([output / store_name(values) for values, _ in campaigns], chunk_epochs)
+        with pool(workers, threads, scheduler) as (executor, calls):
+            _run_sweep(campaigns, output, width, as_json, {**how, "executor": executor, "workers": calls})
+        return
+
+    from vestige.campaign.run import run
+    from vestige.campaign.scenario_plan import ScenarioPlan
+    from vestige.cli.campaigns.campaign_report import campaign_json, campaign_text
+    from vestige.cli.progress import campaign_progress
+
+    plan = ScenarioPlan(scenario=_load(scenario, (*settings, *own)))
+    _caution(scenario, [plan.scenario])
+    _caution_chunks([output], chunk_epochs)
+    with pool(workers, threads, scheduler) as (executor, calls), campaign_progress() as report:
+        results = run(
+            plan,
+            output,
+            workers=calls,
+            executor=executor,
+            chunk_epochs=plan.chunk_epochs if chunk_epochs is None else chunk_epochs,
+            progress=lambda now: report(scenario.stem, now),
+        )
+    echo(*(campaign_json(results) if as_json else campaign_text(results, output)).split("\n"))
+
+
+def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
+    from vestige.errors import VestigeError
+    from vestige.scenario.campaign import CampaignScenario
+    from vestige.scenario.load import load_scenario
+
+    scenario = load_scenario(path, settings)
+    if not isinstance(scenario, CampaignScenario):
+        raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'; `vestige simulate` writes it")
+    return scenario
+
+
+def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
+    """Say on stderr, each once, what is to be known of scenarios that can run."""
+    from vestige.scenario.warnings import cautions
+
+    for line in dict.fromkeys(line for scenario in scenarios for line in cautions(scenario)):
+        echo(f"vestige: {path}: {line}", err=True)
+
+
+def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
+    """Say on stderr where `--chunk` comes too late."""
+    from vestige.campaign.store.store import kept_chunk_epochs
+
+    for store in stores:
+        if chunk_epochs is not None and (kept := kept_chunk_epochs(store, chunk_epochs)) is not None:
+            line = f"chunks of {kept} epochs, as when the store was made; --chunk {chunk_epochs} changes nothing"
+            echo(f"vestige: {store}: {line}", err=True)
+
+
+def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
+    """Return settings and scenario of every campaign of a sweep, so that an error shows before anything has run."""
+    from vestige.campaign.sweep.sweep_axes import as_settings, grid, parse_axis
+    from vestige.errors import VestigeError
+
+    axes = [parse_axis(text) for text in sweeps]
+    fixed = {setting.partition("=")[0].strip() for setting in settings}
+    for axis in axes:
+        if axis.key in fixed:
+            raise VestigeError(f"--sweep {axis.key}: found --set or --fidelity of the same key, expected one of them")
+    return [(values, _load(path, (*settings, *as_settings(values)))) for values in grid(axes)]
+
+
+def _run_sweep(
+    campaigns: list[tuple[Any, CampaignScenario]],
+    folder: Path,
+    width: tuple[float, bool] | None,
+    as_json: bool,
+    how: dict[str, Any],
+) -> None:
+    from vestige.campaign.sweep.sweep import TABLE, Width, run_sweep
+    from vestige.cli.campaigns.campaign_report import sweep_json, sweep_table
+    from vestige.cli.progress import campaign_progress
+    from vestige.folder_lock import only_writer
+
+    narrow = None if width is None else Width(width=width[0], relative=width[1])
+    with only_writer(folder), campaign_progress() as report:
+        rows = list(run_sweep(campaigns, folder, width=narrow, progress=report, **how))
+    echo(*(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE)).split("\n"))

@@ -1,0 +1,157 @@
+"""`vestige threats`: attack by mitigation level, measured, beside what is expected."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import BrokenExecutor
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vestige.cli.options import parts_option
+from vestige.cli.pool import pool
+from vestige.cli.terminal import echo
+from vestige.errors import VestigeError
+from vestige.folder_lock import only_writer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from concurrent.futures import Executor
+
+    from vestige.scenario.campaign import CampaignScenario
+    from vestige.threats.matrix import Case, Cell
+    from vestige.threats.scenes import Threat
+
+QUICK_SEEDS, SEEDS = 6, 100  # six of six are the fewest that say more than a half
+FIGURE = "threats.png"
+
+
+@click.command()
+@click.option(
+    "--level", "levels", multiple=True, type=click.IntRange(1, 3), help="Mitigation level to show.  [default: all]"
+)
+@click.option(
+    "--quick",
+    is_flag=True,
+    help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: less than three minutes with -j 2.",
+)
+@click.option("--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Runs of each scene.")
+@click.option("--only", "ids", multiple=True, metavar="ID", help="Rows to measure: A5. Several times for several.")
+@click.option(
+    "--attack",
+    "files",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A campaign scenario of your own, in place of the table.",
+)
+@click.option("--expected", is_flag=True, help="Print what is expected, and why; measure nothing.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Folder: runs.csv, threats.csv, threats.zarr, threats.png."
+)
+@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
+@click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@parts_option
+def command(
+    levels: tuple[int, ...],
+    quick: bool,
+    n_seeds: int | None,
+    ids: tuple[str, ...],
+    files: tuple[Path, ...],
+    expected: bool,
+    output: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Measure what comes of each attack of the threat table at each mitigation level, beside what is expected.
+
+    All levels are judged on the same runs, with exact intervals over many seeds. With -o a table that was stopped is
+    continued by the same command.
+    """
+    if quick and n_seeds is not None:
+        raise click.UsageError("--quick and --seeds say different numbers of runs")
+    if ids and files:
+        raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
+    if expected and files:
+        raise click.UsageError("nothing is expected of a scenario of your own")
+    if scheduler is not None and workers is not None:
+        raise click.UsageError("--scheduler has the cluster's workers: -j chooses nothing")
+
+    from vestige.campaign.execution.executors import ONE_THREAD
+
+    os.environ.update(ONE_THREAD)  # before numpy is loaded: runs are what is parallel
+
+    from vestige.cli.campaigns.threats_report import expectations_text, threats_json, threats_text
+    from vestige.threats.matrix import case_of, cases
+    from vestige.threats.scenes import LEVELS, read_threats
+
+    threats, shown = _chosen(read_threats(), ids), levels or LEVELS
+    if expected:
+        tables = [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in shown]
+        echo(*"\n".join(tables).split("\n"))
+        return
+    chosen = tuple(case_of(path.stem, _load(path, quick)) for path in files) or cases(threats)
+    seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
+    with nullcontext() if output is None else only_writer(output):
+        with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
+            cells = list(_measured(chosen, seeds, output, executor, calls))
+        text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
+        echo(*text.split("\n"))
+        if output is not None:
+            for path in _written(output, cells):
+                echo(f"written: {path}", err=as_json)
+
+
+def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:
+    known = {threat.id: threat for threat in threats}
+    for one in ids:
+        if one not in known:
+            raise click.BadParameter(f"{one}: expected one of {', '.join(known)}", param_hint="--only")
+    return tuple(threat for threat in threats if not ids or threat.id in ids)
+
+
+def _load(path: Path, quick: bool) -> CampaignScenario:
+    from vestige.scenario.campaign import CampaignScenario
+    from vestige.scenario.load import load_scenario
+    from vestige.scenario.warnings import cautions
+
+    scenario = load_scenario(path, ('fidelity="correlators"',) if quick else ())
+    if not isinstance(scenario, CampaignScenario):
+        raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
+    for line in cautions(scenario):
+        echo(f"vestige: {path}: {line}", err=True)
+    return scenario
+
+
+def _measured(
+    chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
+) -> Iterator[Cell]:
+    """Yield the cells; runs are kept as they end."""
+    from vestige.cli.progress import progress
+    from vestige.threats.matrix import measure_threats
+
+    kept = "" if output is None else f"what was measured is stored in {output}; the same command again continues there"
+    try:
+        with progress() as report:
+            yield from measure_threats(chosen, seeds, executor, workers=calls, folder=output, progress=report)
+    except BrokenExecutor as error:
+        raise VestigeError(f"workers were lost ({error})" + (f"; {kept}" if kept else "")) from error
+    except KeyboardInterrupt as stop:
+        if kept:
+            stop.add_note(kept)
+        raise
+
+
+def _written(folder: Path, cells: list[Cell]) -> Iterator[Path]:
+    """Yield the files of the table and its figure as they are written."""
+    from vestige import plots
+    from vestige.threats.table import STORE, TABLE, threat_dataset, write_table
+
+    write_table(folder, cells)
+    yield folder / TABLE
+    yield folder / STORE
+    plots.write(plots.threat_map(threat_dataset(cells)), folder / FIGURE)
+    yield folder / FIGURE

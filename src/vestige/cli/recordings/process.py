@@ -1,0 +1,325 @@
+"""`vestige process`: authenticate a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import (
+    FiniteRange,
+    cipher_mode,
+    cipher_mode_option,
+    group_delay_convention,
+    group_delay_option,
+    time_option,
+)
+from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow, inputs
+from vestige.cli.terminal import echo
+from vestige.output import check_output
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+    from vestige.acas_processor.processor import AcasProcessor, Step
+    from vestige.recording.recorded_block import OtherChannels
+    from vestige.recording.recording import Recording
+    from vestige.recording.snapshots import RecordingSource
+    from vestige.records import Assistance
+
+_path = click.Path(path_type=Path)
+FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+CN0_ESTIMATORS = (
+    "noise-floor",
+    "narrow-to-wide",
+    "moments",
+    "signal-to-noise-variance",
+    "beaulieu",
+    "real-signal-complex-noise",
+)
+LAYOUTS = ("real", "iq", "qi")
+MAX_LABEL_S = 1e5  # an unknown time: all of the recording
+MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
+# Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
+# after the first converge where whole ones would swing.
+_CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
+
+
+@click.command()
+@click.argument("recording_path", metavar="RECORDING", type=_path)
+@click.option("--assistance", "assistance_path", type=_path, help="Assistance folder [RECORDING/assistance].")
+@click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
+@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, if not in the assistance folder.")
+@click.option(
+    "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
+)
+@click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
+@click.option("--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix.")
+@click.option("--second-channel", type=_path, help="Folder with OSNMA keys or pages of another channel, level 3.")
+@click.option("--accelerations", type=_path, help="CSV of inertial sensors, for level 3.")
+@click.option(
+    "--acceleration-bias-mps2", type=FiniteRange(0, 10), default=0.01, show_default=True, help="Their bias, 1 sigma."
+)
+@click.option(
+    "--search-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True, help="Level 3."
+)
+@click.option("--search-window", type=FiniteRange(1e-6, 1e5), help="Level 3: search E6 ± so many s, not everywhere.")
+@click.option("--search-every", type=FiniteRange(0, 1e9), default=3600.0, show_default=True, help="Level 3: seconds.")
+@click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
+@click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
+@click.option("--p-fa", type=FiniteRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
+@click.option("--taps", type=click.IntRange(3, 63), default=11, show_default=True, help="Number of correlators.")
+@click.option("--tap-spacing-m", type=FiniteRange(0.1, 100), default=15.0, show_default=True)
+@click.option("--budget", type=click.Choice(["uncorrected", "corrected"]), default="uncorrected", show_default=True)
+@click.option("--kappa", type=FiniteRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
+@click.option("--min-pd", type=FiniteRange(0, 1), default=0.9, show_default=True)
+@cipher_mode_option
+@group_delay_option
+@click.option("--hardware-bias-m", type=FiniteRange(-1e7, 1e7), help="Delay of E6 minus E1 in the receiver, in m.")
+@click.option("--cn0-estimator", type=click.Choice(CN0_ESTIMATORS), help="E1 out of samples [noise-floor].")
+@click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
+@click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
+@click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
+@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
+@click.option("-o", "--output", type=_path, help="CSV file for the verdicts; with --follow a folder to go on from.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object; with --follow one a line.")
+@click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")
+@click.option("--follow", is_flag=True, help="RECORDING is still being written: print verdicts as they become known.")
+@click.option("--observations", type=_path, help="Follow: file of E1 observations, if RECORDING does not name it.")
+@click.option("--poll-s", type=FiniteRange(0.001, 60), default=1.0, show_default=True, help="Follow: look so often.")
+@click.option("--idle-s", type=FiniteRange(0, 1e7), help="Follow: end when nothing new came for so long.")
+@click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
+@click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
+@click.option("--real-time", is_flag=True, help="Standard input cannot wait: drop samples when the buffer is full.")
+@click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
+@click.option("--format", "sample_format", type=click.Choice(FORMATS), help="Standard input: a number of a sample.")
+@click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers.")
+@click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input.")
+@click.option("--center-frequency-hz", type=FiniteRange(0), help="Standard input: frequency at 0 Hz in the samples.")
+def command(recording_path: Path, **options: Any) -> None:
+    """Authenticate RECORDING: one verdict for each satellite and RECS.
+
+    RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
+    says it must be, and was it received before anybody could know the key? With --follow it may still grow, or be `-`:
+    E6 samples on standard input.
+    """
+    check_usage(recording_path, options)
+    if options["follow"]:
+        follow(recording_path, options, _processor(options))
+    else:
+        _finished(recording_path, options)
+
+
+def _finished(recording_path: Path, options: dict[str, Any]) -> None:
+    """Authenticate a recording that is finished."""
+    from contextlib import ExitStack
+    from dataclasses import replace
+
+    from vestige.cli.progress import progress
+    from vestige.cli.recordings.verdicts import csv_writer, print_json, print_table
+    from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
+    from vestige.recording.recording import open_recording
+    from vestige.recording.snapshots import RecordingSource, time_span
+
+    recording = open_recording(recording_path, start=options["start"])
+    around_s = _label_uncertainty_s(recording, options["time_uncertainty"])
+    folder = (
+        options["assistance_path"]
+        or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
+    )
+    check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
+    if options["write_bias"]:
+        check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
+    found = read_assistance(
+        folder,
+        public_key=options["public_key"],
+        merkle_tree=options["merkle_tree"],
+        certificates=options["certificates"],
+        window=time_span(recording, uncertainty_s=around_s),
+        strict=options["strict"],
+    )
+    for line in (*recording.notes, *found.problems, *found.missing, *found.cautions):
+        echo(f"warning: {line}", err=True)
+    if options["calibrate"]:
+        echo(
+            "warning: --calibrate takes the hardware bias from this recording itself: "
+            "a delay of E6 that is common to all satellites cannot be seen",
+            err=True,
+        )
+    processor = _processor(options)
+    source = RecordingSource(
+        recording=recording,
+        assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
+        time_uncertainty_s=options["time_uncertainty"],
+        label_error_s=_label_error_s(recording, found.assistance, around_s, processor) if around_s else 0.0,
+        searchable=options["level"] != "1",
+        cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
+        channels=_channels(options),
+    )
+    if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
+        echo(f"warning: {options['navigation']}: {why}", err=True)
+    with progress() as report, ExitStack() as stack:
+        steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
+        if options["write_bias"]:
+            write_hardware_bias(options["write_bias"], bias_s)
+        if options["output"]:
+            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
+        if options["as_json"]:
+            remarks = {"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)}
+            print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
+        else:
+            print_table(steps, hardware_bias_s=bias_s)
+
+
+def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[Step]:
+    for step in steps:
+        write(step)
+        yield step
+
+
+def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
+    """Return the uncertainty of the time label where it matters, else 0: E1 samples tell time modulo 100 ms only."""
+    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
+
+    around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
+    return 0.0 if recording.observations is not None or around_s <= LABEL_TOLERANCE_S else min(around_s, MAX_LABEL_S)
+
+
+def _label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
+    """Return by how much the time label is late, from the RECS in the samples; says what it found."""
+    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.observations.label_search import search_label
+
+    found = search_label(
+        recording,
+        assistance,
+        around_s,
+        cipher_mode=processor.cipher_mode,
+        group_delay_convention=processor.group_delay_convention,
+    )
+    for decision in found.decisions:
+        if decision.spoofed:
+            times = ", ".join(str(peak.start_time) for peak in decision.peaks)
+            echo(
+                f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
+                err=True,
+            )
+    if found.error_s is None:
+        echo(
+            f"warning: no RECS was found within the time label's ±{around_s:g} s, so the label is taken to be right "
+            f"to {LABEL_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
+            err=True,
+        )
+        return 0.0
+    if abs(found.error_s) > LABEL_TOLERANCE_S:
+        echo(f"warning: the time label is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+    return found.error_s if abs(found.error_s) > LABEL_TOLERANCE_S else 0.0
+
+
+def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
+    from dataclasses import replace
+
+    from vestige.constants import SPEED_OF_LIGHT_MPS
+
+    return assistance if bias_m is None else replace(assistance, hardware_bias_e1_e6_s=bias_m / SPEED_OF_LIGHT_MPS)
+
+
+def _processor(options: dict[str, Any]) -> AcasProcessor:
+    from vestige.acas_processor.detectors import DETECTORS
+    from vestige.acas_processor.position.error_budget import ErrorBudget
+    from vestige.acas_processor.processor import AcasProcessor
+
+    if options["taps"] < 2 * options["spacing"] + 1:
+        raise click.UsageError(f"--spacing {options['spacing']} needs at least {2 * options['spacing'] + 1} taps")
+    if options["taps"] * options["tap_spacing_m"] / 2 > MAX_REACH_M:
+        raise click.UsageError(f"--taps times --tap-spacing-m reach farther than {MAX_REACH_M:g} m on each side")
+    budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
+    return AcasProcessor(
+        level=int(options["level"]),
+        detector=DETECTORS[options["detector"]](spacing=options["spacing"]),
+        p_fa=options["p_fa"],
+        n_taps=options["taps"],
+        tap_spacing_m=options["tap_spacing_m"],
+        budget=budget(),
+        kappa=options["kappa"],
+        min_pd=options["min_pd"],
+        monitoring=_monitoring(options),
+        cipher_mode=cipher_mode(options),
+        group_delay_convention=group_delay_convention(options),
+    )
+
+
+def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
+    """Return the settings of levels 2 and 3."""
+    from dataclasses import replace
+
+    from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+    from vestige.acas_processor.position.fix_measurement import FixSettings
+    from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
+    from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+
+    navigation, settings = options["navigation"], MonitoringSettings()
+    how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
+    return replace(
+        settings,
+        fix=FixSettings(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
+        exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
+        exhaustive_period_s=options["search_every"],
+        inertial=replace(settings.inertial, sigma_bias_mps2=options["acceleration_bias_mps2"]),
+    )
+
+
+def _channels(options: dict[str, Any]) -> OtherChannels:
+    """Return what comes beside samples and assistance; of a recording that grows, it comes with each epoch."""
+    from vestige.recording.observations.accelerations import read_accelerations
+    from vestige.recording.recorded_block import OtherChannels
+
+    path = options["accelerations"]
+    return OtherChannels(
+        second_channel=_second_channel(options),
+        accelerations=None if path is None else read_accelerations(path),
+    )
+
+
+def _second_channel(options: dict[str, Any]) -> Assistance | None:
+    """Return the OSNMA of the second channel, None without one; says what is wrong with them."""
+    from vestige.errors import VestigeError
+    from vestige.recording.assistance.folder import read_assistance
+
+    folder = options["second_channel"]
+    if folder is None:
+        return None
+    found = read_assistance(folder, public_key=options["public_key"], merkle_tree=options["merkle_tree"])
+    for problem in found.problems:
+        echo(f"warning: {problem}", err=True)
+    if not found.assistance.keys:
+        raise VestigeError(
+            f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "
+            "that they lead to, there or as an option"
+        )
+    return found.assistance
+
+
+def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool) -> tuple[Iterator[Step], float]:
+    """Return what follows from each snapshot, as it is asked for, and the hardware bias that it is found with."""
+    from dataclasses import replace
+
+    from vestige.acas_processor.monitoring.calibration import MIN_SATELLITES, hardware_bias_correction_s
+    from vestige.errors import VestigeError
+
+    assistance = source.assistance
+    if not calibrate:
+        return processor.steps(source, assistance=assistance), assistance.hardware_bias_e1_e6_s
+    blocks = list(source)
+    for step in _CALIBRATION_STEPS:
+        measured = [processor.measure(block, assistance) for block in blocks]
+        correction_s = hardware_bias_correction_s(measured)
+        if correction_s is None:
+            raise VestigeError(
+                f"--calibrate: fewer than {MIN_SATELLITES} satellites were detected, so no bias is known"
+            )
+        assistance = replace(assistance, hardware_bias_e1_e6_s=assistance.hardware_bias_e1_e6_s + step * correction_s)
+    return processor.steps(blocks, assistance=assistance), assistance.hardware_bias_e1_e6_s

@@ -1,0 +1,361 @@
+"""`vestige search`: look for every signal of a satellite on E1, and for the encrypted signal anywhere in E6."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import (
+    FiniteRange,
+    cipher_mode,
+    cipher_mode_option,
+    group_delay_convention,
+    group_delay_option,
+    parse_svids,
+    time_option,
+)
+from vestige.cli.terminal import echo
+from vestige.output import check_output
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from vestige.cli.recordings.search_report import Answer
+    from vestige.crypto.recs.recs_segment import CipherMode
+    from vestige.recording.recording import Recording
+    from vestige.recording.samples.sample_file import SampleReader
+    from vestige.recording.search_log import SearchLog
+    from vestige.records import Assistance, ChipSequence
+    from vestige.sample_processor.search.e1_jump import Jump
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+    from vestige.time import GalileoTime
+
+_path = click.Path(path_type=Path)
+_recording = click.argument("recording_path", metavar="RECORDING", type=_path)
+_assistance = click.option("--assistance", type=_path, help="Assistance folder [RECORDING/assistance].")
+_svids = click.option("--svids", default="1-36", show_default=True, help="Satellites, for example 2,3,7-9.")
+_start = click.option(
+    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
+)
+_p_fa = click.option(
+    "--p-fa-overall", type=FiniteRange(1e-15, 0.5), default=1e-3, show_default=True, help="Of the whole search."
+)
+_uncertainty = click.option(
+    "--uncertainty-s", type=FiniteRange(1e-6, 1e5), help="Time uncertainty ± around the expected arrival [recording]."
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+_plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
+_IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
+INTERRUPTED = 130  # exit code of the shell for SIGINT
+
+
+@click.group()
+def command() -> None:
+    """Search for vestigial signals: the true one beside a spoofer's."""
+
+
+@command.command("e1")
+@_recording
+@_svids
+@_start
+@_p_fa
+@click.option("--periods", type=click.IntRange(1, 24), default=24, show_default=True, help="Code periods added.")
+@click.option("--doppler-span-hz", type=FiniteRange(100, 20_000), default=5000.0, show_default=True, help="±.")
+@_plot
+@_json
+def e1(
+    recording_path: Path,
+    svids: str,
+    start: GalileoTime | None,
+    p_fa_overall: float,
+    periods: int,
+    doppler_span_hz: float,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """List every signal of every satellite on E1 at the start of RECORDING."""
+    from vestige.acas_processor.searches.vestigial import E1_WINDOW_S
+    from vestige.cli.progress import progress
+    from vestige.records import Band
+    from vestige.sample_processor.search.e1_search import search_e1
+
+    recording = _open(recording_path, start)
+    reader = _reader(recording, Band.E1)
+    batch = reader.read(reader.first_sample, min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples))
+    with progress() as report:
+        found = search_e1(
+            batch,
+            parse_svids(svids),
+            overall_pfa=p_fa_overall,
+            doppler_span_hz=doppler_span_hz,
+            periods=periods,
+            progress=lambda done, total: report("E1 search", done, total),
+            jumped=_say_jump,
+        )
+    if plot is not None:
+        from vestige.cli.recordings.search_figure import draw_e1
+
+        draw_e1(
+            plot, batch, parse_svids(svids), found,
+            overall_pfa=p_fa_overall, periods=periods, doppler_span_hz=doppler_span_hz,
+        )  # fmt: skip
+    if as_json:
+        fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
+        echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
+        return
+    if not found:
+        echo("no signal found")
+    for one in found:
+        rank = "" if sum(other.svid == one.svid for other in found) == 1 else "  one of several: spoofing"
+        echo(
+            f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
+            f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rank}"
+        )
+
+
+@command.command("handover")
+@_recording
+@_assistance
+@_svids
+@_start
+@_p_fa
+@_uncertainty
+@cipher_mode_option
+@group_delay_option
+@click.option(
+    "--taps", type=click.Choice(["1", "3", "5", "7", "9"]), default="5", show_default=True, help="Half chips."
+)
+@click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
+@_plot
+@_json
+def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
+    """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
+    from vestige.acas_processor.searches.handover import assisted_delay_m
+    from vestige.acas_processor.searches.vestigial import (
+        E1_WINDOW_S,
+        decide_vestigial,
+        handover_peaks,
+        line_stretches,
+        reception_proof,
+    )
+    from vestige.cli.recordings.search_figure import SearchFigure
+    from vestige.cli.recordings.search_report import Answer, places_line, print_answers
+    from vestige.records import Band
+    from vestige.sample_processor.search.e1_search import search_e1
+
+    recording = _open(recording_path, start)
+    e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
+    around_s = _around_s(recording, options["uncertainty_s"])
+    folder = _assistance_folder(recording_path, options["assistance"])
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
+    count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
+    batch = e1_reader.read(e1_reader.first_sample, count)
+    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
+    figure = SearchFigure(options["plot"], codes, "E6, handed over from E1")
+    answers = []
+    for code in codes:
+        first, last = _window(e6, code, around_s)
+        stretches = [
+            stretch
+            for signal in signals
+            if signal.svid == code.svid
+            for stretch in line_stretches(
+                e1_reader, signal, batch.start, code, first, last,
+                delay_m=assisted_delay_m(assistance, code.svid, batch.start, group_delay_convention(options)),
+                secondary=not options["every_4_ms"],
+            )
+        ]  # fmt: skip
+        peaks, budget = handover_peaks(
+            e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]), trace=figure.add
+        )
+        proof = reception_proof(assistance, code, around_s)
+        decision = decide_vestigial(code.svid, peaks, proof)
+        answers.append(Answer(decision=decision, budget=budget, proof=proof))
+        if budget.hypotheses:
+            echo(places_line(code.svid, budget), err=True)
+    figure.write([(one.decision, one.budget) for one in answers])
+    print_answers(answers, as_json=as_json)
+
+
+@command.command("exhaustive")
+@_recording
+@_assistance
+@_svids
+@_start
+@_p_fa
+@_uncertainty
+@cipher_mode_option
+@click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
+@click.option("--doppler-span-hz", type=FiniteRange(100, 50_000), default=5000.0, show_default=True, help="±.")
+@click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
+@click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
+@click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
+@click.option("-o", "--output", type=_path, help="Keep in a file what was done and found; go on if it is there.")
+@_plot
+@_json
+def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
+    """Search E6 at every half chip of the time uncertainty and every Doppler bin.
+
+    What the search costs is printed before it starts, and what it finds at once. Ctrl-C ends it; what was found until
+    then is printed.
+    """
+    from vestige.acas_processor.searches.vestigial import decide_vestigial, reception_proof
+    from vestige.cli.recordings.search_figure import SearchFigure
+    from vestige.cli.recordings.search_report import Answer, follow, print_answers, print_budget
+    from vestige.records import Band
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+    from vestige.theory.search_budget import search_budget
+
+    recording = _open(recording_path, start)
+    folder = _assistance_folder(recording_path, options["assistance"])
+    check_output(options["output"], (recording_path, *recording.description.files, folder))
+    e6 = _reader(recording, Band.E6)
+    around_s = _around_s(recording, options["uncertainty_s"])
+    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
+    search = ExhaustiveSearch(
+        integration_s=float(options["integration_ms"]) * 1e-3,
+        doppler_span_hz=options["doppler_span_hz"],
+        engine=options["engine"],
+        workers=options["workers"],
+    )
+    figure = SearchFigure(options["plot"], codes, "E6, exhaustive")
+    log = _log(e6, codes, search, {**options, "uncertainty_s": around_s})
+    answers: list[Answer] = []
+    unsearched: GalileoTime | None = None
+    for group in _together(codes):
+        first, last = _window(e6, group[0], around_s)
+        hypotheses = search.hypotheses(searchable(e6, search.integration_s, first, last)[1], len(group))
+        budget = search_budget(
+            hypotheses,
+            search.integration_s,
+            overall_pfa=options["p_fa_overall"],
+            correlated_neighbours=options["correlated_neighbours"],
+        )
+        print_budget(budget, search)
+        name = str(group[0].transmit_time)
+        before = None if log is None else log.states.get(name)
+        peaks, unsearched = follow(
+            search.run(e6, group, first, last, budget.threshold, after=before),
+            before=before,
+            each=figure.add,
+            keep=(lambda _: None) if log is None else partial(log.keep, name),
+        )
+        for code in group:
+            proof = reception_proof(assistance, code, around_s)
+            decision = decide_vestigial(code.svid, peaks, proof)
+            answers.append(Answer(decision=decision, budget=budget, proof=proof))
+        if unsearched is not None:
+            break
+    figure.write([(one.decision, one.budget) for one in answers])
+    print_answers(answers, as_json=as_json, unsearched=unsearched)
+    if unsearched is not None:
+        sys.exit(INTERRUPTED)
+
+
+def _log(
+    e6: SampleReader, codes: list[ChipSequence], search: ExhaustiveSearch, options: dict[str, Any]
+) -> SearchLog | None:
+    """Return the log that `-o` names: of these samples, codes and settings."""
+    from hashlib import sha256
+
+    from vestige.recording.search_log import SearchLog
+
+    if options["output"] is None:
+        return None
+    secret = sha256(b"".join(code.chips.tobytes() for code in codes)).hexdigest()
+    head = sha256(e6.read(e6.first_sample, min(e6.n_samples, _IDENTIFYING_SAMPLES)).samples.tobytes()).hexdigest()
+    of = {
+        "recording": f"{e6.n_samples} samples from {e6.start} at {e6.file.sample_rate_hz} Hz, {head[:16]}",
+        "RECS": " ".join(f"E{code.svid:02d} {code.transmit_time}" for code in codes) + " " + secret[:16],
+        "integration time": search.integration_s,
+        "Doppler span": search.doppler_span_hz,
+        "engine": search.engine,
+        "time uncertainty": options["uncertainty_s"],
+        "P_FA": options["p_fa_overall"],
+        "budget": "correlated neighbours" if options["correlated_neighbours"] else "independent hypotheses",
+    }
+    return SearchLog.open(options["output"], of)
+
+
+def _say_jump(jump: Jump) -> None:
+    echo(
+        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
+        "sample: samples are missing there, or one signal takes the place of another",
+        err=True,
+    )
+
+
+def _open(path: Path, start: GalileoTime | None) -> Recording:
+    from vestige.recording.recording import open_recording
+
+    recording = open_recording(path, start=start)
+    for line in recording.notes:
+        echo(f"warning: {line}", err=True)
+    return recording
+
+
+def _reader(recording: Recording, band: Any) -> SampleReader:
+    from vestige.errors import VestigeError
+
+    reader = recording.reader(band)
+    if reader is None:
+        raise VestigeError(f"the recording has no {band.value} samples")
+    return reader
+
+
+def _assistance_folder(recording: Path, given: Path | None) -> Path:
+    return given or (recording if recording.is_dir() else recording.parent) / "assistance"
+
+
+def _codes(
+    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float, mode: CipherMode
+) -> tuple[list[ChipSequence], Assistance]:
+    """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
+    from vestige.crypto.recs.recs_segment import decrypt
+    from vestige.errors import VestigeError
+    from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.snapshots import time_span
+
+    found = read_assistance(
+        folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
+    )
+    for line in (*found.problems, *found.missing, *found.cautions):
+        echo(f"warning: {line}", err=True)
+    keys = {key.time: key for key in found.assistance.keys}
+    segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
+    if not segments:
+        raise VestigeError(f"{folder}: no RECS of these satellites with a validated key")
+    return [decrypt(one, keys[one.key_time], mode=mode) for one in segments], found.assistance
+
+
+def _around_s(recording: Recording, uncertainty_s: float | None) -> float:
+    """Return the bound on the clock's error; says what follows if there is none."""
+    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
+    if math.isinf(around_s):
+        echo(
+            "warning: no bound on the time label's error (--uncertainty-s): "
+            "nothing that is found is provably from before the disclosure of its key",
+            err=True,
+        )
+    return around_s
+
+
+def _window(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
+    """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
+    from vestige.acas_processor.searches.vestigial import arrival_window
+
+    return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
+
+
+def _together(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
+    """Return the RECS of one transmission together: they are searched over the same samples."""
+    groups: dict[GalileoTime, list[ChipSequence]] = {}
+    for code in codes:
+        groups.setdefault(code.transmit_time, []).append(code)
+    return list(groups.values())

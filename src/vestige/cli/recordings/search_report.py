@@ -1,0 +1,169 @@
+"""What `vestige search` says of a search in E6: what it costs, how it goes, what it found."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.searches.vestigial import VestigialDecision
+    from vestige.crypto.osnma.disclosure import ReceptionProof
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
+    from vestige.sample_processor.search.peak import Peak
+    from vestige.theory.search_budget import SearchBudget
+    from vestige.time import GalileoTime
+
+REPORT_EVERY_S = 5.0  # a line of progress
+_NOWHERE = "no signal on E1 to hand over, or no place in the samples within the time uncertainty"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What a search says of one RECS.
+
+    Attributes
+    ----------
+    proof
+        Which of its arrivals are from before the disclosure of its key.
+    """
+
+    decision: VestigialDecision
+    budget: SearchBudget
+    proof: ReceptionProof
+
+
+def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
+    """Say before a long search what it costs."""
+    from vestige.sample_processor.search.speed import expected_seconds
+
+    lines = (
+        ("hypotheses", f"{budget.hypotheses:.4g}"),
+        ("P_FA of all, P_fa of one", f"{budget.pfa_overall:g}, {budget.pfa:.3e}"),
+        ("threshold", f"{budget.threshold:.3f} σ"),
+        (
+            "C/N0 for P_d 0.9",
+            f"{budget.required_cn0_dbhz:.2f} dBHz on the grid, {budget.grid_loss_db:.2f} dB more between",
+        ),
+        ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
+    )
+    for name, value in lines:
+        echo(f"{name:26}{value}", err=True)
+
+
+def places_line(svid: int, budget: SearchBudget) -> str:
+    """Return what a hand-over search of one RECS tested, and what it could find."""
+    return (
+        f"E{svid:02d}  {budget.hypotheses:.4g} hypotheses, P_FA {budget.pfa_overall:g}: threshold "
+        f"{budget.threshold:.2f} σ, {budget.required_cn0_dbhz:.2f} dBHz for P_d 0.9 on the grid"
+    )
+
+
+def follow(
+    states: Iterable[SearchState],
+    *,
+    before: SearchState | None,
+    each: Callable[[GalileoTime, float], None],
+    keep: Callable[[SearchState], None],
+) -> tuple[tuple[Peak, ...], GalileoTime | None]:
+    """Return the peaks of a search, and from when on it has not been searched; None if it came to its end.
+
+    What is found is said at once, and so is how fast the search is and how long it takes.
+
+    Parameters
+    ----------
+    before
+        State that an earlier run came to, None if there was none.
+    each
+        Called with the first start and the strongest magnitude of every block.
+    keep
+        Called with the state now and then, with every peak and at the end.
+    """
+    state, done = before, 0.0
+    if before is not None:
+        done = before.done
+        echo(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks", err=True)
+    begin = reported = time.monotonic()
+    try:
+        for latest in states:
+            now = time.monotonic()
+            news = [peak for peak in latest.peaks if state is None or peak not in state.peaks]
+            state = latest
+            each(state.block_start, state.block_magnitude)
+            for peak in news:
+                echo(f"found: {_peak_line(peak)}", err=True)
+            if news or now - reported > REPORT_EVERY_S:
+                rate = max(state.done - done, 1.0) / max(now - begin, 1e-9)
+                echo(
+                    f"{state.done / max(state.total, 1):6.1%}  {rate / 1e6:.0f} million hypotheses/s  "
+                    f"{(state.total - state.done) / rate:.0f} s left  {len(state.peaks)} peaks",
+                    err=True,
+                )
+                keep(state)
+                reported = now
+    except KeyboardInterrupt:
+        if state is None:
+            raise
+        keep(state)
+        return state.peaks, state.block_start
+    if state is None:
+        return (), None
+    keep(state)
+    return state.peaks, None
+
+
+def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: GalileoTime | None = None) -> None:
+    """Print what was found for each RECS; `unsearched` is from when on nothing was, if the search was interrupted."""
+    if as_json:
+        results = [
+            {
+                "svid": one.decision.svid,
+                "spoofed": one.decision.spoofed,
+                "true_start_time": None if one.decision.true is None else str(one.decision.true.start_time),
+                "hypotheses": one.budget.hypotheses,
+                "peaks": [_as_dict(peak, one.proof) for peak in one.decision.peaks],
+            }
+            for one in answers
+        ]
+        echo(json.dumps({"complete": unsearched is None, "satellites": results}))
+        return
+    for one in answers:
+        if not one.budget.hypotheses:
+            echo(f"E{one.decision.svid:02d}  not searched: {_NOWHERE}")
+        elif not one.decision.peaks:
+            echo(f"E{one.decision.svid:02d}  not found")
+        for peak in one.decision.peaks:
+            echo(f"{_peak_line(peak)}  {_role(peak, one)}")
+    if unsearched is not None:
+        echo(f"INTERRUPTED: from {unsearched} on not all was searched, there may be later signals")
+
+
+def _role(peak: Peak, answer: Answer) -> str:
+    if peak is answer.decision.true:
+        return "true: the earliest"
+    if peak is not answer.decision.peaks[0]:
+        return "later: SPOOFING"
+    return "proves nothing: its key may have been known"
+
+
+def _peak_line(peak: Peak) -> str:
+    return (
+        f"E{peak.svid:02d}  {peak.start_time}  Doppler {peak.doppler_hz:8.1f} Hz  "
+        f"{peak.magnitude:6.2f} σ (threshold {peak.threshold:.2f})  C/N0 {peak.cn0_dbhz:4.1f} dBHz"
+    )
+
+
+def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
+    return {
+        "start_time": str(peak.start_time),
+        "start_fraction_s": peak.start_time.fraction,
+        "doppler_hz": peak.doppler_hz,
+        "magnitude_sigma": peak.magnitude,
+        "threshold_sigma": peak.threshold,
+        "cn0_dbhz": peak.cn0_dbhz,
+        "before_disclosure": proof.holds(peak.start_time),
+    }

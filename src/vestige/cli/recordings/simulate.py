@@ -1,0 +1,91 @@
+"""`vestige simulate`: write the recording of a scenario, and all else that a receiver needs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import FiniteRange, parts_option
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from vestige.scenario.campaign import CampaignScenario
+    from vestige.simulated.simulated_recording import SimulatedRecording
+
+_path = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("scenario", type=_path)
+@click.option("-o", "--output", required=True, type=_path, help="Folder to write; must not exist.")
+@click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Replace a value, `receiver.cn0_dbhz=45`.")
+@click.option(
+    "--format", "component", type=click.Choice(["int8", "int16", "float32"]), default="int8", show_default=True
+)
+@click.option(
+    "--export",
+    "exports",
+    multiple=True,
+    type=click.Choice(["gnss-sdr", "pocketsdr"]),
+    help="Also write what this receiver reads.",
+)
+@click.option("--max-gb", type=FiniteRange(0, 1e6), default=10.0, show_default=True, help="Refuse to write more.")
+@parts_option
+def command(scenario: Path, **options: Any) -> None:
+    """Write E1 and E6 samples of SCENARIO as a SigMF collection, with what belongs to them.
+
+    A campaign gives a test case of its epochs: encrypted E6-C, E1 observations, RECS, group delays, OSNMA keys, truth;
+    `vestige process` authenticates it. A recording gives samples with open E6-C and an OSNMA key chain;
+    `vestige recs make` makes RECS for it.
+    """
+    from vestige.cli.progress import progress
+    from vestige.errors import InputFileError, VestigeError
+    from vestige.scenario.load import load_scenario
+    from vestige.scenario.recording import RecordingScenario
+    from vestige.scenario.toml.toml_file import overridden, read_toml
+    from vestige.scenario.toml.toml_text import toml_text
+    from vestige.simulated.exported_case import placed
+    from vestige.simulated.open_code_recording import open_code_recording
+
+    raw = overridden(read_toml(scenario), options["settings"])
+    loaded = load_scenario(scenario, options["settings"])
+    if isinstance(loaded, RecordingScenario):
+        if options["epochs"]:
+            raise click.UsageError("--epochs is for campaigns; a recording is written whole")
+        source = open_code_recording(loaded)
+    else:
+        loaded = placed(loaded)
+        raw.setdefault("line_of_sight", {})["s0_m"] = loaded.line_of_sight.s0_m
+        source = _test_case(loaded, options["epochs"])
+    if options["output"].exists():
+        raise InputFileError(options["output"], "output folder", "something there already", "a name that is not taken")
+    gigabytes = source.n_bytes(options["component"], options["exports"]) / 1e9
+    size = f"{source.duration_s:g} s of E1 and E6: {gigabytes:.3g} GB"
+    if gigabytes > options["max_gb"]:
+        raise VestigeError(f"{size}, which is more than --max-gb {options['max_gb']:g}")
+    echo(f"{size}, about {max(source.seconds_to_write(), 1.0):.0f} s of computing on this machine", err=True)
+    with progress() as report:
+        files = source.write(
+            options["output"],
+            scenario_text=toml_text(raw),
+            component=options["component"],
+            exports=options["exports"],
+            progress=report,
+        )
+    for path in files:
+        echo(str(path))
+
+
+def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:
+    """Return the recording of the epochs `A:B`, of all if there is no choice."""
+    from vestige.simulated.exported_case import AcasTestCase
+    from vestige.simulated.exported_case_folder import simulated
+
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
+    if match is None:
+        raise click.UsageError(f"--epochs A:B says which of the campaign's {scenario.epochs} epochs to write")
+    return simulated(AcasTestCase(scenario=scenario, first=int(match[1]), end=int(match[2])))

@@ -1,0 +1,272 @@
+"""How verdicts are printed and written: snapshot by snapshot, as they come, so that nothing is kept of them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vestige.cli.terminal import echo
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import VestigeError
+from vestige.output import replacement
+from vestige.records import Outcome, Status, Verdict
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.monitoring.alarm import StateChange
+    from vestige.acas_processor.processor import Step
+
+COLUMNS = (
+    "gst_week",
+    "gst_second",
+    "svid",
+    "level",
+    "status",
+    "magnitude_sigma",
+    "threshold_sigma",
+    "range_offset_m",
+    "range_limit_m",
+    "true_offset_m",
+    "cn0_e1_dbhz",
+    "doppler_e6_hz",
+    "available_at",
+    "reason",
+)
+
+
+@dataclass(slots=True)
+class Tally:
+    """How many snapshots there were, how many verdicts by status, and the satellites with RECS that E1 never showed."""
+
+    snapshots: int = 0
+    counts: Counter[str] = field(default_factory=Counter)
+    missed: set[int] = field(default_factory=set)
+    seen: set[int] = field(default_factory=set)
+
+    def add(self, step: Step) -> None:
+        """Count what follows from one snapshot."""
+        self.snapshots += 1
+        self.counts.update(verdict.status.name for verdict in step.verdicts)
+        self.missed |= step.unseen
+        self.seen |= step.state.on_e1.keys()
+
+    @property
+    def not_seen_on_e1(self) -> list[int]:
+        """Satellites with RECS that E1 never showed."""
+        return sorted(self.missed - self.seen)
+
+    @property
+    def nothing(self) -> str:
+        """Why there is no verdict at all; "" if there is one."""
+        if self.counts:
+            return ""
+        why = "no satellite of the RECS is seen on E1" if self.missed else "no RECS is of this recording's time"
+        return f"no verdict: {why}"
+
+    def __str__(self) -> str:
+        return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
+
+
+def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
+    """Return one verdict as a flat row; what was not measured is None."""
+    measured = step.block.measured
+    epoch = int(np.flatnonzero(measured.snapshots.index == verdict.index)[0])
+    here = (epoch, measured.snapshots.svids.index(verdict.svid))
+    return {
+        "gst_week": verdict.time.week,
+        "gst_second": verdict.time.second + verdict.time.fraction,
+        "svid": verdict.svid,
+        "level": verdict.level,
+        "status": verdict.status.name,
+        "magnitude_sigma": _number(float(measured.detected.magnitude_sigma[here])),
+        "threshold_sigma": measured.detected.threshold_sigma if measured.detected.tap[here] >= 0 else None,
+        "range_offset_m": _number(verdict.range_offset_m),
+        "range_limit_m": _number(verdict.checks[1].threshold),
+        "true_offset_m": _number(verdict.true_offset_m),
+        "cn0_e1_dbhz": _number(float(measured.snapshots.e1.cn0_dbhz[here])),
+        "doppler_e6_hz": _number(float(measured.doppler_e6_hz[here])),
+        "available_at": None if verdict.available_at is None else str(verdict.available_at),
+        "reason": verdict.reason,
+    }
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def entries(step: Step) -> list[dict[str, Any]]:
+    """Return the verdicts of a snapshot for a program, with their checks; numbers in full precision."""
+    return [
+        _row(verdict, step)
+        | {
+            "snapshot": verdict.index,
+            "checks": [
+                {
+                    "name": check.name,
+                    "outcome": check.outcome.name,
+                    "statistic": _number(check.statistic),
+                    "threshold": _number(check.threshold),
+                    "unit": check.unit,
+                    "reason": check.reason,
+                }
+                for check in verdict.checks
+            ],
+        }
+        for verdict in step.verdicts
+    ]
+
+
+def positions(step: Step) -> list[dict[str, Any]]:
+    """Return the authentic positions of a step for a program, if there are any."""
+    return [
+        {name: value for name, value in asdict(found).items() if name != "index"}
+        | {
+            "time": str(found.time),
+            "available_at": str(found.available_at),
+            "latency_s": found.latency_s,
+            "snapshot": found.index,
+        }
+        for found in step.positions
+    ]
+
+
+def lines(step: Step) -> list[str]:
+    """Return verdicts, position and changes of state of a snapshot as JSON: one object a line, each with its kind."""
+    objects = [{"kind": "verdict"} | entry for entry in entries(step)]
+    objects += [{"kind": "position"} | entry for entry in positions(step)]
+    objects += [_change(change) | {"snapshot": int(step.block.measured.snapshots.index[-1])} for change in step.changes]
+    return [json.dumps(one, allow_nan=False) for one in objects]
+
+
+def _change(change: StateChange) -> dict[str, Any]:
+    return {
+        "kind": "state",
+        "gst_week": change.time.week,
+        "gst_second": change.time.second + change.time.fraction,
+        "svid": change.svid,
+        "before": change.before.name,
+        "after": change.after.name,
+        "alarm": change.alarm,
+        "reason": change.reason,
+    }
+
+
+def print_snapshot(step: Step) -> None:
+    """Print the verdicts of a snapshot for a person."""
+    for verdict in step.verdicts[:1]:
+        known_at = next((one.available_at for one in step.verdicts if one.available_at), None)
+        known = f", known from {known_at}" if known_at else ""
+        echo("", f"snapshot {verdict.index}: {verdict.time}, level {verdict.level}{known}")
+        echo("  sat   E1 C/N0   E6 peak   E6-E1 range   verdict")
+    for verdict in step.verdicts:
+        row = _row(verdict, step)
+        cn0, magnitude, offset = row["cn0_e1_dbhz"], row["magnitude_sigma"], row["range_offset_m"]
+        echo(
+            f"  E{verdict.svid:02d}   "
+            f"{'   - ' if cn0 is None else f'{cn0:4.1f} dBHz'} "
+            f"{'     -   ' if magnitude is None else f'{magnitude:6.1f} σ '}"
+            f"{'         -    ' if offset is None else f'{offset:+9.1f} m   '}  "
+            f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
+        )
+        if row["true_offset_m"] is not None:
+            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+    _print_position(step)
+    _print_not_run(step.verdicts)
+
+
+def _print_position(step: Step) -> None:
+    for found in step.positions:
+        earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
+        echo(
+            f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
+            f"(1σ {found.horizontal_sigma_m:.1f} m, height {found.vertical_sigma_m:.1f} m) "
+            f"from {len(found.svids)} authentic ranges{earlier}, known after {found.latency_s:.1f} s"
+        )
+
+
+def print_changes(step: Step) -> None:
+    """Print the changes of state of a snapshot for a person."""
+    for change in step.changes:
+        what = "ALARM" if change.alarm else "state"
+        why = f": {change.reason}" if change.reason and change.after is not Status.AUTHENTIC else ""
+        echo(f"{what} {change.time} E{change.svid:02d}: {change.before.name} -> {change.after.name}{why}")
+
+
+def _print_not_run(verdicts: Iterable[Verdict]) -> None:
+    """Print which checks beyond steps 1 and 2 could not be run for any satellite of a snapshot, one line a reason."""
+    why = defaultdict(list)
+    for name, reason in dict.fromkeys(
+        (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
+    ):
+        why[reason].append(name)
+    for reason, names in why.items():
+        echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
+
+
+def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> None:
+    """Print the verdicts for a person as they come, and what they come to."""
+    tally = Tally()
+    for step in steps:
+        print_snapshot(step)
+        tally.add(step)
+    if tally.nothing:
+        echo(f"{tally.nothing}; vestige inspect says what is there")
+    echo("", f"hardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
+    print_not_seen(tally)
+    echo(f"result: {tally}")
+
+
+def print_not_seen(tally: Tally, *, err: bool = False) -> None:
+    """Print the satellites with RECS that E1 never showed, if there are any."""
+    if unseen := tally.not_seen_on_e1:
+        echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
+
+
+def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
+    """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
+    tally, separator, found = Tally(), "", []
+    head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
+    echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
+    for step in steps:
+        for entry in entries(step):
+            echo(separator + json.dumps(entry, allow_nan=False), nl=False)
+            separator = ", "
+        found += positions(step)
+        tally.add(step)
+    echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
+
+
+@contextmanager
+def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
+    """Yield a function that writes the verdicts of a snapshot to a table.
+
+    After Ctrl-C or damaged input the table has the verdicts until then, and the exception has a note that says so.
+    """
+    stop: BaseException | None = None
+    with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, COLUMNS)
+        writer.writeheader()
+        written = False
+
+        def write(step: Step) -> None:
+            nonlocal written
+            writer.writerows(_row(verdict, step) for verdict in step.verdicts)
+            written = True
+
+        try:
+            yield write
+        except (KeyboardInterrupt, VestigeError) as error:
+            if not written:
+                raise
+            stop = error
+    if stop is not None:
+        stop.add_note(f"{path} has the verdicts until then")
+        raise stop

@@ -1,0 +1,38 @@
+"""`vestige rinex`: E1 observations and navigation data of a simulated sky, for any receiver software."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vestige.cli.options import parts_option
+from vestige.cli.terminal import echo
+
+
+@click.command()
+@click.argument("results_path", metavar="RESULTS", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder to write; must not exist.")
+@parts_option
+def command(results_path: Path, output: Path) -> None:
+    """Write the E1 observations and the ephemerides of RESULTS as RINEX 3.05, and print the files.
+
+    RESULTS is the store of `vestige run` of a scenario with [constellation]. The observations are those of the signal
+    that the receiver tracked, under attack too: pseudorange, Doppler and C/N0 of all satellites at every epoch.
+    """
+    from vestige.campaign.rinex_export import COMMAND, export_rinex
+    from vestige.campaign.store.results import open_results
+    from vestige.errors import InputFileError, VestigeError
+
+    results = open_results(results_path).dataset
+    try:
+        written = export_rinex(results, output)
+    except InputFileError:
+        raise
+    except VestigeError as error:
+        raise VestigeError(f"{results_path}: {error}") from error
+    for path in written.files:
+        echo(str(path))
+    satellites = ", ".join(f"E{svid:02d}" for svid in written.svids)
+    echo(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides", err=True)
+    echo(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}", err=True)

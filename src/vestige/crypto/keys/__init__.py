@@ -1,0 +1,1 @@
+"""Public keys, their Merkle tree, and files of validated keys."""

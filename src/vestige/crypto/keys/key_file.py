@@ -1,0 +1,306 @@
+"""Files with TESLA keys.
+
+The key file of an assistance folder is a CSV that proves itself: beside the keys it has the signed DSM-KROOTs that they
+chain to, so that a reader needs nothing but the public key::
+
+    # vestige OSNMA keys 2
+    # root,<week>,<second>,<status>,<NMA header, hex>,<DSM-KROOT, hex>
+    # alert,<week>,<second>
+    gst_week,gst_second,chain_id,key_hex,disclosed_week,disclosed_second,gst
+    1251,277200,3,be7801d2d4eb75a7e686054a18c58141,1251,277222,2023-08-16T05:00:00.000 GST
+
+A key's time is the start of the subframe in which it is sent; it is disclosed when its first bit is on air. The last
+column is for people. Reading validates every key: the root key's signature, the chain, the disclosure time.
+
+Root keys and alert messages have the subframe in which they were received. A root key with the status "don't use", or
+with a revocation, is in the file like the others: a key that it withdraws is refused (`chain_register`). Whoever writes
+the file can leave it out, so the file proves that keys are genuine and not that they were never withdrawn.
+
+Files of version 1 lack time and status. They are read as long as none of their root keys withdraws anything.
+
+The XML form `<OsnmaKeys><key><osnma_key>…<epoch>…` [SASLIB] holds keys without proof; they need a root key from
+elsewhere.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from defusedxml import ElementTree
+from defusedxml.common import DefusedXmlException
+
+from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.osnma.chain_register import ChainRegister
+from vestige.crypto.osnma.messages.dsm import NMA_STATUS, NmaHeader, parse_kroot
+from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
+from vestige.crypto.osnma.messages.tesla import Key, validate
+from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.output import replacement
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+FIRST_LINE = "# vestige OSNMA keys 2"
+FIRST_LINE_1 = "# vestige OSNMA keys 1"
+COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
+MAX_FILE_BYTES = 100_000_000  # a year of keys
+
+_ROOT_PREFIX, _ALERT_PREFIX = "# root,", "# alert,"
+_ROOT_FIELDS = "week,second,status,NMA header,DSM-KROOT"
+_ROOT_FIELDS_1 = "week,NMA header,DSM-KROOT"
+_MAX_WEEK = 1 << 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyFile:
+    """What a key file holds.
+
+    Attributes
+    ----------
+    keys
+        Validated keys in time order.
+    roots
+        Verified root keys in the order in which they were received.
+    alerts
+        Subframes in which an alert message was received.
+    """
+
+    keys: tuple[ValidatedKey, ...]
+    roots: tuple[RootKey, ...]
+    alerts: tuple[GalileoTime, ...]
+
+
+def write_key_file(
+    path: Path, keys: Sequence[ValidatedKey], roots: Sequence[RootKey], alerts: Sequence[GalileoTime] = ()
+) -> None:
+    """Write keys with the signed root keys that they chain to; the file is replaced only when it is complete.
+
+    Parameters
+    ----------
+    path
+        The file.
+    keys
+        Validated keys.
+    roots
+        All verified root keys: those of their chains, and those that withdraw chains.
+    alerts
+        Subframes in which an alert message was verified.
+    """
+    lines = [FIRST_LINE]
+    for root in sorted(roots, key=lambda root: root.received_at):
+        time, header = root.received_at, root.header
+        lines.append(
+            f"{_ROOT_PREFIX}{time.week},{time.second},{NMA_STATUS[header.status]},{header.value:02x},"
+            f"{root.kroot.serialise().hex()}"
+        )
+    lines += [f"{_ALERT_PREFIX}{time.week},{time.second}" for time in sorted(alerts)]
+    lines.append(",".join(COLUMNS))
+    for key in sorted(keys, key=lambda key: key.time):
+        disclosed = key.disclosed_at
+        lines.append(
+            f"{key.time.week},{key.time.second},{key.chain_id},{key.data.hex()},"
+            f"{disclosed.week},{disclosed.second},{key.time}"
+        )
+    with replacement(path) as part:
+        part.write_text("\n".join(lines) + "\n", "ascii")
+
+
+def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[ValidatedKey, ...]:
+    """Return the keys of a key file in time order; see `load_key_file`."""
+    return load_key_file(path, public_keys).keys
+
+
+def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
+    """Return what a key file holds, each key validated down to a root key that a public key signed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    public_keys
+        Keys that the root keys may be signed with.
+
+    Raises
+    ------
+    AuthenticationError
+        If a root key's signature, a key or its chain does not verify, or a signed root key withdraws a key.
+    VestigeError
+        If a root key is signed with another public key than those given.
+    InputFileError
+        If the file is not a key file, is cut off, or contradicts itself.
+    UnsupportedError
+        If a root key uses a part of the standard that vestige does not support.
+    """
+    lines = _lines(path)
+    roots: list[tuple[int, RootKey]] = []
+    alerts: list[GalileoTime] = []
+    number = 1
+    while number < len(lines) and lines[number].startswith((_ROOT_PREFIX, _ALERT_PREFIX)):
+        if lines[number].startswith(_ROOT_PREFIX):
+            read = _read_root if lines[0] == FIRST_LINE else _read_root_1
+            roots.append((number + 1, read(path, number + 1, lines[number], public_keys)))
+        else:
+            alerts.append(_read_alert(path, number + 1, lines[number]))
+        number += 1
+    register = ChainRegister()
+    roots.sort(key=lambda root: root[1].received_at)
+    for place, root in roots:
+        try:
+            register.add(root)
+        except AuthenticationError as error:
+            raise AuthenticationError(f"{path}: line {place}: root key: {error}") from None
+    for time in alerts:
+        register.add_alert(time)
+    if number >= len(lines) or tuple(lines[number].split(",")) != COLUMNS:
+        found = lines[number] if number < len(lines) else "end of the file"
+        raise InputFileError(path, f"line {number + 1}", found, f"{_ROOT_PREFIX}… or {','.join(COLUMNS)}")
+    rows = [
+        (place, *_read_row(path, place, line))
+        for place, line in enumerate(lines[number + 1 :], start=number + 2)
+        if line.strip(",")
+    ]
+    if not rows:
+        raise InputFileError(path, f"line {number + 2}", "end of the file", "a key")
+    keys: dict[GalileoTime, ValidatedKey] = {}
+    for place, key, chain_id, disclosed_at in sorted(rows, key=lambda row: row[1].time):
+        if key.time in keys:
+            raise InputFileError(path, f"line {place}", f"a second key of {key.time}", "one key for each subframe")
+        valid = _validated(path, place, key, chain_id, register)
+        if valid.disclosed_at != disclosed_at:
+            raise InputFileError(path, f"line {place}", f"disclosed at {disclosed_at}", str(valid.disclosed_at))
+        keys[key.time] = valid
+    return KeyFile(keys=tuple(keys.values()), roots=tuple(root for _, root in roots), alerts=tuple(alerts))
+
+
+def read_raw_keys(path: Path) -> tuple[Key, ...]:
+    """Return the keys of an `<OsnmaKeys>` XML file in its order; they prove nothing until they are validated.
+
+    Raises
+    ------
+    InputFileError
+        If the file is not of this kind.
+    """
+    try:
+        document = ElementTree.fromstring(read_bytes(path, at_most=MAX_FILE_BYTES))
+    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        raise InputFileError(path, "document", str(error), "well-formed XML without entities") from None
+    if document.tag != "OsnmaKeys":
+        raise InputFileError(path, "root element", document.tag, "OsnmaKeys")
+    keys = []
+    for number, element in enumerate(document.findall("key"), start=1):
+        data = (element.findtext("osnma_key") or "").strip()
+        epoch = (element.findtext("epoch") or "").strip()
+        if not re.fullmatch(r"([0-9A-Fa-f]{2}){12,32}", data):
+            raise InputFileError(path, f"key {number}, osnma_key", data, "hexadecimal digits of 96 to 256 bits")
+        if not re.fullmatch(r"[0-9]{1,11}", epoch) or int(epoch) % SUBFRAME_S:
+            raise InputFileError(path, f"key {number}, epoch", epoch, "GST seconds of the start of a subframe")
+        keys.append(Key(time=GalileoTime.from_gst_seconds(int(epoch)), data=bytes.fromhex(data)))
+    return tuple(keys)
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        text = read_bytes(path, at_most=MAX_FILE_BYTES).decode("ascii")
+    except UnicodeDecodeError as error:
+        raise InputFileError(path, f"byte {error.start}", "not ASCII", "a key file") from None
+    # Spreadsheets fill short lines up with commas.
+    lines = [line.rstrip("\r").rstrip(",") for line in text.split("\n")]
+    if lines[0] not in (FIRST_LINE, FIRST_LINE_1):
+        raise InputFileError(path, "line 1", lines[0], FIRST_LINE)
+    if lines[-1]:
+        raise InputFileError(path, f"line {len(lines)}", "no line end, so the file was cut off", "a whole line")
+    return lines[:-1]
+
+
+def _read_root(path: Path, number: int, line: str, public_keys: Sequence[PublicKey]) -> RootKey:
+    fields = line[len(_ROOT_PREFIX) :].split(",")
+    if len(fields) != len(_ROOT_FIELDS.split(",")):
+        raise InputFileError(path, f"line {number}", line, _ROOT_PREFIX + _ROOT_FIELDS)
+    week, second, status, header, kroot = fields
+    root = _verified(path, number, (header, kroot), public_keys, _time(path, number, week, second))
+    expected = NMA_STATUS[root.header.status]
+    if status != expected:
+        raise InputFileError(path, f"line {number}, status", status, f"{expected}, as the signed NMA header says")
+    return root
+
+
+def _read_root_1(path: Path, number: int, line: str, public_keys: Sequence[PublicKey]) -> RootKey:
+    fields = line[len(_ROOT_PREFIX) :].split(",")
+    if len(fields) != len(_ROOT_FIELDS_1.split(",")):
+        raise InputFileError(path, f"line {number}", line, _ROOT_PREFIX + _ROOT_FIELDS_1)
+    week, header, kroot = fields
+    near = _time(path, number, week, "0")
+    root = _verified(path, number, (header, kroot), public_keys, near)
+    if root.time.week != near.week:
+        raise InputFileError(path, f"line {number}, week", near.week, root.time.week)
+    if root.header.withdraws:
+        raise InputFileError(
+            path, f"line {number}", f"a root key of status {root.header}, and not when it was received",
+            f"{FIRST_LINE!r}; write the file again with `vestige osnma verify`",
+        )  # fmt: skip
+    return root
+
+
+def _verified(
+    path: Path, number: int, fields: tuple[str, str], public_keys: Sequence[PublicKey], near: GalileoTime
+) -> RootKey:
+    header, kroot = fields
+    if not re.fullmatch(r"[0-9a-fA-F]{2}", header) or not re.fullmatch(r"(?:[0-9a-fA-F]{2})+", kroot):
+        raise InputFileError(path, f"line {number}", f"{header},{kroot}", "NMA header and DSM-KROOT in hexadecimal")
+    try:
+        return verify_root_key(parse_kroot(bytes.fromhex(kroot)), NmaHeader(int(header, 16)), public_keys, near)
+    except VestigeError as error:
+        raise type(error)(f"{path}: line {number}: root key: {error}") from None
+
+
+def _read_alert(path: Path, number: int, line: str) -> GalileoTime:
+    fields = line[len(_ALERT_PREFIX) :].split(",")
+    if len(fields) != 2:
+        raise InputFileError(path, f"line {number}", line, f"{_ALERT_PREFIX}week,second")
+    return _time(path, number, *fields)
+
+
+def _time(path: Path, number: int, week: str, second: str, name: str = "") -> GalileoTime:
+    return GalileoTime(
+        _number(path, number, f"{name}week", week, _MAX_WEEK),
+        _number(path, number, f"{name}second", second, SECONDS_PER_WEEK),
+    )
+
+
+def _read_row(path: Path, number: int, line: str) -> tuple[Key, int, GalileoTime]:
+    """Return key, chain and disclosure time of a line."""
+    fields = line.split(",")
+    if len(fields) != len(COLUMNS):
+        raise InputFileError(path, f"line {number}", f"{len(fields)} fields", f"{len(COLUMNS)}: {','.join(COLUMNS)}")
+    week, second, chain, data, disclosed_week, disclosed_second, _ = fields
+    if not re.fullmatch(r"(?:[0-9A-Fa-f]{2})+", data):
+        raise InputFileError(path, f"line {number}, key_hex", data, "hexadecimal digits")
+    time = _time(path, number, week, second, "gst_")
+    disclosed_at = _time(path, number, disclosed_week, disclosed_second, "disclosed_")
+    return Key(time=time, data=bytes.fromhex(data)), _number(path, number, "chain_id", chain, 4), disclosed_at
+
+
+def _validated(path: Path, number: int, key: Key, chain_id: int, register: ChainRegister) -> ValidatedKey:
+    reason = f"key of {key.time}: the file has no root key of its chain"
+    for chain in register.chains:
+        if chain.chain_id == chain_id:
+            try:
+                valid = validate(key, chain)
+            except AuthenticationError as error:
+                reason = str(error)
+                continue
+            refusal = register.refusal(chain, key.time)
+            if not refusal:
+                return valid
+            reason = f"key of {key.time}: {refusal}; leave out the keys from then on"
+    raise AuthenticationError(f"{path}: line {number}: {reason}")
+
+
+def _number(path: Path, line: int, name: str, text: str, below: int) -> int:
+    if not re.fullmatch(r"[0-9]{1,9}", text) or int(text) >= below:
+        raise InputFileError(path, f"line {line}, {name}", text, f"a number below {below}")
+    return int(text)

@@ -1,0 +1,174 @@
+"""The Merkle tree of OSNMA: 16 leaves, one for each public key, and one root that every receiver trusts.
+
+A leaf is SHA-256 of `type 4 | PKID 4 | point`; a parent is SHA-256 of its two children. With the leaf and the siblings
+on the way up anybody can compute the root, and only the true key at its true place gives the true root [OSNMA-ICD,
+6.2]. The root itself comes from the user: it is what OSNMA's trust starts from.
+
+A new public key is also broadcast, as a DSM-PKR with the four siblings that belong to it: `NB 4 | leaf 4 | siblings 4 x
+256 | type 4 | PKID 4 | point | padding`, the point of 264 bits (P-256) or 536 (P-521).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, Trust, load_point
+from vestige.crypto.keys.signature_scheme import scheme_of_point, scheme_of_type
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, PKR_BLOCKS
+from vestige.errors import AuthenticationError, UnsupportedError
+
+HEIGHT = 4  # [OSNMA-ICD, 6.2]
+LEAVES = 1 << HEIGHT
+NODE_BYTES = 32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MerkleTree:
+    """A Merkle tree as far as it is published.
+
+    Attributes
+    ----------
+    nodes
+        Hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root.
+    public_keys
+        The keys that the publication holds, still to be verified.
+    """
+
+    nodes: Mapping[tuple[int, int], bytes]
+    public_keys: tuple[ClaimedPublicKey, ...] = ()
+
+    @property
+    def root(self) -> bytes:
+        """The root x_4,0."""
+        return self.nodes[HEIGHT, 0]
+
+
+def leaf_hash(pkid: int, point: bytes) -> bytes:
+    """Return the leaf of a public key, 32 bytes.
+
+    Raises
+    ------
+    AuthenticationError
+        If `point` has the length of no compressed point.
+    """
+    return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
+
+
+def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
+    """Return the root that follows from a leaf and the siblings on its way up, 32 bytes.
+
+    Parameters
+    ----------
+    leaf
+        Place of the leaf, 0 … 15.
+    value
+        The leaf's hash.
+    siblings
+        The four siblings, the leaf's own first.
+    """
+    for height, sibling in enumerate(siblings):
+        pair = sibling + value if leaf >> height & 1 else value + sibling
+        value = hashlib.sha256(pair).digest()
+    return value
+
+
+def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
+    """Return the key for use, because the tree's root follows from it.
+
+    A claim that does not know its number or its leaf takes them from the tree's own entry with that point or number.
+
+    Raises
+    ------
+    AuthenticationError
+        If the tree does not know the key, or another root follows.
+    """
+    pkid, leaf = _placed(claim, tree)
+    siblings = []
+    for height in range(HEIGHT):
+        place = (height, leaf >> height ^ 1)
+        if place not in tree.nodes:
+            raise AuthenticationError(
+                f"Merkle tree: node x_{height},{place[1]} is missing, so public key PKID {pkid} cannot be verified"
+            )
+        siblings.append(tree.nodes[place])
+    return _verified(pkid, leaf, claim.point, siblings, tree.root)
+
+
+def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
+    """Return all public keys that a published tree holds, each verified against its root.
+
+    Raises
+    ------
+    AuthenticationError
+        If one of them, or one of the published nodes above them, does not lead to the root.
+    """
+    return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
+
+
+def _placed(claim: ClaimedPublicKey, tree: MerkleTree) -> tuple[int, int]:
+    """Return the number and the leaf of a claimed key, completed from the tree's own entries."""
+    pkid, leaf = claim.pkid, claim.leaf
+    for entry in tree.public_keys:
+        same = entry.point == claim.point if pkid is None else entry.pkid == pkid
+        if same:
+            pkid = entry.pkid if pkid is None else pkid
+            leaf = entry.leaf if leaf is None else leaf
+    if pkid is None or leaf is None:
+        raise AuthenticationError(f"Merkle tree: holds no public key {claim.point.hex()[:16]}…, PKID {claim.pkid}")
+    return pkid, leaf
+
+
+def _verified(pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], root: bytes) -> PublicKey:
+    found = path_root(leaf, leaf_hash(pkid, point), siblings)
+    if found != root:
+        raise AuthenticationError(
+            f"Merkle tree: public key PKID {pkid} at leaf {leaf} gives the root {found.hex()[:16]}…, "
+            f"not the trusted {root.hex()[:16]}…"
+        )
+    load_point(point)
+    return PublicKey(pkid=pkid, point=point, trust=Trust.MERKLE_TREE)
+
+
+def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
+    """Return the public key of a DSM-PKR, verified against the tree's root.
+
+    Parameters
+    ----------
+    message
+        All blocks of the DSM-PKR.
+    tree
+        Only its root is used.
+
+    Raises
+    ------
+    AuthenticationError
+        If the message is malformed or leads to another root.
+    UnsupportedError
+        If it holds no key (an alert message, a reserved value).
+    """
+    blocks = pkr_blocks(message[0]) if message else 0
+    if not blocks or len(message) != blocks * BLOCK_BYTES:
+        raise AuthenticationError(f"DSM-PKR: {len(message)} bytes, but NB says {blocks} blocks of {BLOCK_BYTES}")
+    siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
+    at = 1 + NODE_BYTES * HEIGHT
+    scheme = scheme_of_type(message[at] >> 4)
+    end = at + 1 + scheme.point_bytes
+    if len(message) < end:
+        raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a key of {scheme.name}")
+    return _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root)
+
+
+def pkr_blocks(first_byte: int) -> int:
+    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
+
+    Raises
+    ------
+    UnsupportedError
+        If the code is reserved.
+    """
+    code = first_byte >> 4
+    if code not in PKR_BLOCKS:
+        raise UnsupportedError(f"DSM-PKR: NB (number of blocks) is {code}; supported are {sorted(PKR_BLOCKS)}")
+    return PKR_BLOCKS[code]

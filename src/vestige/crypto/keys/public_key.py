@@ -1,0 +1,121 @@
+"""The public keys that OSNMA's root keys are signed with, and why one of them may be trusted.
+
+A key that was read is a `ClaimedPublicKey`: it has a number and a point, and no use. It becomes a `PublicKey` in one of
+two ways: `merkle_tree.verify_public_key` shows that it is a leaf of the Merkle tree whose root the user trusts, or the
+user has nothing but the key and says with `trusted_by_user` that he vouches for it himself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
+
+from vestige.crypto.keys.signature_scheme import scheme_of_curve, scheme_of_point
+from vestige.errors import AuthenticationError
+
+
+class Trust(Enum):
+    """What the trust in a public key rests on."""
+
+    MERKLE_TREE = "verified against the Merkle tree root"
+    USER = "trusted because it was given; not checked against a Merkle tree"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClaimedPublicKey:
+    """A public key as a file or the signal claims it.
+
+    Attributes
+    ----------
+    pkid
+        Number of the key, PKID 0 … 15; None if the source does not say (PEM).
+    leaf
+        Its place among the 16 leaves of the Merkle tree; None if the source does not say.
+    point
+        Compressed point on P-256, 33 bytes, or on P-521, 67 bytes.
+    """
+
+    pkid: int | None
+    leaf: int | None
+    point: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublicKey:
+    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`.
+
+    Attributes
+    ----------
+    pkid
+        Number of the key; None (only from PEM, trusted by the user) stands for any.
+    trust
+        What the trust rests on.
+    """
+
+    pkid: int | None
+    point: bytes
+    trust: Trust
+
+    def verify(self, message: bytes, signature: bytes) -> None:
+        """Check a signature, given as r and s, in the scheme of this key.
+
+        Raises
+        ------
+        AuthenticationError
+            If `signature` is not that of `message` under this key.
+        """
+        scheme = scheme_of_point(self.point)
+        if len(signature) != scheme.signature_bytes:
+            raise AuthenticationError(
+                f"the signature has {len(signature)} bytes; {self} signs with {scheme.signature_bytes}, {scheme.name}"
+            )
+        half = scheme.coordinate_bytes
+        r, s = int.from_bytes(signature[:half], "big"), int.from_bytes(signature[half:], "big")
+        try:
+            load_point(self.point).verify(encode_dss_signature(r, s), message, ec.ECDSA(scheme.hash))
+        except InvalidSignature:
+            raise AuthenticationError(f"the signature does not verify with {self}") from None
+
+    def __str__(self) -> str:
+        number = "public key" if self.pkid is None else f"public key PKID {self.pkid}"
+        return f"{number} ({self.point.hex()[:16]}…, {self.trust.value})"
+
+
+def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
+    """Return the key of a compressed point; its length says on which curve it is.
+
+    Raises
+    ------
+    AuthenticationError
+        If the bytes are no point on P-256 or P-521.
+    """
+    scheme = scheme_of_point(point)
+    try:
+        return ec.EllipticCurvePublicKey.from_encoded_point(scheme.curve, point)
+    except ValueError:
+        raise AuthenticationError(f"{point.hex()} is not a point on the curve {scheme.curve_name}") from None
+
+
+def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
+    """Return the point of a P-256 or P-521 key, 33 or 67 bytes."""
+    scheme = scheme_of_curve(key.curve)
+    if scheme is None:
+        raise ValueError(f"{key.curve.name} is no curve of OSNMA")
+    x, y = key.public_numbers().x, key.public_numbers().y
+    return bytes([2 + (y & 1)]) + x.to_bytes(scheme.coordinate_bytes, "big")
+
+
+def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
+    """Return the key for use on the user's own word, without a Merkle tree.
+
+    Raises
+    ------
+    AuthenticationError
+        If it is no point on the curve.
+    """
+    load_point(claim.point)
+    return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)

@@ -1,0 +1,1 @@
+"""OSNMA: from pages to validated keys and verified tags."""

@@ -1,0 +1,188 @@
+"""Which TESLA chains may be used: the signed status of OSNMA, and nothing else, decides.
+
+The NMA header of a subframe says whether OSNMA may be used, but anybody can forge it. The same header is signed
+together with each DSM-KROOT. So the status follows from verified root keys, in the order in which they were received:
+
+* A root key with the status "don't use" withdraws all chains.
+* One that says "chain revoked" or "public key revoked" withdraws all chains but the one that it names as in force. The
+  second one also revokes the public keys that came before the one that signed it.
+* A chain comes back only with a root key of its own that says "test" or "operational" and cannot be older than the
+  withdrawal. A root key of a later time cannot: it is itself a key of the chain, which nobody may know before its time.
+  Nor can one of the chain that the withdrawal announced as the next one, because that chain was not in force before.
+* An alert message is final: everything that could end it is no longer trusted [OSNMA-RG, 4.2.3].
+* A key of a chain without any accepted root key is refused from the first withdrawal on: a revoked key signed its root.
+
+Nobody signs when a root key was received, so an attacker may choose that time. Therefore a withdrawal counts from the
+earliest of its times on. A root key that ends it must be later than the latest of its times, later than the withdrawing
+root key itself, and later than the root keys of the chain that were known before: the last two times are signed.
+
+A genuine withdrawal that an attacker records and sends again is a new one here. It costs the keys until the root key of
+the next hour; that it cannot be told from a true one is the price of never missing one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.osnma.messages.dsm import ALERT, KEY_REVOKED, DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.crypto.osnma.messages.tesla import Chain, Key
+from vestige.errors import AuthenticationError
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+
+class RevokedKeyError(AuthenticationError):
+    """A root key is signed with a public key that was revoked."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Withdrawal:
+    """From `since` on no chain may be used but `in_force`, and those that came back, each from its time on.
+
+    A chain comes back with a root key of after `until`, and of after the one of the chain in `known`.
+    """
+
+    since: GalileoTime  # the earliest time of reception, which nobody signs
+    until: GalileoTime  # the latest one, or the signed time of the withdrawal itself if that is later
+    header: NmaHeader | None = None  # None of an alert message
+    in_force: Chain | None = None
+    successor: Chain | None = None  # announced by the withdrawal itself
+    final: bool = False
+    known: dict[Chain, GalileoTime] = field(default_factory=dict)  # the latest root key of each chain at that time
+    lifted: dict[Chain, GalileoTime] = field(default_factory=dict)
+
+    @property
+    def reason(self) -> str:
+        if self.header is None:
+            return f"alert message of {self.since}: ask the operator (GSC)"
+        return f"withdrawn by the signed root key of {self.since}: {self.header}"
+
+    def received(self, time: GalileoTime) -> bool:
+        """Take in that it was received at `time`, too; return whether that changes from when on it counts."""
+        earlier = time < self.since
+        self.since, self.until = min(self.since, time), max(self.until, time)
+        return earlier
+
+
+class ChainRegister:
+    """The chains that hang on verified root keys, and what the root keys say of them.
+
+    Attributes
+    ----------
+    chains
+        In the order in which their first root keys came.
+    n_changes
+        How often more keys were refused: a withdrawal was new, or an earlier time of it.
+    """
+
+    def __init__(self) -> None:
+        self.chains: list[Chain] = []
+        self.n_changes = 0
+        self._withdrawals: list[_Withdrawal] = []
+        self._withdrawal_of: dict[tuple[NmaHeader, DsmKroot], _Withdrawal] = {}
+        self._revoked_by: list[PublicKey] = []
+        self._newest: dict[Chain, GalileoTime] = {}
+
+    def add(self, root: RootKey) -> bool:
+        """Take a verified root key; return whether its chain was known.
+
+        Root keys come in the order in which they were received. The same one may come again with another time.
+
+        Raises
+        ------
+        RevokedKeyError
+            If the public key that signed it was revoked by an earlier root key.
+        """
+        for revoker in self._revoked_by:
+            if _comes_before(root.public_key, revoker):
+                raise RevokedKeyError(f"signed with {root.public_key}, which {revoker} revoked")
+        chain = next((chain for chain in self.chains if chain.holds(root)), None)
+        known = chain is not None
+        if chain is None:
+            chain = Chain(root)
+            self.chains.append(chain)
+        self._newest[chain] = max(self._newest.get(chain, root.time), root.time)
+        self._lift(root, chain)
+        self._withdraw(root, chain)
+        return known
+
+    def add_alert(self, time: GalileoTime) -> None:
+        """Withdraw all chains for good, because an alert message was received in the subframe of `time`."""
+        alert = next((withdrawal for withdrawal in self._withdrawals if withdrawal.header is None), None)
+        if alert is None:
+            self._withdrawals.append(_Withdrawal(since=time, until=time, final=True))
+            self.n_changes += 1
+        else:
+            self.n_changes += alert.received(time)
+
+    def refusal(self, chain: Chain, time: GalileoTime) -> str:
+        """Return why a chain's key of a subframe may not be used; "" if it may."""
+        for withdrawal in self._withdrawals:
+            lifted = withdrawal.lifted.get(chain)
+            if time >= withdrawal.since and chain is not withdrawal.in_force and (lifted is None or time < lifted):
+                return withdrawal.reason
+        return ""
+
+    def refusal_of(self, key: ValidatedKey) -> str:
+        """Return why a key that was validated before may not be used; "" if it may.
+
+        Parameters
+        ----------
+        key
+            A key, perhaps of another program run; it counts for the first chain that holds it. If none does, its root
+            key was refused, and so is the key from the first withdrawal on.
+        """
+        if not self._withdrawals:
+            return ""
+        for chain in self.chains:
+            if chain.chain_id == key.chain_id and chain.accepts(Key(time=key.time, data=key.data)):
+                return self.refusal(chain, key.time)
+        reasons = (withdrawal.reason for withdrawal in reversed(self._withdrawals) if key.time >= withdrawal.since)
+        return next(reasons, "")
+
+    def _withdraw(self, root: RootKey, chain: Chain) -> None:
+        header = root.header
+        if header.key_status == KEY_REVOKED and root.public_key not in self._revoked_by:
+            self._revoked_by.append(root.public_key)
+        if not header.withdraws:
+            return
+        identity = header, root.kroot
+        if (same := self._withdrawal_of.get(identity)) is not None:
+            self.n_changes += same.received(root.received_at)
+            return
+        own = root.chain_id == header.chain_id
+        in_force = chain if header.usable and own else None
+        latest = self._withdrawals[-1] if self._withdrawals else None
+        if in_force is not None and latest is not None and latest.in_force is in_force and not latest.lifted:
+            self._withdrawal_of[identity] = latest  # said again every hour, while it lasts
+            self.n_changes += latest.received(root.received_at)
+            return
+        withdrawal = _Withdrawal(
+            since=root.received_at,
+            until=max(root.received_at, root.time),
+            header=header,
+            in_force=in_force,
+            successor=None if own or header.usable else chain,
+            final=header.key_status == ALERT,
+            known=dict(self._newest),
+        )
+        self._withdrawals.append(withdrawal)
+        self._withdrawal_of[identity] = withdrawal
+        self.n_changes += 1
+
+    def _lift(self, root: RootKey, chain: Chain) -> None:
+        if not root.header.usable or root.chain_id != root.header.chain_id:
+            return
+        since = max(root.received_at, root.time)  # it cannot have been received before
+        for withdrawal in self._withdrawals:
+            newer = root.time > max(withdrawal.until, withdrawal.known.get(chain, withdrawal.until))
+            if (newer or withdrawal.successor is chain) and not withdrawal.final:
+                withdrawal.lifted[chain] = min(withdrawal.lifted.get(chain, since), since)
+
+
+def _comes_before(key: PublicKey, revoker: PublicKey) -> bool:
+    if key == revoker:
+        return False
+    return key.pkid is None or revoker.pkid is None or key.pkid < revoker.pkid

@@ -1,0 +1,123 @@
+"""Puts digital signature messages together from the blocks that the satellites send.
+
+Blocks are collected twice: from all satellites together, which is fast, and from each satellite on its own, so that one
+satellite with false blocks cannot keep the message of the others from being completed. Whatever gets complete is only a
+claim; the signature decides.
+
+A message is handed on again when it comes with an earlier time than before. Nobody signs that time, so the first one
+may be false, and a withdrawal has to count from the earliest on. The verifier keeps what it verified, so this costs no
+signature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from vestige.crypto.keys.merkle_tree import pkr_blocks
+from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
+from vestige.errors import UnsupportedError
+from vestige.time import GalileoTime
+
+MAX_AGE_S = 1800  # ours: a DSM is repeated every few minutes, and its id comes back only after hours
+
+_ALL = 0  # stands for the collection of all satellites together
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsmMessage:
+    """A complete DSM as received.
+
+    Attributes
+    ----------
+    header
+        The NMA header that came with every block.
+    dsm_id
+        0 … 11 DSM-KROOT, 12 … 15 DSM-PKR.
+    data
+        All blocks.
+    """
+
+    header: NmaHeader
+    dsm_id: int
+    data: bytes
+
+    @property
+    def is_root_key(self) -> bool:
+        """Whether it is a DSM-KROOT."""
+        return self.dsm_id < FIRST_PKR_ID
+
+
+@dataclass(slots=True)
+class _Collection:
+    blocks: dict[int, bytes] = field(default_factory=dict)
+    last_s: int = 0
+
+    def add(self, number: int, block: bytes, time_s: int) -> None:
+        # Another content under the same number: a new message took the place of the old one.
+        if time_s - self.last_s > MAX_AGE_S or self.blocks.get(number, block) != block:
+            self.blocks.clear()
+        self.blocks[number] = block
+        self.last_s = time_s
+
+    def message(self, dsm_id: int) -> bytes | None:
+        if 0 not in self.blocks:
+            return None
+        first_byte = self.blocks[0][0]
+        n_blocks = kroot_blocks(first_byte) if dsm_id < FIRST_PKR_ID else pkr_blocks(first_byte)
+        if any(number not in self.blocks for number in range(n_blocks)):
+            return None
+        return b"".join(self.blocks[number] for number in range(n_blocks))
+
+
+class DsmCollector:
+    """Collects blocks; every different message is handed out once, and again with each earlier time."""
+
+    def __init__(self) -> None:
+        self._collections: dict[tuple[int, int, int], _Collection] = {}
+        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # by the earliest time
+        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages whose last page is zero, by when they came first
+
+    def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
+        """Return the messages that this subframe of one satellite completes.
+
+        Raises
+        ------
+        UnsupportedError
+            If the message has a reserved length.
+        """
+        hkroot = subframe.hkroot
+        if hkroot is None and subframe.hkroot_if_sent is not None:
+            # A zero at the end that was sent comes again with the same block; one that was not sent does not.
+            first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
+            hkroot = subframe.hkroot_if_sent if first != subframe.time else None
+        return [] if hkroot is None else self._add(subframe, hkroot)
+
+    def _add(self, subframe: SatelliteSubframe, hkroot: bytes) -> list[DsmMessage]:
+        header, dsm_id, number, block = hkroot[0], hkroot[1] >> 4, hkroot[1] & 15, hkroot[2:]
+        messages, unsupported = [], None
+        for source in (_ALL, subframe.svid):
+            collection = self._collections.setdefault((source, header, dsm_id), _Collection())
+            collection.add(number, block, subframe.time.gst_seconds)
+            try:
+                data = collection.message(dsm_id)
+            except UnsupportedError as error:
+                unsupported = error
+                continue
+            if data is not None:
+                message = DsmMessage(header=NmaHeader(header), dsm_id=dsm_id, data=data)
+                if message not in self._handed_out or subframe.time < self._handed_out[message]:
+                    self._handed_out[message] = subframe.time
+                    messages.append(message)
+        if unsupported is not None and not messages:
+            raise unsupported
+        return messages
+
+    def progress(self) -> str:
+        """Return how much of each DSM-KROOT was received, for a person: `DSM 7: 5 blocks`."""
+        parts = {
+            dsm_id: len(collection.blocks)
+            for (source, _, dsm_id), collection in sorted(self._collections.items())
+            if source == _ALL and dsm_id < FIRST_PKR_ID
+        }
+        return ", ".join(f"DSM {dsm_id}: {n} blocks" for dsm_id, n in parts.items()) or "no block"

@@ -1,0 +1,1 @@
+"""The messages of OSNMA, field by field."""

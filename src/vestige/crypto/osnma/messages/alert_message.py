@@ -1,0 +1,48 @@
+"""The alert message of OSNMA: a DSM-PKR that carries a notice in place of a public key.
+
+The notice is a leaf of the Merkle tree like the public keys: SHA-256 of `type 4 | PKID 4 | notice`, where the type is
+4 and the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. It leads to the root of the tree only if the
+operator foresaw it, so a verified one means: stop, and ask the operator [OSNMA-RG, 4.2.3].
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root, pkr_blocks
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES
+from vestige.errors import AuthenticationError
+
+ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]
+
+_LEAF_AT = 1 + NODE_BYTES * HEIGHT
+
+
+def is_alert(message: bytes) -> bool:
+    """Return whether a complete DSM-PKR says that it is an alert message."""
+    return len(message) > _LEAF_AT and message[_LEAF_AT] >> 4 == ALERT_TYPE
+
+
+def verify_alert(message: bytes, tree: MerkleTree) -> None:
+    """Check that an alert message leads to the root of the tree.
+
+    Parameters
+    ----------
+    message
+        All blocks of the DSM-PKR.
+    tree
+        Only its root is used.
+
+    Raises
+    ------
+    AuthenticationError
+        If the message is malformed or leads to another root.
+    """
+    if not is_alert(message) or len(message) != pkr_blocks(message[0]) * BLOCK_BYTES:
+        raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")
+    siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
+    found = path_root(message[0] & 15, hashlib.sha256(message[_LEAF_AT:]).digest(), siblings)
+    if found != tree.root:
+        raise AuthenticationError(
+            f"alert message: gives the root {found.hex()[:16]}…, not the trusted {tree.root.hex()[:16]}…"
+        )

@@ -1,0 +1,143 @@
+"""What a TESLA chain is made of: hash and MAC functions, key and tag sizes. All of it is told by the signed DSM-KROOT.
+
+The codes are tables, as in [OSNMA-ICD, DSM-KROOT]. A code that is not in its table is reserved: `UnsupportedError`
+names it. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from cryptography.hazmat.primitives.ciphers import algorithms
+from cryptography.hazmat.primitives.cmac import CMAC
+
+from vestige.crypto.osnma.messages.subframe import MACK_BITS, MACK_TOTAL_BITS
+from vestige.errors import UnsupportedError
+
+ALPHA_BYTES = 6  # random pattern of the chain [OSNMA-ICD, DSM-KROOT]
+TAG_INFO_BITS = 16  # PRN_D 8, ADKD 4, COP 4; in the first tag's place MACSEQ 12, COP 4 [OSNMA-ICD, MACK]
+
+
+def _hmac_sha256(key: bytes, message: bytes) -> bytes:
+    return hmac.digest(key, message, "sha256")
+
+
+def _cmac_aes(key: bytes, message: bytes) -> bytes:
+    mac = CMAC(algorithms.AES(key))
+    mac.update(message)
+    return mac.finalize()
+
+
+HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {  # HF [OSNMA-ICD, DSM-KROOT]
+    0: ("SHA-256", hashlib.sha256),
+    2: ("SHA3-256", hashlib.sha3_256),
+}
+MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {  # MF [OSNMA-ICD, DSM-KROOT]
+    0: ("HMAC-SHA-256", _hmac_sha256),
+    1: ("CMAC-AES", _cmac_aes),
+}
+KEY_BITS: Mapping[int, int] = {  # KS [OSNMA-ICD, DSM-KROOT]
+    0: 96, 1: 104, 2: 112, 3: 120, 4: 128, 5: 160, 6: 192, 7: 224, 8: 256,
+}  # fmt: skip
+TAG_BITS: Mapping[int, int] = {5: 20, 6: 24, 7: 28, 8: 32, 9: 40}  # TS [OSNMA-ICD, DSM-KROOT]
+_AES_KEY_BITS = (128, 192, 256)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainParameters:
+    """Parameters of a TESLA chain, as codes of the DSM-KROOT.
+
+    Attributes
+    ----------
+    hash_function, mac_function, key_size, tag_size
+        HF, MF, KS and TS [OSNMA-ICD, DSM-KROOT].
+    mac_lookup
+        MACLT: which tag slot authenticates what (see `mac_lookup`).
+    alpha
+        Random pattern of the chain, 6 bytes.
+
+    Raises
+    ------
+    UnsupportedError
+        If a code is reserved.
+    """
+
+    hash_function: int = 0
+    mac_function: int = 0
+    key_size: int = 4
+    tag_size: int = 9
+    mac_lookup: int = 34
+    alpha: bytes
+
+    def __post_init__(self) -> None:
+        if len(self.alpha) != ALPHA_BYTES:
+            raise ValueError(f"alpha has {len(self.alpha)} bytes, not {ALPHA_BYTES}")
+        for name, code, table in (
+            ("HF (hash function)", self.hash_function, HASH_FUNCTIONS),
+            ("MF (MAC function)", self.mac_function, MAC_FUNCTIONS),
+            ("KS (key size)", self.key_size, KEY_BITS),
+            ("TS (tag size)", self.tag_size, TAG_BITS),
+        ):
+            if code not in table:
+                raise UnsupportedError(f"DSM-KROOT: {name} is {code}; supported are {sorted(table)}")
+        if self.mac_function == 1 and self.key_bits not in _AES_KEY_BITS:
+            raise UnsupportedError(
+                f"DSM-KROOT: MF is CMAC-AES with keys of {self.key_bits} bits, which AES does not have"
+            )
+
+    @property
+    def key_bits(self) -> int:
+        """Length of a key, l_k, in bits."""
+        return KEY_BITS[self.key_size]
+
+    @property
+    def key_bytes(self) -> int:
+        """Length of a key in bytes."""
+        return self.key_bits // 8
+
+    @property
+    def tag_bits(self) -> int:
+        """Length of a tag, l_t, in bits."""
+        return TAG_BITS[self.tag_size]
+
+    @property
+    def n_tags(self) -> int:
+        """Tags in one MACK message, n_t [OSNMA-ICD, MACK]."""
+        return (MACK_TOTAL_BITS - self.key_bits) // (self.tag_bits + TAG_INFO_BITS)
+
+    @property
+    def key_start_bit(self) -> int:
+        """First bit of the key in the MACK message."""
+        return self.n_tags * (self.tag_bits + TAG_INFO_BITS)
+
+    @property
+    def disclosure_start_s(self) -> int:
+        """Time from the start of the subframe to the first bit of its key on air, in whole seconds rounded down.
+
+        The OSNMA field is in the odd half of its page, which starts 1 s after the page, and the first page starts 1 s
+        after the subframe: + 22 s for the operational layout.
+        """
+        return 1 + 2 * (self.key_start_bit // MACK_BITS) + 1
+
+    @property
+    def disclosure_end_s(self) -> int:
+        """Time from the start of the subframe to the end of the page with the last bit of its key, in s: + 31 s."""
+        last_bit = self.key_start_bit + self.key_bits - 1
+        return 1 + 2 * (last_bit // MACK_BITS) + 2
+
+    @property
+    def new_hash(self) -> Callable[[bytes], hashlib._Hash]:
+        """The chain's hash function; its digests have 32 bytes. Nothing stands between: a chain has 100,000 steps."""
+        return HASH_FUNCTIONS[self.hash_function][1]
+
+    def mac(self, key: bytes, message: bytes, n_bits: int) -> int:
+        """Return the first `n_bits` of the chain's message authentication code."""
+        code = MAC_FUNCTIONS[self.mac_function][1](key, message)
+        return int.from_bytes(code, "big") >> (8 * len(code) - n_bits)
+
+    def __str__(self) -> str:
+        functions = f"{HASH_FUNCTIONS[self.hash_function][0]}, {MAC_FUNCTIONS[self.mac_function][0]}"
+        return f"{functions}, {self.key_bits}-bit keys, {self.tag_bits}-bit tags, MACLT {self.mac_lookup}"

@@ -1,0 +1,205 @@
+"""Digital signature messages (DSM): the slow part of OSNMA that carries the signed root key, or a new public key.
+
+The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`. A DSM is 7 to 16 blocks long; the
+satellites send different blocks at the same time, so a receiver that sees many of them has a DSM within a minute.
+
+A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 |
+TOWH 8 | alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056
+(P-521). What is signed is the NMA header and everything from CIDKR to KROOT. Parsing proves nothing: only
+`root_key.verify_root_key` makes a usable key.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
+from vestige.crypto.keys.signature_scheme import P256, P521
+from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParameters
+from vestige.errors import AuthenticationError, UnsupportedError
+from vestige.time import GalileoTime
+
+BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
+FIRST_PKR_ID = 12  # DSM id 0…11 is a DSM-KROOT, 12…15 a DSM-PKR [OSNMA-ICD, DSM header]
+KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
+PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
+
+_HEAD_BYTES = 13  # everything before KROOT, alpha included
+_WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
+
+NMA_STATUS: Mapping[int, str] = {0: "reserved", 1: "test", 2: "operational", 3: "don't use"}  # [OSNMA-ICD, 3.1.1]
+TEST, OPERATIONAL, DONT_USE = 1, 2, 3
+CHAIN_REVOKED, KEY_REVOKED, ALERT = 3, 5, 7
+KEY_STATUS: Mapping[int, str] = {  # CPKS, chain and public key status [OSNMA-ICD, 3.1.3]
+    0: "reserved", 1: "nominal", 2: "end of chain", 3: "chain revoked", 4: "new public key", 5: "public key revoked",
+    6: "new Merkle tree", 7: "alert message",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NmaHeader:
+    """The first byte of the HKROOT message: NMA status 2 | chain id 2 | chain and public key status 3 | reserved 1."""
+
+    value: int
+
+    @property
+    def status(self) -> int:
+        """NMAS: 1 test, 2 operational, 3 don't use."""
+        return self.value >> 6
+
+    @property
+    def chain_id(self) -> int:
+        """CID: the chain of the keys and tags that are sent."""
+        return self.value >> 4 & 3
+
+    @property
+    def key_status(self) -> int:
+        """CPKS: whether the chain or the public key is about to change."""
+        return self.value >> 1 & 7
+
+    @property
+    def usable(self) -> bool:
+        """Whether keys and tags may be used; only that of a signed header counts."""
+        return self.status in (TEST, OPERATIONAL) and self.key_status != ALERT
+
+    @property
+    def withdraws(self) -> bool:
+        """Whether chains may not be used any more: all of them, or all but the one that it names."""
+        return not self.usable or self.key_status in (CHAIN_REVOKED, KEY_REVOKED)
+
+    def __str__(self) -> str:
+        status, keys = NMA_STATUS[self.status], KEY_STATUS[self.key_status]
+        return f"0x{self.value:02X} ({status}, chain {self.chain_id}, keys: {keys})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsmKroot:
+    """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature.
+
+    Attributes
+    ----------
+    public_key_id
+        PKID: which public key verifies the signature.
+    chain_id
+        CIDKR: the chain that the root key belongs to.
+    root_week, root_hour
+        WN_K modulo 4096 and TOWH_K: the root key is the key of 30 s before this hour.
+    reserved
+        The 2 + 4 reserved bits, which are signed too.
+    """
+
+    n_blocks: int
+    public_key_id: int
+    chain_id: int
+    parameters: ChainParameters
+    root_week: int
+    root_hour: int
+    root_key: bytes
+    signature: bytes
+    padding: bytes
+    reserved: tuple[int, int] = (1, 0)
+
+    def root_time(self, near: GalileoTime) -> GalileoTime:
+        """Return the subframe of the root key, in the 4096-week cycle that puts it nearest to `near`."""
+        week = near.week + (self.root_week - near.week + _WEEKS // 2) % _WEEKS - _WEEKS // 2
+        seconds = max(week, 0) * SECONDS_PER_WEEK + self.root_hour * 3600 - SUBFRAME_S
+        return GalileoTime.from_gst_seconds(max(seconds, 0))
+
+    def serialise(self) -> bytes:
+        """Return the message as it is broadcast, 13 bytes a block."""
+        head = (self.n_blocks - 6) << 4 | self.public_key_id
+        return bytes([head]) + self._signed_part() + self.signature + self.padding
+
+    def signed_message(self, header: NmaHeader) -> bytes:
+        """Return the bytes under the signature [OSNMA-ICD, 6.3]."""
+        return bytes([header.value]) + self._signed_part()
+
+    def expected_padding(self, header: NmaHeader) -> bytes:
+        """Return the padding that belongs to message and signature [OSNMA-ICD, DSM-KROOT]."""
+        return hashlib.sha256(self.signed_message(header) + self.signature).digest()[: len(self.padding)]
+
+    def _signed_part(self) -> bytes:
+        p = self.parameters
+        fields = (
+            (self.chain_id, 2), (self.reserved[0], 2), (p.hash_function, 2), (p.mac_function, 2), (p.key_size, 4),
+            (p.tag_size, 4), (p.mac_lookup, 8), (self.reserved[1], 4), (self.root_week, 12), (self.root_hour, 8),
+        )  # fmt: skip
+        bits = 0
+        for value, length in fields:
+            bits = bits << length | value
+        return bits.to_bytes(6, "big") + p.alpha + self.root_key
+
+
+def kroot_blocks(first_byte: int) -> int:
+    """Return the number of blocks of the DSM-KROOT whose first byte is `first_byte`.
+
+    Raises
+    ------
+    UnsupportedError
+        If the code is reserved.
+    """
+    code = first_byte >> 4
+    if code not in KROOT_BLOCKS:
+        raise UnsupportedError(f"DSM-KROOT: NB (number of blocks) is {code}; supported are {sorted(KROOT_BLOCKS)}")
+    return KROOT_BLOCKS[code]
+
+
+def parse_kroot(message: bytes) -> DsmKroot:
+    """Return the fields of a DSM-KROOT. Nothing is verified but that it can be one.
+
+    Parameters
+    ----------
+    message
+        All its blocks, 13 bytes each.
+
+    Raises
+    ------
+    AuthenticationError
+        If the fields contradict each other.
+    UnsupportedError
+        If a field has a reserved value.
+    """
+    if not message:
+        raise AuthenticationError("DSM-KROOT: empty")
+    n_blocks = kroot_blocks(message[0])
+    if len(message) != n_blocks * BLOCK_BYTES:
+        raise AuthenticationError(f"DSM-KROOT: {len(message)} bytes, but NB says {n_blocks} blocks of {BLOCK_BYTES}")
+    bits = int.from_bytes(message[1:7], "big")
+    parameters = ChainParameters(
+        hash_function=bits >> 42 & 3,
+        mac_function=bits >> 40 & 3,
+        key_size=bits >> 36 & 15,
+        tag_size=bits >> 32 & 15,
+        mac_lookup=bits >> 24 & 255,
+        alpha=message[7:_HEAD_BYTES],
+    )
+    root_hour = bits & 255
+    if root_hour * 3600 >= SECONDS_PER_WEEK:
+        raise AuthenticationError(f"DSM-KROOT: TOWH is {root_hour}, not an hour of the week")
+    key_end = _HEAD_BYTES + KEY_BITS[parameters.key_size] // 8
+    signature_end = key_end + _signature_bytes(len(message) - key_end)
+    if signature_end > len(message):
+        raise AuthenticationError(f"DSM-KROOT: {n_blocks} blocks are too short for key and signature")
+    return DsmKroot(
+        n_blocks=n_blocks,
+        public_key_id=message[0] & 15,
+        chain_id=bits >> 46 & 3,
+        reserved=(bits >> 44 & 3, bits >> 20 & 15),
+        parameters=parameters,
+        root_week=bits >> 8 & 0xFFF,
+        root_hour=root_hour,
+        root_key=message[_HEAD_BYTES:key_end],
+        signature=message[key_end:signature_end],
+        padding=message[signature_end:],
+    )
+
+
+def _signature_bytes(room: int) -> int:
+    """Return the length of the signature that stands in the bytes after KROOT.
+
+    The message has no field for it: it has as many blocks as KROOT and signature need, 7 to 9 with P-256 and 13 or 14
+    with P-521, so a signature of P-521 is there if there is room for one.
+    """
+    return (P521 if room >= P521.signature_bytes else P256).signature_bytes

@@ -1,0 +1,96 @@
+"""The MAC look-up table: what each tag of a MACK message authenticates [OSNMA-ICD, Annex C].
+
+The number MACLT of the signed DSM-KROOT picks a row. A row has two sequences of slots, for the subframe that starts at
+a full minute and for the one at half a minute. A slot says which data (ADKD) a tag is for and whose: `S` the satellite
+itself, `E` any Galileo satellite, `FLX` whatever the tag says, in which case MACSEQ protects what it says.
+
+Rows 33 and 34 are verified on real data, the others only copied from the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.errors import UnsupportedError
+from vestige.time import GalileoTime
+
+_SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST mod 60 = 30) [OSNMA-ICD, Annex C]
+    27: ("00S 00E 00E 00E 12S 00E", "00S 00E 00E 04S 12S 00E"),
+    28: ("00S 00E 00E 00E 00S 00E 00E 12S 00E 00E", "00S 00E 00E 00S 00E 00E 04S 12S 00E 00E"),
+    31: ("00S 00E 00E 12S 00E", "00S 00E 00E 12S 04S"),
+    33: ("00S 00E 04S 00E 12S 00E", "00S 00E 00E 12S 00E 12E"),
+    34: ("00S FLX 04S FLX 12S 00E", "00S FLX 00E 12S 00E 12E"),
+    35: ("00S FLX 04S FLX 12S FLX", "00S FLX FLX 12S FLX FLX"),
+    36: ("00S FLX 04S FLX 12S", "00S FLX 00E 12S 12E"),
+    37: ("00S 00E 04S 00E 12S", "00S 00E 00E 12S 12E"),
+    38: ("00S FLX 04S FLX 12S", "00S FLX FLX 12S FLX"),
+    39: ("00S FLX 04S FLX", "00S FLX 00E 12S"),
+    40: ("00S 00E 04S 12S", "00S 00E 00E 12E"),
+    41: ("00S FLX 04S FLX", "00S FLX FLX 12S"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One slot of a sequence.
+
+    Attributes
+    ----------
+    adkd
+        Kind of data; None in a flexible slot.
+    own
+        Whether the tag must be for the satellite that sends it.
+    """
+
+    adkd: int | None
+    own: bool
+
+    @property
+    def flexible(self) -> bool:
+        """Whether the tag itself says what it is for."""
+        return self.adkd is None
+
+    def allows(self, *, adkd: int, own: bool) -> bool:
+        """Whether a tag for this kind of data, of the sending satellite itself or of another, may stand here."""
+        return self.flexible or (adkd == self.adkd and own >= self.own)
+
+
+def _slot(code: str) -> Slot:
+    return Slot(None, False) if code == "FLX" else Slot(int(code[:2]), code[2] == "S")
+
+
+MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
+    number: (tuple(map(_slot, first.split())), tuple(map(_slot, second.split())))
+    for number, (first, second) in _SEQUENCES.items()
+}
+
+
+def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
+    """Return the slots of the tags in a subframe, the one of the first tag included.
+
+    Parameters
+    ----------
+    parameters
+        Parameters of the chain.
+    time
+        Start of the subframe.
+
+    Raises
+    ------
+    UnsupportedError
+        If the table has no such row, or the row does not fit the number of tags.
+    """
+    row = MAC_LOOKUP.get(parameters.mac_lookup)
+    if row is None:
+        raise UnsupportedError(
+            f"MAC look-up table {parameters.mac_lookup} is not known; MACSEQ and tags cannot be verified, keys can"
+        )
+    if len(row[0]) != parameters.n_tags:
+        raise UnsupportedError(
+            f"MAC look-up table {parameters.mac_lookup} has {len(row[0])} tags, the MACK message {parameters.n_tags}; "
+            "MACSEQ and tags cannot be verified, keys can"
+        )
+    return row[time.second // SUBFRAME_S % 2]

@@ -1,0 +1,141 @@
+"""The navigation data that OSNMA tags authenticate, cut out of the words that a satellite sent.
+
+A tag that is sent in subframe s covers data that was sent up to the end of subframe s-1. ADKD 0 and 12 cover ephemeris,
+clock and status (words 1 to 5, 549 bits), ADKD 4 the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
+
+The rule here: the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1, words 1 to 4 with one IODnav,
+of a satellite that was still received in subframe s-1. Without such data a tag is not counted. Word 5 and the timing
+words carry no IOD, so after lost pages the latest ones may be outdated: the tag's cut-off point tells (see `tags`). For
+the same reason nothing tells a tag of old data from one of new data when such a word changes: in the subframe after the
+change both are candidates, the new data first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, word_bits
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
+from vestige.time import GalileoTime
+
+ADKD_EPHEMERIS, ADKD_TIMING, ADKD_SLOW = 0, 4, 12  # [OSNMA-ICD, MACK]
+
+# ADKD -> (word type, first bit, end bit) of each piece [OSNMA-ICD, ADKD]
+FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
+    ADKD_EPHEMERIS: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
+    ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
+}
+ADKD_NAMES: Mapping[int, str] = {
+    ADKD_EPHEMERIS: "ephemeris, clock, status",
+    ADKD_TIMING: "timing parameters",
+    ADKD_SLOW: "ephemeris, clock, status; slow MAC",
+}
+
+_USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
+_IOD_WORDS = (1, 2, 3, 4)  # these carry IODnav in bits 6…15 [OS-ICD, 4.3.5]
+_PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end in fields}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationData:
+    """One satellite's data that a tag covers.
+
+    Attributes
+    ----------
+    svid
+        Whose data.
+    iod_nav
+        Issue of data of words 1 to 4; None for timing parameters.
+    bits, n_bits
+        The data and its length.
+    oldest_s
+        Time at which the piece that is longest ago was last received, in GST seconds.
+    """
+
+    svid: int
+    iod_nav: int | None
+    bits: int
+    n_bits: int
+    oldest_s: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationWords:
+    """The latest words of one satellite that tags cover.
+
+    Attributes
+    ----------
+    words
+        Word type -> (word, time of reception in GST seconds).
+    replaced
+        Words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`.
+    subframe_s
+        Start of the last subframe with a page of this satellite, in GST seconds.
+    """
+
+    words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    replaced: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    subframe_s: int = -1
+
+    def updated(self, subframe: SatelliteSubframe) -> NavigationWords:
+        """Return the words after this subframe."""
+        start = subframe.time.gst_seconds
+        received = {
+            word >> 122: (word, start + FIRST_PAGE_OFFSET_S + PAGE_S * index)
+            for index, word in enumerate(subframe.words)
+            if word is not None and word >> 122 in _USED_WORDS
+        }
+        replaced = {
+            kind: self.words[kind]
+            for kind, (word, _) in received.items()
+            if kind in self.words and kind not in _IOD_WORDS and _piece(kind, word) != _piece(kind, self.words[kind][0])
+        }
+        return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
+
+    def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
+        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed.
+
+        Parameters
+        ----------
+        svid, adkd, subframe
+            As for `data`.
+        """
+        before = replace(self, words={**self.words, **self.replaced})
+        found = (words.data(svid, adkd, subframe) for words in (self, before))
+        return tuple({data.bits: data for data in found if data is not None}.values())
+
+    def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
+        """Return the latest data that a tag may cover, or None if it was not received or is of two issues.
+
+        Parameters
+        ----------
+        svid
+            The satellite of these words.
+        adkd
+            Kind of data.
+        subframe
+            Start of the subframe with the tag.
+        """
+        fields = FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
+        if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
+            return None
+        iod_nav = None
+        if adkd != ADKD_TIMING:
+            issues = {word_bits(self.words[word][0], 6, 10) for word in _IOD_WORDS}
+            if len(issues) > 1:
+                return None
+            iod_nav = issues.pop()
+        bits = n_bits = 0
+        for word, start, end in fields:
+            bits = bits << (end - start) | word_bits(self.words[word][0], start, end - start)
+            n_bits += end - start
+        oldest_s = min(self.words[word][1] for word, _, _ in fields)
+        return NavigationData(svid=svid, iod_nav=iod_nav, bits=bits, n_bits=n_bits, oldest_s=oldest_s)
+
+
+def _piece(kind: int, word: int) -> int:
+    """Return the bits of a word that tags cover."""
+    start, end = _PIECES[kind]
+    return word_bits(word, start, end - start)

@@ -1,0 +1,128 @@
+"""The root key of a chain: the point where trust in a public key becomes trust in TESLA keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader, parse_kroot
+from vestige.errors import AuthenticationError, VestigeError
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RootKey:
+    """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
+
+    Attributes
+    ----------
+    kroot
+        The DSM-KROOT.
+    header
+        The NMA header that is signed with it.
+    time
+        Subframe of the root key: 30 s before the hour that the DSM-KROOT names.
+    public_key
+        The key that verified it.
+    received_at
+        Subframe in which it was received, as whoever received it says: from then on its status counts.
+
+    Raises
+    ------
+    AuthenticationError
+        If signature, padding or time do not verify.
+    TypeError
+        If a part is not of exactly its type: a subclass could verify anything.
+    """
+
+    kroot: DsmKroot
+    header: NmaHeader
+    time: GalileoTime
+    public_key: PublicKey
+    received_at: GalileoTime
+
+    def __post_init__(self) -> None:
+        parts = (self.kroot, self.header, self.time, self.public_key, self.received_at)
+        for part, kind in zip(parts, (DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime), strict=True):
+            if type(part) is not kind:
+                raise TypeError(f"a RootKey has a {kind.__name__}, not a {type(part).__name__}")
+        # What is verified is a copy, which nobody else has: the message may hold a bytearray, which can change.
+        object.__setattr__(self, "kroot", parse_kroot(self.kroot.serialise()))
+        self.public_key.verify(self.kroot.signed_message(self.header), self.kroot.signature)
+        found, expected = self.kroot.padding, self.kroot.expected_padding(self.header)
+        if found != expected:
+            raise AuthenticationError(f"the padding is {found.hex()}, not {expected.hex()}")
+        if self.time != self.kroot.root_time(self.time):
+            raise AuthenticationError(f"the root key is of {self.kroot.root_time(self.time)}, not of {self.time}")
+
+    def __reduce__(
+        self,
+    ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
+        """Return what makes, and so checks, it again."""
+        return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
+
+    def received(self, time: GalileoTime) -> RootKey:
+        """Return the same root key as received in the subframe of `time`.
+
+        Nobody signs the time of reception, so nothing is verified again.
+        """
+        again = object.__new__(RootKey)
+        for field in fields(self):
+            object.__setattr__(again, field.name, getattr(self, field.name))
+        object.__setattr__(again, "received_at", time)
+        return again
+
+    @property
+    def chain_id(self) -> int:
+        """CIDKR."""
+        return self.kroot.chain_id
+
+    @property
+    def parameters(self) -> ChainParameters:
+        """Parameters of the chain."""
+        return self.kroot.parameters
+
+    @property
+    def data(self) -> bytes:
+        """The key."""
+        return self.kroot.root_key
+
+
+def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
+    """Return the root key, because its signature and its padding verify [OSNMA-ICD, 6.3].
+
+    Parameters
+    ----------
+    kroot
+        The DSM-KROOT.
+    header
+        The NMA header that was broadcast with it.
+    public_keys
+        The keys that may have signed it; the one with its PKID is used.
+    near
+        A time within 2048 weeks of the root key, which counts weeks modulo 4096: the time of reception.
+
+    Raises
+    ------
+    AuthenticationError
+        If signature or padding are wrong.
+    VestigeError
+        If the key that signed it is not among those given.
+    """
+    candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
+    if not candidates:
+        raise VestigeError(f"the root key is signed with PKID {kroot.public_key_id}, which was not given")
+    for public_key in candidates:
+        try:
+            return _root_key(kroot, header, kroot.root_time(near), public_key, near)
+        except AuthenticationError as error:
+            refused = error
+    raise refused
+
+
+def _root_key(
+    kroot: DsmKroot, header: NmaHeader, time: GalileoTime, public_key: PublicKey, received_at: GalileoTime
+) -> RootKey:
+    return RootKey(kroot=kroot, header=header, time=time, public_key=public_key, received_at=received_at)

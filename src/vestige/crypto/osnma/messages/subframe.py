@@ -1,0 +1,211 @@
+"""From I/NAV pages to the OSNMA message of one satellite and one subframe.
+
+Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and 32 bits of the MACK message [OSNMA-ICD,
+2]: 120 and 480 bits a subframe. Pages get lost, so a subframe knows which of its 15 fields it has; a part of the MACK
+can still be read when its own pages are there.
+
+The assembler keeps a subframe open until a page arrives that is clearly later, so pages may come in any order of
+satellites and a little out of order in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
+from vestige.time import GalileoTime
+
+PAGES = 15  # pages in a subframe [OS-ICD, 4.3.2]
+HKROOT_BITS = 8  # HKROOT bits in one page [OSNMA-ICD, 2]
+MACK_BITS = 32  # MACK bits in one page [OSNMA-ICD, 2]
+MACK_TOTAL_BITS = PAGES * MACK_BITS
+
+DUMMY_WORD = 63  # word type of a dummy page; its OSNMA field is to be discarded [OSNMA-ICD, 2]
+
+
+class Content(Enum):
+    """What the OSNMA fields of a satellite hold over one subframe."""
+
+    OSNMA = "OSNMA"
+    NONE = "no OSNMA"
+    FILLER = "dummy pages"
+    INCOMPLETE = "incomplete"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SatelliteSubframe:
+    """The 15 pages of one satellite and one subframe, as far as they were received.
+
+    Attributes
+    ----------
+    time
+        Start of the subframe (GST_SF).
+    osnma
+        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none.
+    words
+        15 navigation words of 128 bits; None where the page is lost.
+    """
+
+    svid: int
+    time: GalileoTime
+    osnma: tuple[bytes | None, ...]
+    words: tuple[int | None, ...]
+
+    @property
+    def n_missing(self) -> int:
+        """Number of lost pages."""
+        return self.words.count(None)
+
+    @property
+    def content(self) -> Content:
+        """What the satellite sends in its OSNMA fields."""
+        if self.osnma.count(None) == PAGES and not self.n_missing:
+            return Content.FILLER
+        if None in self.osnma:
+            return Content.INCOMPLETE
+        return Content.OSNMA if self.sends_osnma else Content.NONE
+
+    @property
+    def sent(self) -> tuple[bytes | None, ...]:
+        """The 15 OSNMA fields; None where none was received, or none was sent.
+
+        OSNMA may start or stop within a subframe. A zero field was not sent: its bits are no key bits.
+        """
+        return tuple(field if field is not None and any(field) else None for field in self.osnma)
+
+    @property
+    def sends_osnma(self) -> bool:
+        """Whether the fields that were received hold OSNMA: something else than zeros."""
+        return any(field is not None for field in self.sent)
+
+    @property
+    def nma_header(self) -> int | None:
+        """The NMA header (8 bits), or None if the first page is lost or holds no OSNMA."""
+        first = self.osnma[0]
+        return first[0] if first is not None and any(first) else None
+
+    @property
+    def hkroot(self) -> bytes | None:
+        """The HKROOT message, 15 bytes; None if a page is lost or was not sent."""
+        return _hkroot(self.sent)
+
+    @property
+    def hkroot_if_sent(self) -> bytes | None:
+        """The HKROOT message of a subframe whose last field is zero; None of any other.
+
+        The last page may hold nothing but padding of the MACK message, so a zero one may have been sent.
+        """
+        last = self.osnma[-1]
+        return None if last is None or any(last) else _hkroot((*self.sent[:-1], last))
+
+    def mack_bits(self, start: int, length: int) -> int | None:
+        """Return `length` bits of the MACK message from bit `start` on, or None if a page is missing."""
+        first, last = start // MACK_BITS, (start + length - 1) // MACK_BITS
+        joined = 0
+        for field in self.sent[first : last + 1]:
+            if field is None:
+                return None
+            joined = joined << MACK_BITS | int.from_bytes(field[1:], "big")
+        return (joined >> ((last + 1) * MACK_BITS - start - length)) & ((1 << length) - 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Epoch:
+    """One subframe of all satellites.
+
+    Attributes
+    ----------
+    time
+        Start of the subframe (GST_SF).
+    satellites
+        What each satellite sent, by SVID.
+    """
+
+    time: GalileoTime
+    satellites: Mapping[int, SatelliteSubframe]
+
+
+class PageStatus(Enum):
+    """What became of a page that was given to the assembler."""
+
+    TAKEN = "taken"
+    DUPLICATE = "duplicate"  # the same page of the same satellite came before
+    CONTRADICTION = "contradiction"  # another page of the same satellite and time came before; the first one stays
+    OFF_GRID = "off grid"  # does not start at an odd second
+    LATE = "late"  # its subframe is closed
+
+
+class SubframeAssembler:
+    """Collects pages into subframes.
+
+    Parameters
+    ----------
+    grace_s
+        A subframe is closed when a page arrives that starts this long after its end, in s.
+    restart_s
+        A page this much older than the newest one does not come late: the recording starts again there, in s.
+    """
+
+    def __init__(self, *, grace_s: int = 10, restart_s: int = 600) -> None:
+        self._grace_s = grace_s
+        self._restart_s = restart_s
+        self._open: dict[int, dict[int, list[InavPage | None]]] = {}
+        self._newest: int | None = None
+
+    def add(self, page: InavPage) -> tuple[PageStatus, list[Epoch]]:
+        """Return what became of the page, and the subframes that it closed, oldest first."""
+        second = page.time.gst_seconds
+        index, rest = divmod(second % SUBFRAME_S - FIRST_PAGE_OFFSET_S, PAGE_S)
+        if rest or page.time.fraction:
+            return PageStatus.OFF_GRID, []
+        closed: list[Epoch] = []
+        if self._newest is None or second > self._newest:
+            closed = self._close(before=second - self._grace_s)
+            self._newest = second
+        elif second < self._newest - self._restart_s:
+            closed = self.flush()
+            self._newest = second
+        start = second - second % SUBFRAME_S
+        if start + SUBFRAME_S <= self._newest - self._grace_s:
+            return PageStatus.LATE, closed
+        pages = self._open.setdefault(start, {}).setdefault(page.svid, [None] * PAGES)
+        earlier = pages[index]
+        if earlier is not None:
+            same = earlier.data == page.data
+            return PageStatus.DUPLICATE if same else PageStatus.CONTRADICTION, closed
+        pages[index] = page
+        return PageStatus.TAKEN, closed
+
+    def flush(self) -> list[Epoch]:
+        """Return all open subframes, oldest first: no more pages come."""
+        epochs = [_epoch(start, self._open[start]) for start in sorted(self._open)]
+        self._open.clear()
+        self._newest = None
+        return epochs
+
+    def _close(self, before: int) -> list[Epoch]:
+        starts = sorted(start for start in self._open if start + SUBFRAME_S <= before)
+        return [_epoch(start, self._open.pop(start)) for start in starts]
+
+
+def _hkroot(fields: Sequence[bytes | None]) -> bytes | None:
+    return None if None in fields else bytes(field[0] for field in fields if field is not None)
+
+
+def _epoch(start: int, satellites: Mapping[int, list[InavPage | None]]) -> Epoch:
+    time = GalileoTime.from_gst_seconds(start)
+    return Epoch(
+        time=time,
+        satellites={
+            svid: SatelliteSubframe(
+                svid=svid,
+                time=time,
+                osnma=tuple(None if page is None or page.word >> 122 == DUMMY_WORD else page.osnma for page in pages),
+                words=tuple(None if page is None else page.word for page in pages),
+            )
+            for svid, pages in sorted(satellites.items())
+        },
+    )

@@ -1,0 +1,154 @@
+"""Tags and MACSEQ: the part of OSNMA that authenticates navigation data.
+
+A MACK message holds `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
+MACSEQ are made with a key that is disclosed later: one subframe later, or eleven for the slow MAC (ADKD 12). A tag
+covers ::
+
+    [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
+
+and MACSEQ covers what the flexible slots say of themselves: PRN_A 8 | GST_SF 32 | the 16 bits of each of them. The
+cut-off point COP counts the subframes over which the data of a tag has not changed; 0 marks a dummy tag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.chain_parameters import TAG_INFO_BITS, ChainParameters
+from vestige.crypto.osnma.messages.mac_lookup import Slot
+from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS, ADKD_SLOW, FIELDS, NavigationData
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
+from vestige.crypto.osnma.messages.tesla import gst_sf
+from vestige.time import GalileoTime
+
+MACSEQ_BITS = 12
+KEY_DELAY_S = SUBFRAME_S  # key of the next subframe [OSNMA-ICD, 6.7]
+SLOW_KEY_DELAY_S = 11 * SUBFRAME_S  # ADKD 12: ten subframes more [OSNMA-ICD, 6.7]
+MIN_TAG_BITS = 40  # together, before data counts as authenticated [OSNMA-RG, equivalent tag length]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tag:
+    """One tag of a MACK message.
+
+    Attributes
+    ----------
+    counter
+        CTR: 1 for tag0.
+    value
+        The tag, l_t bits.
+    info
+        The 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow.
+    """
+
+    counter: int
+    value: int
+    info: int
+
+    @property
+    def svid(self) -> int:
+        """PRN_D: the satellite whose data is authenticated."""
+        return self.info >> 8
+
+    @property
+    def adkd(self) -> int:
+        """Kind of data."""
+        return self.info >> 4 & 15
+
+    @property
+    def cut_off(self) -> int:
+        """COP: number of subframes over which the data has not changed; 0 marks a dummy."""
+        return self.info & 15
+
+    @property
+    def supported(self) -> bool:
+        """Whether the kind of data is known."""
+        return self.adkd == ADKD_SLOW or self.adkd in FIELDS
+
+    @property
+    def key_delay_s(self) -> int:
+        """Time from the subframe of the tag to that of its key, in s."""
+        return SLOW_KEY_DELAY_S if self.adkd == ADKD_SLOW else KEY_DELAY_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mack:
+    """The authentication part of a complete MACK message.
+
+    Attributes
+    ----------
+    svid
+        PRN_A: the satellite that sent it.
+    time
+        Start of its subframe.
+    nma_status
+        NMAS of its NMA header; the tags cover it.
+    macseq
+        12 bits.
+    """
+
+    svid: int
+    time: GalileoTime
+    nma_status: int
+    macseq: int
+    tags: tuple[Tag, ...]
+
+
+def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack | None:
+    """Return tags and MACSEQ of a subframe, or None if one of its pages is lost."""
+    header = subframe.nma_header
+    length = parameters.tag_bits
+    step = length + TAG_INFO_BITS
+    bits = subframe.mack_bits(0, parameters.key_start_bit)
+    if bits is None or header is None:
+        return None
+    fields = [bits >> (parameters.key_start_bit - step * (k + 1)) & ((1 << step) - 1) for k in range(parameters.n_tags)]
+    macseq, cut_off = fields[0] >> 4 & 0xFFF, fields[0] & 15
+    fields[0] = fields[0] >> TAG_INFO_BITS << TAG_INFO_BITS | subframe.svid << 8 | ADKD_EPHEMERIS << 4 | cut_off
+    tags = tuple(Tag(counter=k + 1, value=value >> 16, info=value & 0xFFFF) for k, value in enumerate(fields))
+    return Mack(svid=subframe.svid, time=subframe.time, nma_status=header >> 6, macseq=macseq, tags=tags)
+
+
+def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
+    """Return whether MACSEQ verifies.
+
+    Parameters
+    ----------
+    mack
+        The message.
+    slots
+        Its row of the MAC look-up table.
+    key
+        The chain's key of the next subframe.
+    parameters
+        Parameters of the chain.
+    """
+    flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
+    message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)
+    return parameters.mac(key, message, MACSEQ_BITS) == mack.macseq
+
+
+def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
+    """Return the tag that belongs to the data.
+
+    Parameters
+    ----------
+    mack
+        The message that the tag is in.
+    tag
+        Its place and what it says it is for.
+    data
+        The navigation data.
+    key
+        The chain's key of `tag.key_delay_s` later.
+    parameters
+        Parameters of the chain.
+    """
+    head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
+    if tag.counter > 1:
+        head = bytes([tag.svid]) + head
+    n_bits = 2 + data.n_bits
+    tail = (mack.nma_status << data.n_bits | data.bits) << (-n_bits % 8)
+    return parameters.mac(key, head + tail.to_bytes((n_bits + 7) // 8, "big"), parameters.tag_bits)

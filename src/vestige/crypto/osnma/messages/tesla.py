@@ -1,0 +1,307 @@
+"""TESLA: a chain of keys in which each key is the hash of the next one, so that old keys prove new ones.
+
+The operator draws the last key of a chain and hashes it down to the first, the root key, which is signed. He discloses
+them in the other direction, one every 30 s::
+
+    K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
+
+GST_SF,m is the start of the subframe in which K_m is sent, week modulo 4096 in 12 bits and second in 20. Whoever has a
+true key can check every later one by hashing it down, and compute every earlier one himself; a key that was never
+disclosed cannot be guessed.
+
+Trust is a type here: a `Key` is bytes that somebody sent, a `ValidatedKey` one that leads to a signed root key. Only
+`validate` makes a `ValidatedKey`; a pickled one holds its chain's root key, and reading it validates it again. A chain
+remembers what it has validated, so a run of N keys costs about N hashes.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.errors import AuthenticationError
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+MAX_STEPS = (
+    8 * SECONDS_PER_WEEK // SUBFRAME_S
+)  # ours: 0.2 s of hashing for one key; root keys are renewed every hour or so
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """A key as somebody sent it; it proves nothing.
+
+    Attributes
+    ----------
+    time
+        Start of the subframe in which it was sent.
+    data
+        The key.
+    """
+
+    time: GalileoTime
+    data: bytes
+
+
+def gst_sf(gst_seconds: int) -> bytes:
+    """Return the 32 bits of a subframe's start: week modulo 4096 in 12 bits, second of the week in 20."""
+    week, second = divmod(gst_seconds, SECONDS_PER_WEEK)
+    return (week % 4096 << 20 | second).to_bytes(4, "big")
+
+
+def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes:
+    """Return the key before `key` in the chain.
+
+    Parameters
+    ----------
+    key
+        A key of the chain.
+    time
+        Subframe of the key that is returned, 30 s before that of `key`.
+    parameters
+        Parameters of the chain.
+    """
+    return _hash_down(key, time.gst_seconds + SUBFRAME_S, time.gst_seconds, parameters)
+
+
+def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -> bytes:
+    """Return the key of `stop` that follows from `key`, the key of `start` (GST seconds, start >= stop)."""
+    alpha, n_bytes, new_hash = parameters.alpha, parameters.key_bytes, parameters.new_hash
+    for time in range(start - SUBFRAME_S, stop - 1, -SUBFRAME_S):
+        key = new_hash(key + gst_sf(time) + alpha).digest()[:n_bytes]
+    return key
+
+
+class Chain:
+    """A TESLA chain that hangs on a signed root key, with the keys that were validated so far.
+
+    Parameters
+    ----------
+    root
+        The root key.
+
+    Raises
+    ------
+    TypeError
+        If it is no `RootKey`: making one verifies its signature.
+    """
+
+    __slots__ = ("_known", "_root", "_times")  # nothing else can be set, so `check` cannot be replaced
+
+    def __init__(self, root: RootKey) -> None:
+        if type(root) is not RootKey:
+            raise TypeError(f"a Chain hangs on a RootKey, not on a {type(root).__name__}")
+        self._root = root
+        self._known = {root.time.gst_seconds: root.data}
+        self._times = [root.time.gst_seconds]
+
+    def __reduce__(self) -> tuple[type[Chain], tuple[RootKey]]:
+        """Return what makes it again: a chain that is pickled forgets its keys, they have to be validated again."""
+        return Chain, (self._root,)
+
+    @property
+    def root(self) -> RootKey:
+        """The root key."""
+        return self._root
+
+    @property
+    def chain_id(self) -> int:
+        """CID of the chain."""
+        return self.root.chain_id
+
+    @property
+    def parameters(self) -> ChainParameters:
+        """Parameters of the chain."""
+        return self.root.parameters
+
+    def check(self, key: Key) -> None:
+        """Check that a key belongs to the chain at its time, and remember it.
+
+        A key after all known ones is hashed down to the newest of them; an earlier one, even one from before the root
+        key, must be what the next known one gives.
+
+        Raises
+        ------
+        AuthenticationError
+            If it does not, or is not the kind of key that could.
+        TypeError
+            If its time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
+        """
+        _check_types(key)
+        time = key.time.gst_seconds
+        if key.time.fraction or (time - self._times[0]) % SUBFRAME_S:
+            raise AuthenticationError(f"key of {key.time}: not the start of a subframe")
+        if len(key.data) != self.parameters.key_bytes:
+            raise AuthenticationError(
+                f"key of {key.time}: {8 * len(key.data)} bits, the chain has {self.parameters.key_bits}"
+            )
+        at = bisect_right(self._times, time)
+        if at and self._times[at - 1] == time:
+            at -= 1
+        if at < len(self._times):  # a validated key of this time or later: the key follows from it
+            found, expected = key.data, self._derived(time, self._times[at])
+            reason = f"the key of {GalileoTime.from_gst_seconds(self._times[at])}"
+        else:
+            anchor = self._times[-1]
+            self._check_steps(time - anchor, key.time)
+            found, expected = _hash_down(key.data, time, anchor, self.parameters), self._known[anchor]
+            reason = (
+                f"{(time - anchor) // SUBFRAME_S} steps earlier, to the key of {GalileoTime.from_gst_seconds(anchor)}"
+            )
+        if found != expected:
+            raise AuthenticationError(f"key of {key.time}: {key.data.hex()} does not chain to {reason}")
+        if time not in self._known:
+            self._known[time] = key.data
+            insort(self._times, time)
+
+    def accepts(self, key: Key) -> bool:
+        """Return whether `check` has nothing against a key."""
+        try:
+            self.check(key)
+        except AuthenticationError:
+            return False
+        return True
+
+    def knows(self, key: Key) -> bool:
+        """Return whether this key was validated before."""
+        return self._known.get(key.time.gst_seconds) == key.data
+
+    def derive(self, time: GalileoTime) -> Key:
+        """Return the key of a subframe whose own key was not received; it follows from the next later one.
+
+        Raises
+        ------
+        AuthenticationError
+            If no later key was validated.
+        """
+        at = bisect_right(self._times, time.gst_seconds - 1)
+        if at == len(self._times):
+            raise AuthenticationError(f"key of {time}: not received, and no later key of chain {self.chain_id} either")
+        return Key(time=time, data=self._derived(time.gst_seconds, self._times[at]))
+
+    def holds(self, root: RootKey) -> bool:
+        """Return whether another signed root key belongs to this chain."""
+        if (root.chain_id, root.parameters) != (self.chain_id, self.parameters):
+            return False
+        return self.accepts(Key(time=root.time, data=root.data))
+
+    def _derived(self, time: int, later: int) -> bytes:
+        self._check_steps(later - time, GalileoTime.from_gst_seconds(time))
+        return _hash_down(self._known[later], later, time, self.parameters)
+
+    def _check_steps(self, seconds: int, time: GalileoTime) -> None:
+        if seconds > MAX_STEPS * SUBFRAME_S:
+            raise AuthenticationError(f"key of {time}: more than {MAX_STEPS} steps from the nearest validated key")
+
+
+def _check_types(key: Key) -> None:
+    """Raise a TypeError unless a key consists of what cannot change: subclasses can, and so can a bytearray."""
+    if type(key) is not Key:
+        raise TypeError(f"a Key is validated along a Chain, not a {type(key).__name__}")
+    if type(key.data) is not bytes or type(key.time) is not GalileoTime:
+        raise TypeError(
+            f"a Key has a GalileoTime and bytes, not a {type(key.time).__name__} and a {type(key.data).__name__}"
+        )
+    if (type(key.time.week), type(key.time.second)) != (int, int):
+        raise TypeError("the time of a Key has a week and a second of the type int")
+
+
+class _KeyOfChain(ValidatedKey):
+    """The one kind of validated key: making it checks it."""
+
+    __slots__ = ("_chain", "_data", "_time")
+    _chain: Chain
+    _data: bytes
+    _time: GalileoTime
+
+    def __new__(cls, key: Key, chain: Chain) -> _KeyOfChain:
+        if type(chain) is not Chain:
+            raise TypeError(f"a Key is validated along a Chain, not along a {type(chain).__name__}")
+        chain.check(key)
+        self = object.__new__(cls)
+        for name, value in (("_chain", chain), ("_data", key.data), ("_time", key.time)):
+            object.__setattr__(self, name, value)
+        return self
+
+    def __reduce__(self) -> tuple[Callable[[Key, Chain], ValidatedKey], tuple[Key, Chain]]:
+        """Return what makes it again: the key and its chain, to be validated."""
+        return validate, (Key(time=self._time, data=self._data), self._chain)
+
+    @property
+    def chain_id(self) -> int:
+        return self._chain.chain_id
+
+    @property
+    def time(self) -> GalileoTime:
+        return self._time
+
+    @property
+    def disclosed_at(self) -> GalileoTime:
+        return self._time + self._chain.parameters.disclosure_start_s
+
+    @property
+    def complete_at(self) -> GalileoTime:
+        return self._time + self._chain.parameters.disclosure_end_s
+
+    @property
+    def data(self) -> bytes:
+        return self._data
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _KeyOfChain) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    def __repr__(self) -> str:
+        return f"ValidatedKey({self.data.hex()} of chain {self.chain_id}, {self.time})"
+
+    @property
+    def _identity(self) -> tuple[bytes, GalileoTime, int, ChainParameters]:
+        return self._data, self._time, self._chain.chain_id, self._chain.parameters
+
+
+def validate(key: Key, chain: Chain) -> ValidatedKey:
+    """Return a key for use, because it leads to the chain's signed root key.
+
+    Parameters
+    ----------
+    key
+        A key that was received, or derived.
+    chain
+        Its chain; remembers the key.
+
+    Raises
+    ------
+    AuthenticationError
+        If it does not chain.
+    TypeError
+        If key, chain, or the key's time or data is something that can change later.
+    """
+    return _KeyOfChain(key, chain)
+
+
+def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKey, ...]:
+    """Return the keys with those of lost subframes between them derived from later ones, in time order.
+
+    A derived key has the disclosure time of its own subframe: then the signal gave it away, whoever received it.
+
+    Parameters
+    ----------
+    keys
+        Validated keys of `chain`; those of other chains are passed on.
+    chain
+        Their chain.
+    """
+    times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
+    if not times:
+        return keys
+    missing = [time for time in range(min(times), max(times), SUBFRAME_S) if time not in times]
+    # From the newest to the oldest: each is then one step from a key that the chain remembers.
+    derived = [validate(chain.derive(GalileoTime.from_gst_seconds(time)), chain) for time in reversed(missing)]
+    return tuple(sorted((*keys, *derived), key=lambda key: key.time))

@@ -1,0 +1,360 @@
+"""The OSNMA receiver: I/NAV pages in, validated TESLA keys and verified tags out.
+
+Pages are collected into subframes (`page_intake`), subframes into DSM-KROOTs. The signature of a DSM-KROOT is verified
+with a public key (`dsm_verifier`), which gives a chain (`tesla`); the key of every subframe is
+validated along it; keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). As the layout of
+the MACK message is known only from the DSM-KROOT, subframes wait until there is one.
+
+It is a fold: give it pages as they come, keys come back as soon as they are valid. Several satellites send the same key
+at the same time; a satellite with another one is reported, and its key is accepted only if it chains, which no two do.
+
+Which chain may be used follows from verified root keys alone (`chain_register`). The NMA header of a subframe is not
+authenticated, so it can only make things stricter: if a satellite says "don't use" there, the key of that subframe is
+withheld until the tags prove that the header is forged (`status_claim`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.keys.merkle_tree import MerkleTree
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.osnma.chain_register import ChainRegister
+from vestige.crypto.osnma.dsm_verifier import DsmVerifier
+from vestige.crypto.osnma.messages.dsm import DONT_USE, NmaHeader
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.messages.navigation_data import NavigationWords
+from vestige.crypto.osnma.messages.subframe import Content, Epoch, SatelliteSubframe
+from vestige.crypto.osnma.messages.tags import parse_mack
+from vestige.crypto.osnma.messages.tesla import Chain, Key, fill_gaps, validate
+from vestige.crypto.osnma.osnma_report import (
+    Count,
+    KeyGap,
+    OsnmaReport,
+    Problem,
+    ProblemKind,
+    ProblemLog,
+    WithheldKey,
+)
+from vestige.crypto.osnma.page_intake import PageIntake
+from vestige.crypto.osnma.status_claim import proven_status
+from vestige.crypto.osnma.tag_verifier import TagVerifier
+from vestige.errors import AuthenticationError
+from vestige.records import ReceivedOsnma
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    """What the satellites sent in one subframe, and the navigation words that had been received before it.
+
+    Subframes with lost pages are among them: their key may be there. `refusing` are those with the header "don't use".
+    """
+
+    time: GalileoTime
+    chain_id: int  # that most headers name
+    refusing: tuple[SatelliteSubframe, ...]
+    satellites: tuple[SatelliteSubframe, ...]
+    navigation: Mapping[int, NavigationWords]
+
+
+@dataclass(frozen=True, slots=True)
+class _Claim:
+    """A key that is withheld because of headers that nobody signed."""
+
+    message: _Message
+    subframes: Sequence[SatelliteSubframe]
+    chain: Chain
+    key: ValidatedKey
+
+
+class OsnmaReceiver:
+    """Verifies OSNMA, page by page.
+
+    Parameters
+    ----------
+    public_keys
+        Keys that DSM-KROOTs may be signed with.
+    tree
+        Merkle tree to verify broadcast public keys against; without one they are only reported.
+    """
+
+    def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
+        self._problems = ProblemLog()
+        self._intake = PageIntake(self._problems)
+        self._tags = TagVerifier(self._problems.report)
+        self._register = ChainRegister()
+        self._dsms = DsmVerifier(public_keys, tree, self._register, self._problems)
+        self._keys: dict[int, ValidatedKey] = {}
+        self._withheld: dict[int, WithheldKey] = {}
+        self._received: dict[tuple[int, int], ReceivedOsnma] = {}
+        self._steps = [0, 0]
+        self._waiting: list[_Message] = []
+        self._claims: list[_Claim] = []
+        self._navigation: dict[int, NavigationWords] = {}
+
+    @property
+    def chains(self) -> tuple[Chain, ...]:
+        """The chains that hang on a verified root key."""
+        return tuple(self._register.chains)
+
+    def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
+        """Return the keys that this page makes valid: it closes the subframes before it.
+
+        Parameters
+        ----------
+        page
+            The next page. Satellites may come in any order, and pages some seconds late.
+        """
+        return self._take(self._intake.add(page))
+
+    def finish(self) -> tuple[ValidatedKey, ...]:
+        """Return the keys of the subframes that are still open: no more pages come."""
+        return self._take(self._intake.flush())
+
+    def filled_keys(self) -> tuple[ValidatedKey, ...]:
+        """Return the validated keys with those of lost subframes between them, which follow from later ones.
+
+        A key that was withheld stays away, although it follows too, and so does one of a time without a usable chain.
+        """
+        filled = dict(self._keys)
+        for chain in self._register.chains:
+            for key in fill_gaps(tuple(self._keys.values()), chain):
+                time = key.time.gst_seconds
+                if time not in self._withheld and not self._register.refusal(chain, key.time):
+                    filled.setdefault(time, key)
+        return tuple(filled[time] for time in sorted(filled))
+
+    def received(self) -> tuple[ReceivedOsnma, ...]:
+        """Return what was demodulated, in the order of time: keys that do not validate are in it, too."""
+        return tuple(self._received[place] for place in sorted(self._received))
+
+    def report(self) -> OsnmaReport:
+        """Return all that is known so far; call `finish` before if no more pages come."""
+        keys = tuple(self._keys[time] for time in sorted(self._keys))
+        intake = self._intake
+        return OsnmaReport(
+            first=intake.first,
+            last=intake.last,
+            n_pages=intake.counts["pages"],
+            n_crc_failures=intake.counts["crc"],
+            n_alert_pages=intake.counts["alert"],
+            pages=dict(intake.statuses),
+            n_missing_pages=intake.counts["missing"],
+            subframes=dict(intake.contents),
+            satellites=tuple(sorted(intake.satellites)),
+            osnma_satellites=tuple(sorted(intake.osnma_satellites)),
+            time_stamps=Count(*intake.stamps),
+            roots=tuple(self._dsms.roots),
+            keys=keys,
+            withheld=tuple(self._withheld[time] for time in sorted(self._withheld)),
+            alerts=tuple(self._dsms.alerts),
+            chain_steps=Count(*self._steps),
+            tags=self._tags.counts(),
+            navigation=self._tags.navigation(),
+            gaps=_gaps(keys),
+            problems=self._problems.problems(),
+            n_without_root=sum(len(message.satellites) for message in self._waiting),
+            dsm_progress=self._dsms.progress(),
+        )
+
+    def _take(self, epochs: Iterable[Epoch]) -> tuple[ValidatedKey, ...]:
+        keys: list[ValidatedKey] = []
+        for epoch in epochs:
+            message = self._read(epoch)
+            messages = [message] if message is not None else []
+            n_chains, n_changes = len(self._register.chains), self._register.n_changes
+            self._dsms.take(epoch)
+            if self._register.n_changes > n_changes:
+                self._withdraw()
+            if len(self._register.chains) > n_chains:
+                messages, self._waiting = self._waiting + messages, []
+            for waiting in messages:
+                keys += self._use(waiting)
+                keys += self._release()
+        return tuple(keys)
+
+    def _read(self, epoch: Epoch) -> _Message | None:
+        """Return the OSNMA of an epoch; remember its navigation words for the next one."""
+        before = dict(self._navigation)
+        usable = []
+        refusing = []
+        chain_ids: Counter[int] = Counter()
+        for svid, subframe in epoch.satellites.items():
+            self._navigation[svid] = self._navigation.get(svid, NavigationWords()).updated(subframe)
+            if subframe.sends_osnma:
+                usable.append(subframe)
+                place = epoch.time.gst_seconds, svid
+                self._received[place] = ReceivedOsnma(svid=svid, time=epoch.time, fields=subframe.sent)
+            if subframe.nma_header is not None:
+                header = NmaHeader(subframe.nma_header)
+                chain_ids[header.chain_id] += 1
+                # One satellite that says "don't use" is enough: a forger with a compromised chain would not say it.
+                if header.status == DONT_USE:
+                    refusing.append(subframe)
+        if not chain_ids:  # nobody's first page was received: nobody tells whether the key may be used
+            return None
+        return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
+
+    def _use(self, message: _Message) -> list[ValidatedKey]:
+        """Validate the key of a subframe and take its tags; what has no chain yet has to wait."""
+        by_chain: dict[int, list[SatelliteSubframe]] = {}
+        for subframe in message.satellites:
+            by_chain.setdefault(self._chain_id(subframe, message.chain_id), []).append(subframe)
+        keys = []
+        waiting: list[SatelliteSubframe] = []
+        for chain_id, subframes in by_chain.items():
+            chains = [chain for chain in reversed(self._register.chains) if chain.chain_id == chain_id]
+            if not chains:
+                waiting += subframes
+                continue
+            chain, valid = self._validate(message, subframes, chains)
+            refusal = self._register.refusal(chain, message.time)
+            if not refusal and not message.refusing:
+                keys += self._accept(message, subframes, chain, valid)
+            elif valid is not None:
+                if not refusal and message.time.gst_seconds not in self._withheld:
+                    self._claims.append(_Claim(message, subframes, chain, valid))
+                self._withhold(valid, refusal or _claim_text(message.refusing))
+        if waiting:
+            self._waiting.append(replace(message, satellites=tuple(waiting)))
+        return keys
+
+    def _chain_id(self, subframe: SatelliteSubframe, named: int) -> int:
+        """Return the chain of a subframe's key; the header, which may be forged, only says where to look first."""
+        if subframe.nma_header is not None:
+            named = NmaHeader(subframe.nma_header).chain_id
+        for chain in sorted(self._register.chains, key=lambda chain: chain.chain_id != named):
+            key = _key_in(subframe, chain)
+            if key is not None and chain.accepts(key):
+                return chain.chain_id
+        return named
+
+    def _accept(
+        self,
+        message: _Message,
+        subframes: Sequence[SatelliteSubframe],
+        chain: Chain,
+        valid: ValidatedKey | None,
+        proven: Mapping[int, int | None] | None = None,
+    ) -> list[ValidatedKey]:
+        """Take the tags of a subframe, with the status that is proven where the header is forged, and a new key."""
+        for subframe in subframes:
+            mack = parse_mack(subframe, chain.parameters)
+            if mack is not None and subframe.content is Content.OSNMA:
+                status = (proven or {}).get(subframe.svid) or mack.nma_status
+                self._tags.add(replace(mack, nma_status=status), chain, message.navigation)
+        time = message.time.gst_seconds
+        if valid is None or time in self._keys or time in self._withheld:
+            return []
+        self._keys[time] = valid
+        self._tags.key_arrived(chain, valid.time)
+        return [valid]
+
+    def _withhold(self, key: ValidatedKey, reason: str) -> None:
+        time = key.time.gst_seconds
+        self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
+        self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
+        self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
+
+    def _withdraw(self) -> None:
+        """Withhold the keys that a new signed status refuses, and those on whose headers it says the same."""
+        self._claims.clear()
+        for key in tuple(self._keys.values()):
+            refusal = self._register.refusal_of(key)
+            if refusal:
+                self._withhold(key, refusal)
+
+    def _release(self) -> list[ValidatedKey]:
+        """Return the keys that were withheld because of headers that tags have proven to be forged since."""
+        keys = []
+        for claim in tuple(self._claims):
+            message = claim.message
+            proven = {one.svid: proven_status(one, message.navigation, claim.chain) for one in message.refusing}
+            if None in proven.values():
+                continue
+            self._claims.remove(claim)
+            if all(proven.values()) and not self._register.refusal(claim.chain, message.time):
+                del self._withheld[message.time.gst_seconds]
+                text = (
+                    f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
+                )
+                self._problems.report(Problem(kind=ProblemKind.STATUS, time=message.time, text=text))
+                keys += self._accept(message, claim.subframes, claim.chain, claim.key, proven)
+        return keys
+
+    def _validate(
+        self, message: _Message, subframes: Sequence[SatelliteSubframe], chains: Sequence[Chain]
+    ) -> tuple[Chain, ValidatedKey | None]:
+        """Return the chain of a subframe's key and the key, or no key if none chains."""
+        candidates: dict[Key, list[int]] = {}
+        for subframe in subframes:
+            key = _key_in(subframe, chains[0])
+            if key is not None:
+                candidates.setdefault(key, []).append(subframe.svid)
+                place = message.time.gst_seconds, subframe.svid
+                self._received[place] = replace(self._received[place], key=key.data)
+        if not candidates:
+            return chains[0], None
+        accepted: tuple[Chain, ValidatedKey | None] = chains[0], None
+        for key, svids in candidates.items():
+            chain, valid = self._first_valid(key, svids, chains, message.time)
+            if valid is not None:
+                accepted = chain, valid
+        if len(candidates) > 1:
+            said = "; ".join(f"{key.data.hex()} from {_names(svids)}" for key, svids in candidates.items())
+            self._problems.report(
+                Problem(kind=ProblemKind.DISAGREEMENT, time=message.time, text=f"different keys: {said}")
+            )
+        time = message.time.gst_seconds
+        if (self._keys or self._withheld) and time not in self._keys and time not in self._withheld:
+            self._steps[accepted[1] is None] += 1
+        return accepted
+
+    def _first_valid(
+        self, key: Key, svids: Sequence[int], chains: Sequence[Chain], time: GalileoTime
+    ) -> tuple[Chain, ValidatedKey | None]:
+        reason = ""
+        for chain in chains:
+            try:
+                return chain, validate(key, chain)
+            except AuthenticationError as error:
+                reason = reason or str(error)
+        self._problems.report(Problem(kind=ProblemKind.KEY, time=time, text=f"{_names(svids)}: {reason}"))
+        return chains[0], None
+
+
+def verify(pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> OsnmaReport:
+    """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
+    receiver = OsnmaReceiver(public_keys, tree)
+    for page in pages:
+        receiver.process(page)
+    receiver.finish()
+    return receiver.report()
+
+
+def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
+    pairs = pairwise(keys)
+    steps = ((after.time, before.time, round(before.time - after.time) // SUBFRAME_S) for after, before in pairs)
+    return tuple(KeyGap(after=after, before=before, n_missing=n - 1) for after, before, n in steps if n > 1)
+
+
+def _names(svids: Sequence[int]) -> str:
+    return ", ".join(f"E{svid:02d}" for svid in svids)
+
+
+def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
+    """Return the key where the chain's parameters put it, or None if one of its pages is missing."""
+    parameters = chain.parameters
+    bits = subframe.mack_bits(parameters.key_start_bit, parameters.key_bits)
+    return None if bits is None else Key(time=subframe.time, data=bits.to_bytes(parameters.key_bytes, "big"))
+
+
+def _claim_text(refusing: Sequence[SatelliteSubframe]) -> str:
+    headers = {str(NmaHeader(subframe.nma_header)) for subframe in refusing if subframe.nma_header is not None}
+    return f"{_names([subframe.svid for subframe in refusing])}: unsigned header {', '.join(sorted(headers))}"

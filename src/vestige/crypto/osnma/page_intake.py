@@ -1,0 +1,80 @@
+"""From pages to the subframes of all satellites, with an account of what came in and what was lost."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from vestige.crypto.osnma.messages.inav import InavPage, time_in_word
+from vestige.crypto.osnma.messages.subframe import Content, Epoch, PageStatus, SubframeAssembler
+from vestige.crypto.osnma.osnma_report import Problem, ProblemKind, ProblemLog
+from vestige.time import GalileoTime
+
+
+class PageIntake:
+    """Puts pages together to subframes and counts them.
+
+    Parameters
+    ----------
+    problems
+        Where problems with pages go.
+    """
+
+    def __init__(self, problems: ProblemLog) -> None:
+        self._problems = problems
+        self._assembler = SubframeAssembler()
+        self.counts: Counter[str] = Counter()  # "pages", "crc", "alert", "missing"
+        self.statuses: Counter[PageStatus] = Counter()
+        self.contents: Counter[Content] = Counter()
+        self.stamps = [0, 0]  # navigation words that tell the time of the recording, and another one
+        self.satellites: set[int] = set()
+        self.osnma_satellites: set[int] = set()
+        self.first: GalileoTime | None = None
+        self.last: GalileoTime | None = None
+
+    def add(self, page: InavPage) -> tuple[Epoch, ...]:
+        """Return the subframes that a page closes, oldest first."""
+        self.counts["pages"] += 1
+        if not page.crc_ok:
+            self.counts["crc"] += 1
+            return ()
+        if page.is_alert:
+            self.counts["alert"] += 1
+            return ()
+        status, epochs = self._assembler.add(page)
+        self.statuses[status] += 1
+        if status is PageStatus.CONTRADICTION:
+            text = f"E{page.svid:02d}: two different pages of one time; the first one is used"
+            self._problems.report(Problem(kind=ProblemKind.PAGE, time=page.time, text=text))
+        elif status is PageStatus.TAKEN:
+            self.first = page.time if self.first is None else min(self.first, page.time)
+            self.last = page.time if self.last is None else max(self.last, page.time)
+            self._check_time(page)
+        return self._counted(epochs)
+
+    def flush(self) -> tuple[Epoch, ...]:
+        """Return the subframes that are still open, oldest first: no more pages come."""
+        return self._counted(self._assembler.flush())
+
+    def _counted(self, epochs: Iterable[Epoch]) -> tuple[Epoch, ...]:
+        closed = tuple(epochs)
+        for epoch in closed:
+            for svid, subframe in epoch.satellites.items():
+                self.contents[subframe.content] += 1
+                self.counts["missing"] += subframe.n_missing
+                self.satellites.add(svid)
+                if subframe.sends_osnma:
+                    self.osnma_satellites.add(svid)
+        return closed
+
+    def _check_time(self, page: InavPage) -> None:
+        stamp = time_in_word(page.word)
+        if stamp is None:
+            return
+        week, second = stamp
+        same = second == page.time.second and week in (None, page.time.week % 4096)
+        self.stamps[not same] += 1
+        if not same:
+            found = f"{'' if week is None else f'week {week} '}second {second}"
+            text = f"E{page.svid:02d} tells a time that is not the recording's"
+            self._problems.report_once(ProblemKind.TIME, page.time, text, f" (first: {found})")

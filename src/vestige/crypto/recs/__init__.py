@@ -1,0 +1,1 @@
+"""Files that the SAS service publishes: RECS, group delays, signatures."""

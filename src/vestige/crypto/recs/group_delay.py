@@ -1,0 +1,241 @@
+"""Broadcast group delays between E1 and E6: the BGD file, and what a value of it does to the range.
+
+Each satellite's payload delays its carriers differently. With T_R the group delay of a carrier, larger meaning later,
+the open service defines [OS-ICD, 5.1.5]::
+
+    BGD(E1,E6)  = (T_R1 − T_R6) / (1 − γ),        γ = (f1/f6)² = (154/125)²
+    T_R6 − T_R1 = (γ − 1) · BGD(E1,E6)                                            positive: E6 arrives later
+
+so that BGD and ionosphere scale alike: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. The public
+reference receiver adds the value of the file as it stands instead, which is 1/0.518 times as much [SASLIB]. Which of
+the two the service means is not public: `GroupDelayConvention` is the switch, for simulator and processor alike.
+
+The layout of the file is known only from a reader that others derived from examples [SASLIB], so all knowledge of it
+stands in this module::
+
+    byte  length  content
+    0     4       provider, ASCII
+    4     1       interface version
+    5     2       reserved (4 bits), week modulo 4096 (12 bits)          assumed, as in a unitary RECS header
+    7     3       time of week in deciseconds                            assumed, as in a unitary RECS header
+    10    6       validity, kept as read                                 meaning unknown
+    16    20      satellite mask, most significant bit first, from SVID 1
+    36    36      filling, 0x12
+    72    72      little endian int16 of SVID 1 … 36, LSB 2⁻³² s         known for SVID 1 … 30, assumed beyond
+    144   …       a typical file has 191 bytes                           meaning unknown
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+
+from vestige.constants import GAMMA_E1_E6, MAX_SVID
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.recs.recs_file import resolve_week
+from vestige.crypto.recs.recs_name import (
+    DECISECONDS_PER_WEEK,
+    deciseconds_of_week,
+    format_time_code,
+    time_of_deciseconds,
+)
+from vestige.crypto.recs.recs_segment import WEEK_MODULUS
+from vestige.errors import InputFileError, UnsupportedError
+from vestige.records import GroupDelay
+from vestige.time import GalileoTime
+
+LSB_S = 2.0**-32  # [OS-ICD, 5.1.5], and [SASLIB] for the file
+INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+
+_HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
+_FILLING = b"\x12" * 36
+_SHORTEST_BYTES = 72 + 2 * 30  # the part that is known
+_TYPICAL_BYTES = 191
+MAX_FILE_BYTES = 1 << 16  # far more than any file of this layout
+_RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
+
+
+class GroupDelayScale(Enum):
+    """By what a BGD value is multiplied to give the delay of E6 against E1: γ − 1 [OS-ICD, 5.1.5] or 1 [SASLIB]."""
+
+    OS_ICD = "os-icd"
+    FILE_VALUE = "file-value"
+
+
+_FACTOR = {GroupDelayScale.OS_ICD: GAMMA_E1_E6 - 1, GroupDelayScale.FILE_VALUE: 1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupDelayConvention:
+    """How a BGD value is meant. The default is the definition of [OS-ICD, 5.1.5].
+
+    Attributes
+    ----------
+    scale
+        Factor between BGD and the delay of E6 against E1.
+    sign
+        +1 if a larger BGD makes E6 later, −1 if earlier.
+    """
+
+    scale: GroupDelayScale = GroupDelayScale.OS_ICD
+    sign: int = 1
+
+    def __post_init__(self) -> None:
+        if self.sign not in (1, -1):
+            raise ValueError(f"the sign of a group delay convention is 1 or -1, not {self.sign}")
+
+
+OS_ICD_CONVENTION = GroupDelayConvention()
+
+
+def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_ICD_CONVENTION) -> float:
+    """Return T_R6 − T_R1, by how much the satellite sends E6 later than E1, in s.
+
+    T_R6 − T_R1 = (γ − 1) · BGD(E1,E6) in the default convention [OS-ICD, 5.1.5].
+
+    Parameters
+    ----------
+    bgd_s
+        BGD(E1,E6) in s.
+    convention
+        How the value is meant.
+    """
+    return convention.sign * _FACTOR[convention.scale] * bgd_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupDelayFile:
+    """A BGD file.
+
+    Attributes
+    ----------
+    provider
+        Four letters or digits.
+    valid_from
+        Time in the header, whole deciseconds.
+    delays
+        Values of the satellites in the mask, by rising SVID.
+    validity
+        The six bytes of unknown meaning, kept so that they are not lost.
+    """
+
+    provider: str
+    valid_from: GalileoTime
+    delays: tuple[GroupDelay, ...]
+    validity: bytes = bytes(6)
+
+    @property
+    def name(self) -> str:
+        """Name that we give such a file, after that of a unitary RECS; the service's pattern is not known."""
+        return f"{self.provider}{INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
+
+
+def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
+    """Return the BGD file at `path`.
+
+    Parameters
+    ----------
+    path
+        The file, of any name.
+    reference
+        A time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 … 4095.
+
+    Raises
+    ------
+    InputFileError
+        If it is not a file of the layout above, or a value is beyond the ± 119 ns that the field can hold.
+    UnsupportedError
+        If its interface version is not known.
+    """
+    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
+
+
+def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
+    """Return the BGD file that `data` is; `path` is only for error messages. See `read`."""
+    if len(data) < _SHORTEST_BYTES:
+        raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
+    provider, interface, week, atow, validity, mask, filling = _HEADER.unpack_from(data)
+    if not re.fullmatch(rb"[A-Za-z0-9]{4}", provider):
+        raise InputFileError(path, "byte 0: provider", provider, "four letters or digits, as a BGD file begins")
+    if filling != _FILLING:
+        raise InputFileError(path, "byte 36: filling", filling, "36 bytes 0x12, as a BGD file has")
+    if interface != INTERFACE_VERSION:
+        raise UnsupportedError(f"{path}: BGD interface version {interface} is not known, only {INTERFACE_VERSION} is")
+    deciseconds = int.from_bytes(atow, "big")
+    if deciseconds >= DECISECONDS_PER_WEEK:
+        raise InputFileError(path, "time of week", f"{deciseconds} ds", f"less than a week, {DECISECONDS_PER_WEEK} ds")
+    valid_from = time_of_deciseconds(resolve_week(week % WEEK_MODULUS, reference), deciseconds)
+    return GroupDelayFile(
+        provider=provider.decode("ascii"),
+        valid_from=valid_from,
+        delays=tuple(
+            GroupDelay(svid=svid, bgd_e1_e6_s=_value(data, svid, path) * LSB_S, valid_from=valid_from)
+            for svid in _satellites(mask, path)
+        ),
+        validity=validity,
+    )
+
+
+def serialize(file: GroupDelayFile) -> bytes:
+    """Return the bytes of a BGD file, values rounded to 2⁻³² s.
+
+    Raises
+    ------
+    ValueError
+        If a field does not fit the format.
+    """
+    slots, mask = np.zeros(MAX_SVID, "<i2"), np.zeros(160, np.uint8)
+    for delay in file.delays:
+        raw = round(delay.bgd_e1_e6_s / LSB_S)
+        if raw not in _RAW or not 1 <= delay.svid <= MAX_SVID or mask[delay.svid - 1]:
+            raise ValueError(f"{delay} does not fit in a BGD file: one value of ± 119 ns for each SVID 1 … {MAX_SVID}")
+        slots[delay.svid - 1], mask[delay.svid - 1] = raw, 1
+    exact = time_of_deciseconds(file.valid_from.week, deciseconds_of_week(file.valid_from))
+    atow = deciseconds_of_week(exact).to_bytes(3, "big")
+    provider = file.provider.encode("ascii")
+    if not re.fullmatch(rb"[A-Za-z0-9]{4}", provider) or len(file.validity) != 6:
+        raise ValueError(f"provider {file.provider!r} is four letters or digits, validity six bytes")
+    header = _HEADER.pack(
+        provider,
+        INTERFACE_VERSION,
+        exact.week % WEEK_MODULUS,
+        atow,
+        file.validity,
+        np.packbits(mask).tobytes(),
+        _FILLING,
+    )
+    return (header + slots.tobytes()).ljust(_TYPICAL_BYTES, b"\0")
+
+
+def write(delays: Sequence[GroupDelay], folder: Path, *, provider: str = "GSCX") -> Path:
+    """Write the values of one time as a BGD file into `folder` and return its path."""
+    ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
+    if len({delay.valid_from for delay in ordered}) != 1:
+        raise ValueError("a BGD file holds one or more values, all valid from one time")
+    file = GroupDelayFile(provider=provider, valid_from=ordered[0].valid_from, delays=ordered)
+    path = folder / file.name
+    path.write_bytes(serialize(file))
+    return path
+
+
+def _satellites(mask: bytes, path: Path) -> tuple[int, ...]:
+    svids = tuple(int(bit) + 1 for bit in np.flatnonzero(np.unpackbits(np.frombuffer(mask, np.uint8))))
+    if svids and svids[-1] > MAX_SVID:
+        raise InputFileError(path, "byte 16: satellite mask", f"SVID {svids[-1]}", f"SVID 1 … {MAX_SVID}")
+    return svids
+
+
+def _value(data: bytes, svid: int, path: Path) -> int:
+    offset = _HEADER.size + 2 * (svid - 1)
+    if offset + 2 > len(data):
+        raise InputFileError(path, f"value of SVID {svid}", f"end of file at byte {len(data)}", f"2 bytes at {offset}")
+    raw = int.from_bytes(data[offset : offset + 2], "little", signed=True)
+    if raw not in _RAW:
+        raise InputFileError(path, f"byte {offset}: value of SVID {svid}", raw, f"{_RAW[0]} … {_RAW[-1]}")
+    return raw

@@ -1,0 +1,355 @@
+"""RECS files as the assistance server publishes them, read and written bit for bit.
+
+There are two kinds. An *aggregated* file holds the RECS of one satellite at equal intervals: a 25-byte header, then
+the bodies one after the other. A *unitary* file holds one RECS behind a 16-byte header. Everything is big endian, times
+count deciseconds. Which kind a file is follows from its content, whatever it is called; a name that has the form of
+`vestige.crypto.recs.recs_name` must agree with the header.
+
+Assumptions, since the service's interface document is not public [SASLIB]:
+
+* An aggregated body holds a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
+* WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary one (12 bits).
+* The epoch of a RECS is the satellite time at which its first chip leaves the satellite; with RAND = 1 the header's
+  time already holds the random offset.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+from vestige.constants import MAX_SVID
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.recs.recs_name import (
+    DECISECONDS_PER_WEEK,
+    RecsName,
+    deciseconds_of_week,
+    parse_name,
+    time_of_deciseconds,
+)
+from vestige.crypto.recs.recs_segment import LENGTH_BY_BYTES, LENGTH_BY_CHIPS, LENGTHS, WEEK_MODULUS, key_time
+from vestige.errors import InputFileError, UnsupportedError
+from vestige.records import EncryptedSegment
+from vestige.time import GalileoTime
+
+INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
+MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
+MAX_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
+
+# The fields are Provider, IntV, reserved, WN, ATOW, tDur, SVID, KDI, RAND, NChip, RTBA and FileVersion [SASLIB].
+_AGGREGATED = struct.Struct(">8s B B H 3s 3s B B B B H B")
+# Provider, IntV, reserved (4 bits) with WN (12 bits), ATOW, SVID, KDI, RAND, FileVersion, HeaderLength [SASLIB].
+_UNITARY = struct.Struct(">4s B H 3s B B B B H")
+
+_PROVIDER = re.compile(rb"[A-Za-z0-9]+")  # it becomes part of a file name
+
+
+class FileKind(Enum):
+    """The two kinds of RECS file."""
+
+    AGGREGATED = "aggregated"
+    UNITARY = "unitary"
+
+
+class _Fault(NamedTuple):
+    """Why a file is none."""
+
+    place: str
+    found: object
+    expected: object
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecsFile:
+    """A RECS file: every header field and the bodies.
+
+    Attributes
+    ----------
+    provider
+        Letters and digits; four in a unitary file, up to eight in an aggregated one.
+    start
+        Epoch of the (first) RECS, with the full week.
+    svid
+        Satellite, 1 … 36.
+    key_delay, random_offset
+        KDI and RAND, 0 or 1.
+    n_chip_code
+        Index into `vestige.crypto.recs.recs_segment.LENGTHS`.
+    body
+        The bodies, one after the other.
+    duration_ds, period_ds
+        tDur and RTBA in ds; 0 in a unitary file, which has neither.
+    reserved
+        Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written as it was read.
+    """
+
+    kind: FileKind
+    provider: str
+    start: GalileoTime
+    svid: int
+    key_delay: int
+    random_offset: int
+    n_chip_code: int
+    body: bytes
+    duration_ds: int = 0
+    period_ds: int = 0
+    file_version: int = 1
+    interface_version: int = INTERFACE_VERSION
+    reserved: int = 0
+
+    @property
+    def name(self) -> RecsName:
+        """The file's name; `str` of it is text. A fraction of a second of tDur does not fit in and is dropped."""
+        aggregated = self.kind is FileKind.AGGREGATED
+        return RecsName(
+            start=self.start,
+            svid=self.svid,
+            key_delay=self.key_delay,
+            random_offset=self.random_offset,
+            provider="" if aggregated else self.provider,
+            duration_s=self.duration_ds // 10,
+            period_ds=self.period_ds,
+            n_chip_code=self.n_chip_code if aggregated else 0,
+            interface_version=self.interface_version,
+            file_version=self.file_version,
+        )
+
+    @property
+    def n_segments(self) -> int:
+        """Number of RECS: one, or as many as begin within tDur."""
+        return 1 if self.kind is FileKind.UNITARY else -(-self.duration_ds // self.period_ds)
+
+    @property
+    def segments(self) -> tuple[EncryptedSegment, ...]:
+        """The RECS in the order of time, the week's end carried into the week."""
+        length, first = LENGTHS[self.n_chip_code], deciseconds_of_week(self.start)
+        times = (time_of_deciseconds(self.start.week, first + i * self.period_ds) for i in range(self.n_segments))
+        return tuple(
+            EncryptedSegment(
+                svid=self.svid,
+                transmit_time=time,
+                n_chips=length.n_chips,
+                cipher=self.body[i * length.n_bytes : (i + 1) * length.n_bytes],
+                key_time=key_time(time, self.key_delay),
+                key_delay=self.key_delay,
+                random_offset=self.random_offset,
+            )
+            for i, time in enumerate(times)
+        )
+
+
+def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
+    """Return the RECS file at `path`, of either kind.
+
+    Parameters
+    ----------
+    path
+        The file. If its name has the form of a RECS name, it must agree with the header.
+    reference
+        A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. Without it
+        the file name does, and without a RECS name the week is taken as 0 … 4095, right until 2078.
+
+    Raises
+    ------
+    InputFileError
+        If it is not a RECS file, or is truncated, or contradicts itself or its name.
+    UnsupportedError
+        If its interface version is not known.
+    """
+    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
+
+
+def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
+    """Return the RECS file that `data`, the content of `path`, is. See `read`."""
+    name = parse_name(path.name)
+    if len(data) < _AGGREGATED.size:
+        raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_AGGREGATED.size} bytes")
+    # Byte 4 is the interface version of a unitary header, and a letter, digit or NUL of an aggregated one's provider.
+    if data[4] in range(1, 32):
+        file = _parse_unitary(data, path, reference or (name.start if name else None))
+    else:
+        file = _parse_aggregated(data, path)
+    if fault := _fault(file):
+        raise InputFileError(path, *fault)
+    if name is not None and str(file.name).lower() != path.name.lower():
+        raise InputFileError(path, "file name", path.name, f"{file.name} as the header says")
+    return file
+
+
+def has_recs_header(head: bytes) -> bool:
+    """Return whether a file that begins with `head` looks like a RECS file, whatever its name; 25 bytes are enough."""
+    if len(head) < _AGGREGATED.size:
+        return False
+    if head[4] == INTERFACE_VERSION:
+        return _PROVIDER.fullmatch(head[:4]) is not None and head[14:16] == _UNITARY.size.to_bytes(2, "big")
+    return head[8] == INTERFACE_VERSION and _PROVIDER.fullmatch(head[:8].rstrip(b"\0")) is not None
+
+
+def serialize(file: RecsFile) -> bytes:
+    """Return the bytes of a RECS file.
+
+    Raises
+    ------
+    ValueError
+        If a field does not fit the format or contradicts another.
+    """
+    if fault := _fault(file):
+        raise ValueError(f"{fault.place}: found {fault.found}, expected {fault.expected}")
+    exact = time_of_deciseconds(file.start.week, deciseconds_of_week(file.start))
+    provider, atow = file.provider.encode("ascii"), deciseconds_of_week(exact).to_bytes(3, "big")
+    if file.kind is FileKind.UNITARY:
+        week = file.reserved << 12 | exact.week % WEEK_MODULUS
+        last = (file.svid, file.key_delay, file.random_offset, file.file_version, _UNITARY.size)
+        return _UNITARY.pack(provider, file.interface_version, week, atow, *last) + file.body
+    return (
+        _AGGREGATED.pack(
+            provider, file.interface_version, file.reserved, exact.week, atow, file.duration_ds.to_bytes(3, "big"),
+            file.svid, file.key_delay, file.random_offset, file.n_chip_code, file.period_ds, file.file_version,
+        )
+        + file.body
+    )  # fmt: skip
+
+
+def write(file: RecsFile, folder: Path) -> Path:
+    """Write `file` under its own name into `folder` and return the path."""
+    path = folder / str(file.name)
+    path.write_bytes(serialize(file))
+    return path
+
+
+def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX", file_version: int = 1) -> RecsFile:
+    """Return the file that holds `segments`: unitary for one, aggregated for several at equal intervals.
+
+    Raises
+    ------
+    ValueError
+        If they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole deciseconds.
+    """
+    first = segments[0]
+    epochs = [s.transmit_time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(s.transmit_time) for s in segments]
+    period = epochs[1] - epochs[0] if len(epochs) > 1 else 0
+    alike = {(s.svid, s.n_chips, s.key_delay, s.random_offset) for s in segments}
+    if len(alike) > 1 or epochs != [epochs[0] + i * period for i in range(len(epochs))]:
+        raise ValueError("segments of one file share satellite, length, KDI and RAND and follow at equal intervals")
+    return RecsFile(
+        kind=FileKind.AGGREGATED if period else FileKind.UNITARY,
+        provider=provider,
+        start=first.transmit_time,
+        svid=first.svid,
+        key_delay=first.key_delay,
+        random_offset=first.random_offset,
+        n_chip_code=LENGTH_BY_CHIPS[first.n_chips].code,
+        body=b"".join(s.cipher for s in segments),
+        duration_ds=len(segments) * period,
+        period_ds=period,
+        file_version=file_version,
+    )
+
+
+def resolve_week(week: int, reference: GalileoTime | None) -> int:
+    """Return the full week of a 12-bit one: the nearest to `reference`, or the week itself, 0 … 4095, without one."""
+    if reference is None:
+        return week
+    half = WEEK_MODULUS // 2
+    full = reference.week + (week - reference.week + half) % WEEK_MODULUS - half
+    return full if full >= 0 else full + WEEK_MODULUS
+
+
+def _parse_unitary(data: bytes, path: Path, reference: GalileoTime | None) -> RecsFile:
+    provider, interface, week, atow, svid, kdi, rand, version, header_length = _UNITARY.unpack_from(data)
+    text = _provider(provider, path)
+    _require_interface(interface, path)
+    if header_length != _UNITARY.size:
+        raise InputFileError(path, "byte 14: HeaderLength", header_length, _UNITARY.size)
+    body = data[_UNITARY.size :]
+    if len(body) not in LENGTH_BY_BYTES:
+        raise InputFileError(path, "body", f"{len(body)} bytes", f"one RECS of {sorted(LENGTH_BY_BYTES)} bytes")
+    return RecsFile(
+        kind=FileKind.UNITARY,
+        provider=text,
+        start=_start(resolve_week(week % WEEK_MODULUS, reference), atow, path),
+        svid=svid,
+        key_delay=kdi,
+        random_offset=rand,
+        n_chip_code=LENGTH_BY_BYTES[len(body)].code,
+        body=body,
+        file_version=version,
+        interface_version=interface,
+        reserved=week // WEEK_MODULUS,
+    )
+
+
+def _parse_aggregated(data: bytes, path: Path) -> RecsFile:
+    unpacked = _AGGREGATED.unpack_from(data)
+    provider, interface, reserved, week, atow, duration, svid, kdi, rand, n_chip, period, version = unpacked
+    text = _provider(provider, path)
+    _require_interface(interface, path)
+    return RecsFile(
+        kind=FileKind.AGGREGATED,
+        provider=text,
+        start=_start(week, atow, path),
+        svid=svid,
+        key_delay=kdi,
+        random_offset=rand,
+        n_chip_code=n_chip,
+        body=data[_AGGREGATED.size :],
+        duration_ds=int.from_bytes(duration, "big"),
+        period_ds=period,
+        file_version=version,
+        interface_version=interface,
+        reserved=reserved,
+    )
+
+
+def _provider(field: bytes, path: Path) -> str:
+    text = field.rstrip(b"\0")
+    if not _PROVIDER.fullmatch(text):
+        raise InputFileError(path, "byte 0: provider", field, "letters and digits, then NUL, as a RECS file begins")
+    return text.decode("ascii")
+
+
+def _require_interface(version: int, path: Path) -> None:
+    if version != INTERFACE_VERSION:
+        raise UnsupportedError(f"{path}: RECS interface version {version} is not known, only {INTERFACE_VERSION} is")
+
+
+def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
+    deciseconds = int.from_bytes(atow, "big")
+    if deciseconds >= DECISECONDS_PER_WEEK:
+        raise InputFileError(path, "ATOW", f"{deciseconds} ds", f"less than a week, {DECISECONDS_PER_WEEK} ds")
+    return time_of_deciseconds(week, deciseconds)
+
+
+def _fault(file: RecsFile) -> _Fault | None:
+    """Return the first thing that is wrong with a file, for the reader and the writer alike."""
+    unitary = file.kind is FileKind.UNITARY
+    fields = (
+        ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),
+        ("IntV", file.interface_version, range(INTERFACE_VERSION, INTERFACE_VERSION + 1)),
+        ("reserved", file.reserved, range(16 if unitary else 256)),
+        ("WN", file.start.week, range(1 << 16)),
+        ("tDur", file.duration_ds, range(1) if unitary else range(1, MAX_DURATION_DS + 1)),
+        ("SVID", file.svid, range(1, MAX_SVID + 1)),
+        ("KDI", file.key_delay, range(2)),
+        ("RAND", file.random_offset, range(2)),
+        ("NChip", file.n_chip_code, range(len(LENGTHS))),
+        ("RTBA", file.period_ds, range(1) if unitary else range(1, MAX_PERIOD_DS + 1)),
+        ("FileVersion", file.file_version, range(256)),
+    )
+    for place, value, allowed in fields:
+        if value not in allowed:
+            return _Fault(place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
+    if not _PROVIDER.fullmatch(file.provider.encode("ascii", "replace")):
+        return _Fault("provider", file.provider, "letters and digits")
+    n_bytes = LENGTHS[file.n_chip_code].n_bytes
+    if len(file.body) != file.n_segments * n_bytes:
+        return _Fault(
+            "body", f"{len(file.body)} bytes", f"{file.n_segments} RECS of {n_bytes} bytes as the header says"
+        )
+    return None

@@ -1,0 +1,1 @@
+"""Figures of probabilities and of sweeps."""

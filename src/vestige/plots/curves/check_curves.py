@@ -1,0 +1,54 @@
+"""How often checks see an attack against its strength, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from vestige.campaign.statistics import Proportion
+from vestige.plots.curves.sweep_curves import COLOURS
+from vestige.plots.figure import dress, legend, new_axes
+
+_APART = 0.006  # of the width: curves stand beside each other
+
+
+def check_curves(
+    strength: Sequence[float],
+    seen: Mapping[str, Sequence[Proportion]],
+    *,
+    title: str,
+    label: str,
+    log: bool = False,
+    ax: Axes | None = None,
+) -> Axes:
+    """Return axes with one curve for each check, and at each strength its interval of confidence.
+
+    Parameters
+    ----------
+    strength
+        Of the attack, ascending.
+    seen
+        For each check, the runs in which it failed, at each strength.
+    title, label
+        Of the figure, and of the axis of strengths.
+    log
+        Whether that axis is logarithmic.
+    ax
+        Axes to draw on; new ones without it.
+    """
+    ax = new_axes() if ax is None else ax
+    x = np.log(strength) if log else np.array(strength, dtype=np.float64)
+    step = _APART * float(np.ptp(x))
+    for number, ((name, points), colour) in enumerate(zip(seen.items(), COLOURS, strict=False)):
+        beside = x + step * (number - (len(seen) - 1) / 2)
+        beside = np.exp(beside) if log else beside
+        ax.vlines(beside, [one.low for one in points], [one.high for one in points], color=colour, linewidth=0.8)
+        ax.plot(beside, [one.value for one in points], "o-", color=colour, markersize=2.5, linewidth=0.8, label=name)
+    if log:
+        ax.set_xscale("log")
+    ax.set_ylim(-0.03, 1.03)
+    dress(ax, title=title, x=label, y="runs in which it is seen")
+    legend(ax)
+    return ax

@@ -1,0 +1,173 @@
+"""How often a signal is detected, missed, or seen where there is none, against C/N0, beside theory [WFO, Sec. III]."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float, Int
+from matplotlib.axes import Axes
+from scipy.special import betaincinv
+
+from vestige.errors import VestigeError
+from vestige.plots.curves.sweep_curves import CN0, COLOURS, abscissa, curves
+from vestige.plots.epochs import attribute
+from vestige.plots.figure import BLACK, dress, legend, new_axes
+from vestige.theory.thresholds import miss_probability, probability_of_detection
+
+CONFIDENCE = 0.95
+_CURVE_POINTS = 300
+_MARGIN_DB = 1.0  # theory goes on beyond the outermost points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """A relative frequency: the variables of the sweep behind it, its theory as a function of C/N0, T_I and P_fa."""
+
+    title: str
+    label: str
+    trials: str
+    counted: str
+    theory: Callable[[Float[np.ndarray, " n"], float, float], Float[np.ndarray, " n"]]
+    theory_label: str
+    log: bool
+    of_others: bool = False  # the events are the trials that are not counted
+
+
+KINDS = {
+    "detections": _Kind(
+        title="Detection",
+        label="P_d",
+        trials="trials",
+        counted="detections",
+        theory=probability_of_detection,
+        theory_label="Marcum Q, aligned",
+        log=False,
+    ),
+    "misses": _Kind(
+        title="Missed detection",
+        label="1 − P_d",
+        trials="trials",
+        counted="detections",
+        of_others=True,
+        theory=miss_probability,
+        theory_label="1 − Marcum Q, aligned",
+        log=True,
+    ),
+    "false_alarms": _Kind(
+        title="False alarm",
+        label="P_fa",
+        trials="false_alarm_trials",
+        counted="false_alarms",
+        theory=lambda cn0_dbhz, _, p_fa: np.full(cn0_dbhz.shape, p_fa),
+        theory_label="P_fa asked for",
+        log=True,
+    ),
+}
+
+
+def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axes | None = None) -> Axes:
+    """Return axes with the relative frequency of an event against C/N0, its interval of confidence, and theory.
+
+    The interval is that of Clopper and Pearson: it holds the probability in at least 95 % of all sweeps, also where
+    nothing or everything was counted. In log scale a count of 0 has no dot; an arrow hangs from the interval's end.
+    Theory is that of one correlator that is aligned with the signal. A sweep of several keys is one curve for each
+    combination of the others; one that does not vary C/N0 is drawn against the first key with numbers.
+
+    Parameters
+    ----------
+    sweep
+        `cn0_dbhz`, `trials` and `detections` along one dimension (see `sweep.sweep_of`); for false alarms
+        `false_alarm_trials` and `false_alarms`, decisions on noise alone. Theory needs the attributes `integration_s`
+        and `p_fa`.
+    count
+        `detections`, `misses` or `false_alarms`.
+    ax
+        Axes to draw on; new ones without it.
+
+    Raises
+    ------
+    VestigeError
+        If the sweep lacks what is counted, or counts are impossible.
+    """
+    kind = KINDS[count]
+    cn0_dbhz, trials, events = _counts(sweep, kind)
+    label, x = abscissa(sweep)
+    shown = curves(sweep)
+    low, high = _interval(events, trials)
+    ax = new_axes() if ax is None else ax
+
+    integration_s, p_fa = attribute(sweep, "integration_s"), attribute(sweep, "p_fa")
+    floor = min(0.3 / trials.max(), 0.1)  # in log scale
+    margin = _MARGIN_DB if label == CN0 or np.ptp(x) == 0 else 0.05 * float(np.ptp(x))
+    ends = x.min() - margin, x.max() + margin
+    if integration_s is not None and p_fa is not None:
+        along = np.linspace(*ends, _CURVE_POINTS)
+        strength_dbhz = along if label == CN0 else np.full(_CURVE_POINTS, cn0_dbhz[0])
+        ax.plot(
+            along, kind.theory(strength_dbhz, integration_s, p_fa), color=BLACK, linewidth=0.8, label=kind.theory_label
+        )
+        floor = min(floor, 0.3 * p_fa) if count == "false_alarms" else floor
+    start = np.maximum(low, floor) if kind.log else low
+    seen = (events > 0) | (not kind.log)
+    for curve, colour in zip(shown, COLOURS, strict=False):
+        interval = "" if curve.label else f"{CONFIDENCE * 100:g} % interval"
+        ax.vlines(x[curve.rows], start[curve.rows], high[curve.rows], color=colour, linewidth=1.0, label=interval)
+        some, none = curve.rows[seen[curve.rows]], curve.rows[~seen[curve.rows]]
+        dots: dict[str, Any] = {"color": colour, "markeredgewidth": 0}
+        ax.plot(x[some], events[some] / trials[some], "o", markersize=3, label=curve.label or "counted", **dots)
+        if none.size:
+            ax.plot(x[none], high[none], "v", markersize=3.5, label="" if curve.label else "none counted", **dots)
+    if kind.log:
+        ax.set_ylim(floor, min(2.0, 30 * high.max()))
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(-0.03, 1.03)
+    ax.set_xlim(*ends)
+    dress(ax, title=_title(kind, integration_s, p_fa), x=label, y=f"probability ({kind.label})")
+    legend(ax)
+    return ax
+
+
+def _counts(
+    sweep: xarray.Dataset, kind: _Kind
+) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return C/N0, trials and events of each row."""
+    for name in ("cn0_dbhz", kind.trials, kind.counted):
+        if name not in sweep.variables or sweep[name].dtype.kind not in "fiu":
+            raise VestigeError(f"sweep: found no {name}, expected numbers of it")
+    counted = sweep[kind.counted] if not kind.of_others else sweep[kind.trials] - sweep[kind.counted]
+    columns = (sweep["cn0_dbhz"], sweep[kind.trials], counted)
+    cn0_dbhz, trials, events = (np.atleast_1d(column.values) for column in columns)
+    if not (cn0_dbhz.ndim == 1 and cn0_dbhz.size and cn0_dbhz.shape == trials.shape == events.shape):
+        raise VestigeError(
+            f"sweep: found shapes {cn0_dbhz.shape}, {trials.shape}, {events.shape}, expected one row a C/N0"
+        )
+    bad = ~(np.isfinite(cn0_dbhz) & (trials >= 1) & (events >= 0) & (events <= trials))
+    if bad.any():
+        row = int(np.argmax(bad))
+        found = f"{events[row]} of {trials[row]} at {cn0_dbhz[row]} dBHz"
+        raise VestigeError(f"sweep: row {row + 1}: found {found}, expected 0 to as many events as trials")
+    return cn0_dbhz.astype(np.float64), trials.astype(np.int64), events.astype(np.int64)
+
+
+def _interval(
+    events: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return both ends of the interval of Clopper and Pearson."""
+    outside = (1 - CONFIDENCE) / 2
+    low = np.where(events > 0, betaincinv(np.maximum(events, 1), trials - events + 1, outside), 0.0)
+    high = np.where(events < trials, betaincinv(events + 1, np.maximum(trials - events, 1), 1 - outside), 1.0)
+    return low, high
+
+
+def _title(kind: _Kind, integration_s: float | None, p_fa: float | None) -> str:
+    parts = [kind.title]
+    if integration_s is not None:
+        parts.append(f"{integration_s * 1e3:g} ms")
+    if p_fa is not None:
+        parts.append(f"P_fa {p_fa:g}".replace("e-0", "e-"))
+    return ", ".join(parts)

@@ -1,0 +1,1 @@
+"""What correlators and searches give, drawn from exact models without samples."""

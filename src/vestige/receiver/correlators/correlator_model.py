@@ -1,0 +1,171 @@
+"""The `correlators` fidelity: banks of correlators drawn from their exact distribution, without samples.
+
+Given the chips, a correlator output is a sum of the rays' correlation functions and of Gaussian noise whose
+covariance over the taps is that of the replicas. With N_c chips, T the integration time, d_k the tap's offset, and
+ray r of amplitude a_r, delay τ_r after the hand-over's prediction and residual Doppler f_r:
+
+    c_k = Σ_r a_r e^{jπ f_r T} sinc(f_r T) R_e(τ_r − d_k) + (L z)_k,     z ~ CN(0, 1)
+    L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
+    R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn an epoch
+
+A_d is the self-noise of a random code: linear interpolation between whole chips is exact for rectangular chips. The
+outputs are normalised so that the line of sight alone, on a tap, gives 1. It is the limit of continuous time without a
+front end: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that. Behind a
+filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
+
+Under attack, counterfeits are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
+
+The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex128, Float
+
+from vestige.receiver.correlators.disturbance import CHIPS_A_METRE, Disturbance, unrelated_correlation
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.front_end_correlation import noise_correlation, signal_correlation, spread
+from vestige.signals.definitions import E6C
+from vestige.signals.pulse import BPSK, autocorrelation
+
+_SELF_NOISE_LAGS = 16  # chips: rays may be as far as this from a tap
+_STEPS_PER_CHIP = 64  # of the table behind a front end: linear interpolation is good to 3e-4 of the peak at 20 MHz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draws:
+    """What is random in a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
+
+    correlation: Float[np.ndarray, "n_epochs n_lags"]
+    noise: Complex128[np.ndarray, "n_epochs n_taps"]
+    floor: Float[np.ndarray, " n_epochs"]
+
+    def part(self, first: int, last: int) -> Draws:
+        """Return the draws of some of the epochs."""
+        return Draws(
+            correlation=self.correlation[first:last], noise=self.noise[first:last], floor=self.floor[first:last]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelatorModel:
+    """Draws banks of correlators.
+
+    Attributes
+    ----------
+    offsets_m
+        Offsets of the taps in m.
+    n_chips
+        Chips of a RECS.
+    front_end
+        What the samples went through; without filter and quantiser it makes no difference.
+    """
+
+    offsets_m: tuple[float, ...]
+    n_chips: int
+    front_end: FrontEnd | None = None
+
+    @property
+    def integration_s(self) -> float:
+        """Coherent integration time in s."""
+        return self.n_chips / E6C.chip_rate_hz
+
+    @property
+    def _shaping(self) -> FrontEnd | None:
+        """The front end if it changes anything."""
+        return None if self.front_end is None or self.front_end.transparent else self.front_end
+
+    def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
+        """Return L for σ = 1.
+
+        Raises
+        ------
+        ValueError
+            If two taps coincide.
+        """
+        chips = np.asarray(self.offsets_m) * CHIPS_A_METRE
+        lags = np.subtract.outer(chips, chips)
+        if np.min(np.abs(lags[~np.eye(chips.size, dtype=bool)]), initial=1.0) < 1e-6:
+            raise ValueError("two correlators have the same offset")
+        if self._shaping is None:
+            return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
+        covariance = noise_correlation(self._shaping, lags.ravel()).reshape(lags.shape)
+        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter close taps are as good as dependent
+        return vectors * np.sqrt(np.maximum(power, 0.0))
+
+    def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
+        """Return everything random of `n_epochs` banks."""
+        shape = (n_epochs, len(self.offsets_m))
+        self_noise = rng.standard_normal((n_epochs, _SELF_NOISE_LAGS + 2)) / np.sqrt(self.n_chips)
+        self_noise[:, 0] = 1.0
+        z = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)
+        floor = 1.0 + rng.standard_normal(n_epochs) / np.sqrt(self.n_chips)
+        if self._shaping is not None:
+            self_noise = self_noise @ spread(self._shaping, _SELF_NOISE_LAGS + 2, _STEPS_PER_CHIP)
+        return Draws(correlation=self_noise, noise=z @ self.noise_factor().T, floor=floor)
+
+    def banks(
+        self,
+        draws: Draws,
+        *,
+        cn0_dbhz: float,
+        delay_m: Float[np.ndarray, "n_epochs n_rays"],
+        amplitude: Complex128[np.ndarray, "n_epochs n_rays"],
+        doppler_hz: Float[np.ndarray, "n_epochs n_rays"],
+        disturbance: Disturbance | None = None,
+    ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
+        """Return taps and measured noise power of a block of epochs.
+
+        Parameters
+        ----------
+        draws
+            The randomness of these epochs.
+        cn0_dbhz
+            C/N0 of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1.
+        delay_m
+            Delay of every ray after the hand-over's prediction in m; the line of sight is the first ray.
+        amplitude
+            Complex amplitude of every ray; 1 is the line of sight's magnitude.
+        doppler_hz
+            Residual Doppler of every ray in Hz.
+        disturbance
+            What an attack adds beside its counterfeits; None without one.
+        """
+        absent = np.isneginf(cn0_dbhz)
+        variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
+        amplitude = np.zeros_like(amplitude) if absent else amplitude
+        density = 1.0 if disturbance is None else 1.0 + disturbance.white[:, None]
+        taps = draws.noise * np.sqrt(variance * density)
+        turns = doppler_hz * self.integration_s
+        strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
+        steps = 1 if self._shaping is None else _STEPS_PER_CHIP
+        rows = np.arange(delay_m.shape[0])[:, None]
+        for ray in range(delay_m.shape[1]):
+            chips = (delay_m[:, ray, None] - np.asarray(self.offsets_m)) * CHIPS_A_METRE
+            distance = np.abs(chips) * steps
+            lag = np.minimum(distance.astype(np.int64), _SELF_NOISE_LAGS * steps)
+            part = np.minimum(distance - lag, 1.0)
+            correlation = (1 - part) * draws.correlation[rows, lag] + part * draws.correlation[rows, lag + 1]
+            if disturbance is not None:
+                far = disturbance.own_chips[ray] | np.any(np.abs(chips) > _SELF_NOISE_LAGS, axis=1, keepdims=True)
+                stranger = unrelated_correlation(disturbance.unrelated[:, ray], chips) / np.sqrt(self.n_chips)
+                correlation = np.where(far, stranger, correlation)
+            taps += strength[:, ray, None] * correlation
+        peak, noise = self._levels()
+        between = delay_m * CHIPS_A_METRE % 1.0  # a chip of the signal falls on two of the replica
+        own_share = np.sum(np.abs(amplitude) ** 2 * ((1 - between) ** 2 + between**2), axis=1) / self.n_chips
+        noise_power = variance * noise * draws.floor + peak**2 * own_share
+        if disturbance is None:
+            return taps, noise_power
+        rise = noise * disturbance.white + disturbance.rise
+        return taps + disturbance.waveforms * np.sqrt(variance), noise_power + variance * rise * draws.floor
+
+    def _levels(self) -> tuple[float, float]:
+        """Return R_h(0) and R_n(0)."""
+        if self._shaping is None:
+            return 1.0, 1.0
+        at = np.zeros(1)
+        return float(signal_correlation(self._shaping, at)[0]), float(noise_correlation(self._shaping, at)[0])

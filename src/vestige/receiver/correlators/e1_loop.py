@@ -1,0 +1,166 @@
+"""What E1 tracking follows while counterfeits are there: the loop that an attacker can capture.
+
+Theory of operation
+-------------------
+With R the autocorrelation and signals of complex amplitude a_i, delay τ_i and Doppler f_i, the true one first (a = 1,
+τ = 0), the correlator at x has the mean power
+
+    P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
+
+H is what a loop of noise bandwidth B (its pole at 4B rad/s) leaves of a beat: signals that slip slowly add with their
+phases, signals that slip fast add their powers. The loop sits at a stable zero of P(x − d/2) − P(x + d/2), and when
+the signals change it goes to the zero that is next in its direction. So it has a memory: which of two peaks it is on.
+Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
+
+**Capture.** From an aligned start (counterfeit on top, then leaving) a counterfeit of more power takes the loop along,
+whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip away
+never captures a loop in lock.
+
+**Lock.** When the prompt correlator falls below 20 dBHz, or an attack finds the receiver acquiring, it acquires: the
+strongest signal. A counterfeit that is switched off so leaves the receiver to the true signal.
+
+Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
+dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import ceil, pi
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.correlators.e1_loop_kernel import follow
+from vestige.records import Band
+from vestige.signals.definitions import E1C
+from vestige.signals.pulse import BOC11, Pulse, autocorrelation
+from vestige.spoofer.spoofer import Spoofer
+
+LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
+_LOCK_RANGE_DB = 6.0  # a receiver that tracks a signal as weak as this above LOCK_DBHZ also tracks it a little weaker
+_STEP_S = 0.1
+_MAX_STEPS = 300  # an epoch
+_PIECE_STEPS = 60_000  # at once, so that memory does not grow
+_METRES_A_CHIP = SPEED_OF_LIGHT_MPS / E1C.chip_rate_hz
+_NO_POWER = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Tracking:
+    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's.
+
+    Attributes
+    ----------
+    error_m
+        Error of the pseudorange.
+    worst_error_m
+        Error of largest magnitude since the epoch before.
+    rate_error_mps
+        Error of the range rate, from the Doppler of what is tracked.
+    gain
+        C/N0 of what is tracked over that of the undisturbed true signal.
+    captured
+        Whether a counterfeit is the strongest signal in the prompt correlator.
+    own_data
+        Whether it is one with navigation data of the attacker's own, and those are what is demodulated.
+    """
+
+    error_m: Float[np.ndarray, " n"]
+    worst_error_m: Float[np.ndarray, " n"]
+    rate_error_mps: Float[np.ndarray, " n"]
+    gain: Float[np.ndarray, " n"]
+    captured: Bool[np.ndarray, " n"]
+    own_data: Bool[np.ndarray, " n"]
+
+
+class E1Loop:
+    """Tracks one satellite through an attack, epoch after epoch.
+
+    Parameters
+    ----------
+    spoofer, svid
+        Who attacks, and the satellite.
+    interval_s
+        Time between epochs.
+    cn0_dbhz
+        C/N0 of undisturbed E1-C.
+    loop_bandwidth_hz
+        B.
+    spacing_chips, pulse
+        Early-late spacing d, and the pulse of signal and replica.
+    """
+
+    def __init__(
+        self,
+        spoofer: Spoofer,
+        svid: int,
+        *,
+        interval_s: float,
+        cn0_dbhz: float,
+        loop_bandwidth_hz: float = 1.0,
+        spacing_chips: float = 0.1,
+        pulse: Pulse = BOC11,
+    ) -> None:
+        self._spoofer, self._svid, self._interval_s = spoofer, svid, interval_s
+        self._steps = min(max(ceil(interval_s / _STEP_S - 1e-9), 1), _MAX_STEPS)
+        half = len(pulse.levels)
+        self._levels = autocorrelation(pulse, np.arange(-half, half + 1) / half)
+        self._half_spacing, self._pole_hz = spacing_chips / 2, 4 * loop_bandwidth_hz / (2 * pi)
+        self._lock = 10 ** ((min(LOCK_DBHZ, cn0_dbhz - _LOCK_RANGE_DB) - cn0_dbhz) / 10)
+        self._place = 0.0
+
+    def advance(self, first: int, count: int) -> E1Tracking:
+        """Return what epochs first … first + count − 1, which are the next ones, see."""
+        if not self._spoofer.attacks:
+            zero, never = np.zeros(count), np.zeros(count, bool)
+            return E1Tracking(
+                error_m=zero,
+                worst_error_m=zero,
+                rate_error_mps=zero,
+                gain=np.ones(count),
+                captured=never,
+                own_data=never,
+            )
+        at_once = max(1, _PIECE_STEPS // self._steps)
+        pieces = [
+            self._piece(begin, min(at_once, first + count - begin)) for begin in range(first, first + count, at_once)
+        ] or [self._piece(first, 0)]
+        names = [field.name for field in fields(E1Tracking)]
+        return E1Tracking(**{name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names})
+
+    def _piece(self, first: int, count: int) -> E1Tracking:
+        epochs = np.repeat(first + np.arange(count), self._steps)
+        back = np.tile(np.arange(self._steps - 1, -1, -1), count)
+        times_s = epochs * self._interval_s - back * (self._interval_s / self._steps)
+        back_before, epochs_before = (back + 1) % self._steps, epochs - (back == self._steps - 1)
+        before_s = epochs_before * self._interval_s - back_before * (self._interval_s / self._steps)
+        effects = self._spoofer.effects(Band.E1, self._svid, times_s)
+        one, zero = np.ones((times_s.size, 1)), np.zeros((times_s.size, 1))
+        doppler_hz = np.concatenate([zero, effects.doppler_hz], axis=1)
+        noise = 1.0 + effects.rise(Band.E1)
+        place, power, dominant = follow(
+            self._levels,
+            self._place,
+            np.concatenate([zero, effects.delay_m / _METRES_A_CHIP], axis=1),
+            np.concatenate([one + 0j, effects.amplitude], axis=1),
+            doppler_hz,
+            self._spoofer.acquired_anew(self._svid, before_s, times_s),
+            self._lock * noise,
+            self._half_spacing,
+            self._pole_hz,
+        )
+        self._place = float(place[-1]) if place.size else self._place
+        epoch = slice(self._steps - 1, None, self._steps)
+        error_m = place.reshape(count, self._steps) * _METRES_A_CHIP
+        worst = np.argmax(np.abs(error_m), axis=1) if count else np.zeros(0, np.int64)
+        tracked_hz = doppler_hz[np.arange(times_s.size), dominant][epoch]
+        return E1Tracking(
+            error_m=error_m[:, -1],
+            worst_error_m=error_m[np.arange(count), worst],
+            rate_error_mps=-tracked_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + 0.0,
+            gain=(np.maximum(power, _NO_POWER) / noise)[epoch],
+            captured=dominant[epoch] > 0,
+            own_data=np.concatenate([[False], effects.own_data])[dominant[epoch]],
+        )

@@ -1,0 +1,1 @@
+"""The error models of the receiver, one file each."""

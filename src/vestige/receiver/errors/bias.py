@@ -1,0 +1,73 @@
+"""What calibration leaves of the constant delays between E1 and E6 [WFO, Sec. II-B].
+
+    b(t) = b_BGD + b_HW + r_HW t
+
+b_BGD is the satellite's: the residual of its broadcast group delay, already times γ − 1, the same for the whole run.
+b_HW and its drift r_HW (temperature of the front ends) are the receiver's: common to all satellites. All three are
+drawn once, Gaussian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.receiver.errors.error_process import Streams
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasResiduals:
+    """Gaussian residuals of group delay and hardware; none by default, as after calibration.
+
+    Without calibration the hardware has about 3 m [WFO, Sec. II-B]; without group delay file BGD has 1.5 m [SASLIB].
+
+    Attributes
+    ----------
+    bgd_sigma_m
+        Standard deviation of the residual of a satellite's group delay in the range E6 − E1.
+    hardware_sigma_m
+        Standard deviation of the receiver's delay E6 − E1.
+    hardware_drift_mps
+        Standard deviation of its rate.
+    kind
+        Name of the model in a scenario.
+    """
+
+    bgd_sigma_m: float = 0.0
+    hardware_sigma_m: float = 0.0
+    hardware_drift_mps: float = 0.0
+    kind: Literal["bias"] = "bias"
+
+    def __post_init__(self) -> None:
+        if not (self.bgd_sigma_m >= 0 and self.hardware_sigma_m >= 0 and self.hardware_drift_mps >= 0):
+            raise ValueError("standard deviations are not negative")
+
+    def process(self, streams: Streams, *, receiver: Streams) -> BiasProcess:
+        """Return a realisation for one satellite, from its own streams and from those of the receiver."""
+        return BiasProcess(
+            satellite_m=self.bgd_sigma_m * streams("bias.group_delay").standard_normal(),
+            hardware_m=self.hardware_sigma_m * receiver("bias.hardware").standard_normal(),
+            drift_mps=self.hardware_drift_mps * receiver("bias.drift").standard_normal(),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasProcess:
+    """One realisation of `BiasResiduals`."""
+
+    satellite_m: float
+    hardware_m: float
+    drift_mps: float
+
+    def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return b(t), part of E6 − E1, in m.
+
+        Parameters
+        ----------
+        times_s
+            Times in s after the scenario's start.
+        """
+        return self.satellite_m + (self.hardware_m + self.drift_mps * times_s)

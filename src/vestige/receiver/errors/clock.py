@@ -1,0 +1,111 @@
+"""The receiver clock: white and random-walk frequency noise, two states [WFO, Sec. V].
+
+Theory of operation
+-------------------
+The one-sided spectrum of the fractional frequency is S_y(f) = h0 + h−2/f². The state is x = (bias in s, fractional
+frequency), and over a step T [GALLEANI08]
+
+    x ← [[1, T], [0, 1]] x + n,    cov n = Q = [[Sf T + Sg T³/3, Sg T²/2], [Sg T²/2, Sg T]]
+    Sf = h0/2,    Sg = 2π² h−2
+    σ_y²(τ) = h0/(2τ) + (2π²/3) h−2 τ                Allan variance
+
+The two noises are correlated. With u, w ~ N(0, 1) and the frequency first, the Cholesky factor of Q is
+
+    n_frequency = √(Sg T) u,    n_bias = (T/2) n_frequency + √(Sf T + Sg T³/12) w
+
+which needs no division and is 0 for T = 0. The composition of steps is exact: the distribution at a time does not
+depend on the epochs before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.errors.error_process import Streams, steps_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoStateClock:
+    """A clock with white and random-walk frequency noise, without error at the scenario's start.
+
+    The default is that of [WFO, Sec. V], a good TCXO: 5 cm of range in 1 s, 8.3 m in 30 s. `ClockProcess.advance` gives
+    the receiver clock's error times c, which every pseudorange contains: a clock that is ahead makes ranges longer.
+
+    Attributes
+    ----------
+    h0_s
+        h0, white frequency noise, in 1/Hz = s.
+    h_minus_2_hz
+        h−2, random-walk frequency noise, in Hz.
+    kind
+        Name of the model in a scenario.
+    """
+
+    h0_s: float = 7.115e-24  # [WFO, Sec. V]
+    h_minus_2_hz: float = 4.311e-21  # [WFO, Sec. V]
+    kind: Literal["two-state"] = "two-state"
+
+    def __post_init__(self) -> None:
+        if not (self.h0_s >= 0 and self.h_minus_2_hz >= 0):
+            raise ValueError("the noise coefficients of a clock are not negative")
+
+    @property
+    def white_s(self) -> float:
+        """Sf = h0/2 in s: the bias variance that white frequency noise adds in a second, in s²/s."""
+        return self.h0_s / 2
+
+    @property
+    def walk_hz(self) -> float:
+        """Sg = 2π² h−2 in 1/s: the variance that the fractional frequency gains in a second."""
+        return 2 * np.pi**2 * self.h_minus_2_hz
+
+    def covariance(self, step_s: float) -> Float[np.ndarray, "2 2"]:
+        """Return Q of (bias in s, fractional frequency) after a step of `step_s` seconds."""
+        sf, sg, t = self.white_s, self.walk_hz, step_s
+        return np.array([[sf * t + sg * t**3 / 3, sg * t**2 / 2], [sg * t**2 / 2, sg * t]])
+
+    def allan_deviation(self, tau_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return σ_y(τ) for each averaging time τ > 0 in s."""
+        return np.sqrt(self.h0_s / (2 * tau_s) + self.walk_hz * tau_s / 3)
+
+    def process(self, streams: Streams) -> ClockProcess:
+        """Return a realisation of this clock from the receiver's streams."""
+        return ClockProcess(self, streams)
+
+
+class ClockProcess:
+    """One realisation of a `TwoStateClock`."""
+
+    def __init__(self, model: TwoStateClock, streams: Streams) -> None:
+        self._model = model
+        self._frequency_rng, self._bias_rng = streams("clock.frequency"), streams("clock.bias")
+        self._last_s = self._bias_m = self._drift_mps = 0.0
+
+    def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return clock error in m and its rate in m/s at later times; both are 0 at the scenario's start.
+
+        Parameters
+        ----------
+        times_s
+            Times in s after the scenario's start, ascending, not negative.
+
+        Raises
+        ------
+        ValueError
+            If time runs backwards.
+        """
+        if times_s.size == 0:
+            return np.zeros(0), np.zeros(0)
+        t = steps_s(self._last_s, times_s)
+        sf, sg = self._model.white_s, self._model.walk_hz
+        kick = SPEED_OF_LIGHT_MPS * np.sqrt(sg * t) * self._frequency_rng.standard_normal(t.size)
+        white = SPEED_OF_LIGHT_MPS * np.sqrt(sf * t + sg * t**3 / 12) * self._bias_rng.standard_normal(t.size)
+        drift = np.add.accumulate(np.concatenate(([self._drift_mps], kick)))
+        bias = np.add.accumulate(np.concatenate(([self._bias_m], t * (drift[:-1] + kick / 2) + white)))
+        self._last_s, self._bias_m, self._drift_mps = float(times_s[-1]), float(bias[-1]), float(drift[-1])
+        return bias[1:], drift[1:]

@@ -1,0 +1,95 @@
+"""The ionosphere residual as somebody measured it: samples of E6 − E1 from a file instead of a formula."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import ndtr
+
+from vestige.crypto.file_bytes import read_bytes
+from vestige.errors import InputFileError
+from vestige.receiver.errors.error_process import Streams
+from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation, IonosphereProcess
+
+COLUMN = "e6_minus_e1_m"  # header of the CSV file
+LARGEST_FILE = 1 << 28  # bytes, about 10 million samples
+LARGEST_RESIDUAL_M = 1000.0  # of a sample; the worst ionosphere is 0.1 km
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EmpiricalIonosphere:
+    """The distribution of given samples, with the memory of a `HeavyTailedIonosphere`.
+
+    F runs linearly between the sorted samples, the k-th of n at (k − ½)/n. Nothing is drawn beyond the extremes.
+
+    Attributes
+    ----------
+    samples_m
+        Differential residuals E6 − E1 in m, in any order.
+    correlation, tau_s
+        Memory, and its correlation time τ in s.
+    kind
+        Name of the model in a scenario.
+    """
+
+    samples_m: Float[np.ndarray, " n"]
+    correlation: Correlation = "iid"
+    tau_s: float = PASS_TAU_S
+    kind: Literal["empirical"] = "empirical"
+
+    def __post_init__(self) -> None:
+        if self.samples_m.size == 0 or not np.all(np.isfinite(self.samples_m)):
+            raise ValueError("a distribution needs samples, and finite ones")
+
+    def process(self, streams: Streams) -> IonosphereProcess:
+        """Return a realisation for one satellite from its streams."""
+        ordered = np.sort(self.samples_m)
+        places = (np.arange(ordered.size) + 0.5) / ordered.size
+
+        def quantile(z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            return np.interp(ndtr(z), places, ordered)
+
+        return IonosphereProcess(quantile, self.correlation, self.tau_s, streams)
+
+
+def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
+    """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number a line.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    InputFileError
+        If it cannot be read, has another header or no sample, or a line is not a plausible number.
+    """
+    lines = _text(path).split("\n")
+    if lines[0].strip() != COLUMN:
+        raise InputFileError(path, "line 1", lines[0].strip(), COLUMN)
+    if lines.pop() != "":
+        raise InputFileError(path, f"line {len(lines) + 1}", "no line end, end of the file", "a whole line")
+    samples = np.empty(len(lines) - 1)
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            value = float(line) if line.isascii() and "_" not in line else math.nan
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= LARGEST_RESIDUAL_M:
+            raise InputFileError(path, f"line {number}", line.strip(), f"a number within ±{LARGEST_RESIDUAL_M:g}")
+        samples[number - 2] = value
+    if not samples.size:
+        raise InputFileError(path, "file", "no samples", "at least one")
+    return samples
+
+
+def _text(path: Path) -> str:
+    """Return a regular file of bounded size as text, one character a byte."""
+    data = read_bytes(path, at_most=LARGEST_FILE)
+    return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

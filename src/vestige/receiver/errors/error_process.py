@@ -1,0 +1,161 @@
+"""What all error models of the receiver share: named streams of random numbers, and times that only go forward.
+
+A model is a frozen record of parameters. `model.process(streams)` starts one realisation of it, and `advance(times_s)`
+continues that realisation to later times, one value an epoch. One law holds for all of them: the values do not depend
+on how the epochs are cut into calls, to the last bit. So a model asks for one stream per variable and draws the same
+number of values for every epoch.
+
+Streams belong to what they describe: those of the clock and of the front ends to the receiver, all others to one
+satellite, `named_streams(seed, svid)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.streams import stream
+
+if TYPE_CHECKING:
+    from vestige.receiver.errors.multipath import RayBlock
+
+Streams = Callable[[str], np.random.Generator]
+
+
+@runtime_checkable
+class ErrorProcess(Protocol):
+    """One realisation of a model of errors in m."""
+
+    def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the error at later times."""
+        ...
+
+
+@runtime_checkable
+class SeveralProcess(Protocol):
+    """One realisation of a model of several errors."""
+
+    def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
+        """Return the errors at later times."""
+        ...
+
+
+@runtime_checkable
+class RayProcess(Protocol):
+    """One realisation of a multipath model."""
+
+    def advance(self, times_s: Float[np.ndarray, " n"]) -> RayBlock:
+        """Return the rays at later times."""
+        ...
+
+
+@runtime_checkable
+class ClockModel(Protocol):
+    """A receiver clock."""
+
+    def process(self, streams: Streams) -> SeveralProcess:
+        """Return a realisation, from the receiver's streams: bias times c in m, and its rate in m/s."""
+        ...
+
+
+@runtime_checkable
+class IonosphereModel(Protocol):
+    """The differential ionosphere E6 − E1 of a satellite.
+
+    Under a sky, vestige multiplies it with the obliquity. A process that has a method `shared(receiver, share)`, as
+    `IonosphereProcess` has, is told which share of its variance all satellites have in common.
+    """
+
+    def process(self, streams: Streams) -> Any:
+        """Return a realisation for one satellite from its streams, an `ErrorProcess`."""
+        ...
+
+
+@runtime_checkable
+class MultipathModel(Protocol):
+    """The rays of a satellite, on E6 and E1."""
+
+    @property
+    def n_rays(self) -> int:
+        """The largest number of rays beside the line of sight; at least 1."""
+        ...
+
+    def process(self, streams: Streams) -> RayProcess:
+        """Return a realisation for one satellite from its streams."""
+        ...
+
+
+@runtime_checkable
+class TrackingModel(Protocol):
+    """Noise of E1 observations. The receiver knows its own loops, so the standard deviations are asked for, too."""
+
+    def __hash__(self) -> int:
+        """Return a number that equal models share."""
+        ...
+
+    @property
+    def loop_bandwidth_hz(self) -> float:
+        """One-sided noise bandwidth of the code loop."""
+        ...
+
+    def code_sigma_m(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of the pseudorange in m at C/N0 in dBHz."""
+        ...
+
+    def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
+        """Return the standard deviation of the Doppler in Hz."""
+        ...
+
+    def phase_variance_rad2(self, cn0_hz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the variance of the carrier phase in rad² at C/N0 in Hz."""
+        ...
+
+    def process(self, streams: Streams, *, cn0_dbhz: float) -> SeveralProcess:
+        """Return a realisation for one satellite: pseudorange in m, carrier phase in m, Doppler in Hz."""
+        ...
+
+
+@runtime_checkable
+class BiasModel(Protocol):
+    """What calibration leaves of the delays between E1 and E6."""
+
+    def process(self, streams: Streams, *, receiver: Streams) -> ErrorProcess:
+        """Return a realisation for one satellite, from its own streams and from those of the receiver."""
+        ...
+
+
+def named_streams(seed: int, *labels: str | int) -> Streams:
+    """Return the streams of one owner: a function from the name of a variable to its generator.
+
+    Parameters
+    ----------
+    seed
+        Seed of the scenario.
+    labels
+        Whose streams they are, an SVID for instance; nothing for the receiver's own.
+    """
+    return lambda name: stream(seed, name, *labels)
+
+
+def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the time since the epoch before, for each epoch in s.
+
+    Parameters
+    ----------
+    last_s
+        Time of the epoch before the first one.
+    times_s
+        Times of the epochs in s after the scenario's start.
+
+    Raises
+    ------
+    ValueError
+        If time runs backwards.
+    """
+    steps = np.diff(times_s, prepend=last_s)
+    if not np.all(steps >= 0):
+        raise ValueError("a process only goes forward in time")
+    return steps

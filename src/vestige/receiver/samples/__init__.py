@@ -1,0 +1,1 @@
+"""Front ends and streams of samples of both bands."""

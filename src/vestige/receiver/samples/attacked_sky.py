@@ -1,0 +1,127 @@
+"""An attack in a recording that runs on: each counterfeit is one more satellite in the sky, with a path of its own.
+
+A counterfeit that is τ later at the receiver left the satellite when the true signal did that arrived τ before, and the
+receiver's clock is that of its arrival:
+
+    P'(t) = s(t − τ) + clock(t) + c τ
+
+What its carrier does beyond P' is in the phasor of its propagation: a delay line does nothing (`Coherent`), a locked
+or slipping carrier diverges from its code. Power and phase follow the attack's profiles from stretch to stretch, 10 ms.
+The time of the profiles is that of transmission, as in a run; what arrives was sent in the scenario, or holds from its
+beginning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.continuous import ContinuousTruth
+from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite
+from vestige.records import Band
+from vestige.signal_generator.waveform import Component
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.spoofer.spoofer import BandEffects, Spoofer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CounterfeitSignal:
+    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start.
+
+    Attributes
+    ----------
+    true
+        The true signal in the band.
+    path
+        The truth that it repeats.
+    number
+        Which of the spoofer's attacks makes it.
+    """
+
+    true: ReceivedSatellite
+    path: ContinuousTruth
+    spoofer: Spoofer
+    number: int
+    band: Band
+
+    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return P'(t) in m."""
+        delay_m, _ = self._delay(t_s)
+        clock_m = self.path.range_m(t_s) - self.path.line_of_sight.range_m(t_s)
+        return self.path.line_of_sight.range_m(t_s - delay_m / SPEED_OF_LIGHT_MPS) + clock_m + delay_m
+
+    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return dP'/dt in m/s."""
+        delay_m, rate_mps = self._delay(t_s)
+        geometry = self.path.line_of_sight
+        drift_mps = self.path.rate_mps(t_s) - geometry.rate_mps(t_s)
+        slower = 1 - rate_mps / SPEED_OF_LIGHT_MPS
+        return geometry.rate_mps(t_s - delay_m / SPEED_OF_LIGHT_MPS) * slower + drift_mps + rate_mps
+
+    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return d²P'/dt² in m/s²; what the delay adds within a stretch is its rate's alone."""
+        delay_m, _ = self._delay(t_s)
+        geometry = self.path.line_of_sight
+        change_mps2 = self.path.acceleration_mps2(t_s) - geometry.acceleration_mps2(t_s)
+        return geometry.acceleration_mps2(t_s - delay_m / SPEED_OF_LIGHT_MPS) + change_mps2
+
+    def __call__(self, t_s: float) -> Propagation:
+        """Return what holds at a time: the group delay of the true signal, and the counterfeit's own phasor."""
+        effects, k = self._effects(np.array([t_s])), self.number
+        carrier_hz = CARRIER_HZ[self.band]
+        cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
+        turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
+        beyond_hz = effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
+        return replace(
+            self.true.propagation(t_s),
+            at_s=t_s,
+            amplitude=complex(10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
+            doppler_hz=float(beyond_hz * self._kept(np.array([t_s]))[0]),
+            ray_delay_m=np.zeros(0),
+            ray_amplitude=np.zeros(0, complex),
+            ray_doppler_hz=np.zeros(0),
+        )
+
+    def _delay(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        effects = self._effects(t_s)
+        return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number] * self._kept(t_s)
+
+    def _kept(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the seconds of transmission, on which the profiles run, in a second of reception."""
+        return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
+
+    def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
+        sent_s = t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS
+        return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
+
+
+def counterfeit_satellites(
+    true: ReceivedSatellite, path: ContinuousTruth, spoofer: Spoofer, band: Band, forged: tuple[Component, ...]
+) -> Iterator[ReceivedSatellite]:
+    """Yield what the attacks add to a band of a satellite.
+
+    Parameters
+    ----------
+    true, path
+        The true signal, and the truth of its path.
+    forged
+        Components with chips that an attacker makes up.
+    """
+    own_chips = spoofer.effects(band, true.svid, np.zeros(1)).own_chips
+    for number, own in enumerate(own_chips):
+        signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
+        yield replace(true, components=forged if own else true.components, pseudorange=signal, propagation=signal)
+
+
+def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:
+    """Return the largest delay of a counterfeit that is on air at some times, at least 0, in s."""
+    heard = [
+        float(np.max(effects.delay_m, initial=0.0, where=effects.power_db > -math.inf))
+        for effects in (spoofer.effects(band, svid, times_s) for band in Band)
+    ]
+    return max(heard) / SPEED_OF_LIGHT_MPS

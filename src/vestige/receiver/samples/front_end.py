@@ -1,0 +1,152 @@
+"""From the antenna to the samples of one band: filter, gain control, quantisation.
+
+Theory of operation
+-------------------
+**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
+amplitude √(C/N0 / f_s).
+
+**Filter.** A band limit of two-sided width B is a windowed sinc of odd length, even, so that its group delay is a whole
+number of samples and is taken off. Its taps have Σh² = 1: the noise keeps variance 1, in a narrower band, and signals
+in the pass band grow by √(f/B), f being the filter's own rate; C/N0 is what it was. A filter *behind* the sampler
+cannot mend what sampling did: sidelobes fold back before it, and a staircase (`staircase.py`) stays. So the samples may
+be made at a multiple of the front end's rate; they are filtered there and then thinned out.
+
+**Gain and quantiser.** The gain control brings the rms of what it gets, over the snapshot, to where the quantiser loses
+least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the quantiser.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import erfc, inf
+
+import numpy as np
+from jaxtyping import Complex64, Float32
+from scipy import fft
+
+from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.records import FrontEndStatus
+
+_CLIPPING = 2.0, 1e-3  # saturated: clips more than twice as often as for a Gaussian, and one sample in a thousand more
+_STOP_BAND_DB = 60.0
+_KAISER_BETA = 0.1102 * (_STOP_BAND_DB - 8.7)  # Kaiser 1974
+_FFT_LENGTH = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontEnd:
+    """One band's front end; without bandwidth and bits it is the identity.
+
+    Attributes
+    ----------
+    sample_rate_hz
+        Rate of the samples that come out.
+    bandwidth_hz
+        Two-sided bandwidth between the −6 dB points; None for no filter.
+    bits
+        1, 2, 3 or 8 bits a dimension; None for no quantiser, and then no gain.
+    agc
+        Whether the gain follows the power of the snapshot. Without it the gain is that of noise alone.
+    oversampling
+        Samples come in at this multiple of `sample_rate_hz`.
+    transition_hz
+        Width of the filter's edge, from pass to stop band; None for a tenth of the bandwidth.
+    """
+
+    sample_rate_hz: float
+    bandwidth_hz: float | None = None
+    bits: int | None = None
+    agc: bool = True
+    oversampling: int = 1
+    transition_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.bits is not None and self.bits not in QUANTISERS:
+            raise ValueError(f"a front end has {', '.join(map(str, QUANTISERS))} bits or None, not {self.bits}")
+        if self.bandwidth_hz is not None and not 0 < self.bandwidth_hz < self.input_rate_hz:
+            raise ValueError(f"bandwidth {self.bandwidth_hz} Hz is not between 0 and {self.input_rate_hz} Hz")
+        if self.oversampling < 1 or (self.oversampling > 1 and self.bandwidth_hz is None):
+            raise ValueError("samples can only be thinned out behind a filter")
+        if self.transition_hz is not None and not self.transition_hz > 0:
+            raise ValueError(f"transition band {self.transition_hz} Hz is not positive")
+
+    @property
+    def input_rate_hz(self) -> float:
+        """Rate of the samples that come in."""
+        return self.sample_rate_hz * self.oversampling
+
+    @property
+    def power_bandwidth_hz(self) -> float:
+        """Bandwidth in which the power is measured: the filter's, or all that the samples have."""
+        return self.bandwidth_hz or self.sample_rate_hz
+
+    @property
+    def transparent(self) -> bool:
+        """Whether samples come out as they come in."""
+        return self.bandwidth_hz is None and self.bits is None
+
+    @property
+    def margin_samples(self) -> int:
+        """Samples that must come in before the first one that comes out, and after the last."""
+        if self.bandwidth_hz is None:
+            return 0
+        transition = (self.transition_hz or self.bandwidth_hz / 10) / self.input_rate_hz
+        return int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * transition) / 2))  # Kaiser 1974
+
+    def input_samples(self, n_samples: int) -> int:
+        """Return how many samples must come in for `n_samples` to come out, the margins on both sides included."""
+        return (n_samples - 1) * self.oversampling + 1 + 2 * self.margin_samples
+
+    def filter_taps(self) -> Float32[np.ndarray, " n_taps"]:
+        """Return the impulse response, even, of unit energy."""
+        if self.bandwidth_hz is None:
+            return np.ones(1, np.float32)
+        n = np.arange(-self.margin_samples, self.margin_samples + 1)
+        taps = np.sinc(self.bandwidth_hz / self.input_rate_hz * n) * np.kaiser(n.size, _KAISER_BETA)
+        return (taps / np.sqrt(np.sum(taps**2))).astype(np.float32)
+
+    def process(
+        self, samples: Complex64[np.ndarray, " n_input"]
+    ) -> tuple[Complex64[np.ndarray, " n_samples"], FrontEndStatus]:
+        """Return the samples that come out, and what the front end says of itself.
+
+        Sample k of the output is at the time of sample `margin_samples + k · oversampling` of the input. Behind a
+        quantiser the samples are its integer levels.
+
+        Parameters
+        ----------
+        samples
+            Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at both ends. Powers are
+            relative to that noise.
+        """
+        if self.bandwidth_hz is not None:
+            samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])
+        parts = samples.view(np.float32)
+        power = 2 * float(np.einsum("i,i->", parts, parts)) / parts.size  # of both dimensions; no array of squares
+        power_db = float(10 * np.log10(power)) if power > 0 else -inf
+        if self.bits is None:
+            return samples, FrontEndStatus(agc_gain_db=0.0, total_power_db=power_db, saturated=False)
+        gain_db = -power_db if self.agc and power > 0 else 0.0
+        quantiser = QUANTISERS[self.bits]
+        steps = np.float32(10 ** (gain_db / 20) * np.sqrt(2) / quantiser.step_sigma) * samples.view(np.float32)
+        clipped = np.mean(np.abs(steps) > quantiser.full_scale_sigma / quantiser.step_sigma)
+        saturated = clipped > _CLIPPING[0] * erfc(quantiser.full_scale_sigma / np.sqrt(2)) + _CLIPPING[1]
+        status = FrontEndStatus(agc_gain_db=gain_db, total_power_db=power_db, saturated=bool(saturated))
+        return quantiser.quantise(steps).view(np.complex64), status
+
+
+def _convolve(
+    x: Complex64[np.ndarray, " n_input"], taps: Float32[np.ndarray, " n_taps"]
+) -> Complex64[np.ndarray, " n_output"]:
+    """Return the part of the convolution that needs no sample beyond the ends, by overlapping blocks."""
+    n_output = x.size - taps.size + 1
+    if n_output <= 0:
+        raise ValueError(f"{x.size} samples are fewer than the filter's {taps.size} taps")
+    length = max(_FFT_LENGTH, fft.next_fast_len(4 * taps.size))
+    fresh = length - taps.size + 1
+    n_blocks = -(-n_output // fresh)
+    padded = np.zeros((n_blocks - 1) * fresh + length, np.complex64)
+    padded[: x.size] = x
+    blocks = np.lib.stride_tricks.sliding_window_view(padded, length)[::fresh]
+    spectrum = fft.fft(taps.astype(np.complex64), length)
+    return fft.ifft(fft.fft(blocks, axis=1) * spectrum, axis=1)[:, taps.size - 1 :].reshape(-1)[:n_output]

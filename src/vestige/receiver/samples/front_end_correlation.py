@@ -1,0 +1,106 @@
+"""What a front end makes of the correlation functions of signal and noise, for correlators without samples.
+
+Theory of operation
+-------------------
+With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a ray
+of unit amplitude, and the covariance of the noise in two correlators δ apart, are
+
+    R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
+    R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
+
+in units of the variance 1/(C/N0 · T) that there is without a front end. The replica is not filtered; f_s must not be
+commensurate with the chip rate, or its samples are not spread over the chip. For a filter with steep edges both tend to
+the band-limited autocorrelation R_B. A quantiser puts Σ_k (c_k/c_1)² ρ^k in the place of ρ = r (`quantiser.py`); that
+holds as long as the signals are weak against the noise in a sample.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.signals.definitions import E6C
+from vestige.signals.pulse import BPSK, autocorrelation
+from vestige.theory.range_offset import range_offset_m
+
+LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate: the signal then adds 1 % to the power that is quantised
+
+
+def signal_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return R_h.
+
+    Parameters
+    ----------
+    delay_chips
+        x in chips of E6-C.
+    """
+    taps = front_end.filter_taps().astype(np.float64)
+    lags = (np.arange(taps.size) - taps.size // 2) * (E6C.chip_rate_hz / front_end.input_rate_hz)
+    return _smoothed(delay_chips, taps, lags) / np.sum(taps)
+
+
+def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return R_n; R_n(0)/R_h(0)² is the loss of the front end.
+
+    Parameters
+    ----------
+    delay_chips
+        δ in chips of E6-C.
+    """
+    taps = front_end.filter_taps().astype(np.float64)
+    every = np.correlate(taps, taps, mode="full")[(taps.size - 1) % front_end.oversampling :: front_end.oversampling]
+    lags = (np.arange(every.size) - every.size // 2) * (E6C.chip_rate_hz / front_end.sample_rate_hz)
+    if front_end.bits is not None:
+        every = QUANTISERS[front_end.bits].noise_correlation(every / every[every.size // 2])
+    return front_end.oversampling * _smoothed(delay_chips, every, lags) / np.sum(taps) ** 2
+
+
+def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
+    """Return how many metres a range offset grows with each metre of delay; 1 without a filter.
+
+    Three taps are read as points of a triangle [WFO, Sec. III-C], and behind a filter the peak is round. The slope is
+    that of the line of least squares over delays up to a quarter of the spacing, where nearly all offsets are.
+
+    Parameters
+    ----------
+    spacing_m
+        From the early to the punctual tap, in m.
+    """
+    delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
+    offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
+    chips = np.subtract.outer(-delay_m, -offsets_m) * (E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS)
+    taps = signal_correlation(front_end, chips.ravel()).reshape(chips.shape)
+    found_m = range_offset_m(taps, np.ones(delay_m.size, int), 1, offsets_m)
+    return float(delay_m @ found_m / (delay_m @ delay_m))
+
+
+@lru_cache(maxsize=4)
+def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
+    """Return what each lag of a code's autocorrelation, even and given at whole chips, adds at |x| on a finer grid.
+
+    Parameters
+    ----------
+    n_lags
+        The lags are 0 … n_lags − 1 chips, and so is the grid.
+    steps_per_chip
+        Points of the grid in a chip.
+    """
+    last = (n_lags - 1) * steps_per_chip
+    table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
+    rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)
+    for lag in range(1, n_lags):
+        rows[lag] = rows[lag] + table[last + lag * steps_per_chip :][: last + 1]
+    return np.array(rows)
+
+
+def _smoothed(
+    delay_chips: Float[np.ndarray, " n"], weights: Float[np.ndarray, " m"], lags_chips: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, " n"]:
+    """Return Σ_m weights Λ(lag − delay)."""
+    distance = np.subtract.outer(delay_chips, lags_chips)
+    return autocorrelation(BPSK, distance.ravel()).reshape(distance.shape) @ weights

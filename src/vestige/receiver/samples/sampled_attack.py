@@ -1,0 +1,141 @@
+"""An attack at the `samples` fidelity: counterfeits as further signals, noise, jamming waveforms.
+
+A counterfeit of the encrypted signal is what the line of sight brought, later. At the receiver, chip i of it arrives
+τ + τ̇ i T_c later than chip i of the true signal does. So for the samples of a window, the chips that are on air in it
+are those that were sent τ before: for a meaconer of seconds they come out of the keystream of that time, and what the
+line of sight did then is in their arrival. They fill the window, its margins too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.sampled_epoch import JammerSamples, Window, arrival, received_signal
+from vestige.receiver.truth import TruthBlock
+from vestige.signal_generator.keystream import encrypted_chips
+from vestige.signal_generator.noise_kernel import noise_key
+from vestige.signal_generator.range_model import RangeHistory
+from vestige.signal_generator.synthesis import ReceivedSignal
+from vestige.signals.definitions import E6C
+from vestige.spoofer.jammers import power_in_samples
+from vestige.time import GalileoTime
+
+_SPARE_CHIPS = 16  # on both sides: of what is on air by less than a chip's accuracy
+_FAR_M = 1e3  # a window as far as this from the line of sight is filled with what is on air there
+_SAME_ARRIVAL_S = 5e-3  # within which the line of sight moves by less than a chip at 10 km/s
+_JAMMER = 16  # first stream number of the jammers
+
+
+def counterfeit_signals(
+    keys: tuple[bytes, bytes],
+    svid: int,
+    sent: GalileoTime,
+    line_of_sight: RangeHistory,
+    truth: TruthBlock,
+    row: int,
+    taken: Window,
+    *,
+    amplitude: float,
+) -> tuple[ReceivedSignal, ...]:
+    """Return the counterfeits that are on air in a window; `start_s` counts from the epoch.
+
+    Parameters
+    ----------
+    keys
+        Of the encryption, and of the chips that attackers make up.
+    svid, sent
+        Satellite, and time of transmission of the RECS.
+    line_of_sight, truth, row
+        Range against time, the truth of a block, and the epoch's place in it.
+    taken
+        The samples.
+    amplitude
+        Of the line of sight.
+    """
+    effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
+    signals = []
+    for k in np.flatnonzero(effects.power_db[row] > -math.inf):
+        delay_m, delay_rate_mps = float(effects.delay_m[row, k]), float(effects.delay_rate_mps[row, k])
+        doppler_hz = float(effects.doppler_hz[row, k])
+        first, n_chips = _on_air(taken, line_of_sight, truth, row, delay_m)
+        later_s = first / E6C.chip_rate_hz
+        chips = encrypted_chips(keys[int(effects.own_chips[k])], svid, sent + later_s, n_chips)
+        direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
+        strength = 10 ** (effects.power_db[row, k] / 20) * np.exp(1j * effects.phase_rad[row, k])
+        turned = np.exp(2j * np.pi * ((doppler_hz * later_s) % 1.0))
+        late_s = (delay_m + delay_rate_mps * later_s) / SPEED_OF_LIGHT_MPS
+        signals.append(
+            ReceivedSignal(
+                chips=chips,
+                start_s=later_s + float(direct.dt_s[0]) + late_s,
+                doppler_hz=-(float(direct.rate_mps[0]) + delay_rate_mps) / metres_a_hz,
+                doppler_rate_hz_per_s=-float(direct.acceleration_mps2[0]) / metres_a_hz,
+                delay_m=np.zeros(1),
+                amplitude=amplitude * direct.carrier * strength * turned,
+                ray_doppler_hz=np.array([doppler_hz + delay_rate_mps / metres_a_hz]),
+            )
+        )
+    return tuple(signals)
+
+
+def true_signal(
+    key: bytes,
+    svid: int,
+    sent: GalileoTime,
+    line_of_sight: RangeHistory,
+    truth: TruthBlock,
+    row: int,
+    taken: Window,
+    *,
+    amplitude: float,
+) -> ReceivedSignal | None:
+    """Return the true signal in a window that an attacker has moved away from it; None if the RECS lies in it.
+
+    Parameters are those of `counterfeit_signals`.
+    """
+    if abs(truth.e1.error_m[row]) < _FAR_M:
+        return None
+    first, n_chips = _on_air(taken, line_of_sight, truth, row, 0.0)
+    later_s = first / E6C.chip_rate_hz
+    chips = encrypted_chips(key, svid, sent + later_s, n_chips)
+    return received_signal(chips, line_of_sight, truth, row, amplitude=amplitude, later_s=later_s)
+
+
+def jammer_samples(
+    truth: TruthBlock, row: int, *, seed: int, epoch: int, input_rate_hz: float, first_stream: int = 0
+) -> tuple[JammerSamples, ...]:
+    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`.
+
+    Parameters
+    ----------
+    truth, row
+        The truth of a block, and the epoch's place in it.
+    seed, epoch, first_stream
+        Whose random numbers: streams from `first_stream` on.
+    input_rate_hz
+        Rate of the samples.
+    """
+    return tuple(
+        JammerSamples(
+            waveform=one.waveform,
+            power=power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, input_rate_hz),
+            key=noise_key(seed, epoch, first_stream + _JAMMER + number),
+        )
+        for number, one in enumerate(truth.e6.jammers)
+        if one.j_over_n[row] > 0
+    )
+
+
+def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
+    """Return the first chip of a delayed signal that is in a window, counted from the RECS, and the number of chips."""
+    delay_s = delay_m / SPEED_OF_LIGHT_MPS
+    arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s
+    if abs(taken.start_s - arrival_s) > _SAME_ARRIVAL_S:
+        sent_s = taken.start_s - arrival_s
+        arrival_s = float(arrival(line_of_sight, truth, slice(row, row + 1), sent_s).dt_s[0]) + delay_s
+    first = math.floor((taken.start_s - arrival_s) * E6C.chip_rate_hz) - _SPARE_CHIPS
+    last = math.ceil((taken.stop_s - arrival_s) * E6C.chip_rate_hz) + _SPARE_CHIPS
+    return first, last - first

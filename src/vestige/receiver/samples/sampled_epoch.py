@@ -1,0 +1,234 @@
+"""One epoch at the `samples` fidelity: the signal as it arrives, and the E6 samples around it.
+
+The server sends at `sent`. The line of sight arrives dt later, the solution of
+
+    dt = P6(sent + dt)/c
+
+with the Doppler, its rate and the carrier phase −f6 P6/c of that moment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Complex128, Float
+
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
+from vestige.signal_generator.range_model import RangeHistory
+from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
+from vestige.signals.definitions import E6C
+from vestige.spoofer.jammers import AnyJammer
+from vestige.streams import stream_key
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+_MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays and errors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arrival:
+    """When and how chips arrive by the line of sight in E6: time after they were sent, P6 and its derivatives."""
+
+    dt_s: Float[np.ndarray, " n"]
+    pseudorange_m: Float[np.ndarray, " n"]
+    rate_mps: Float[np.ndarray, " n"]
+    acceleration_mps2: Float[np.ndarray, " n"]
+
+    @property
+    def carrier(self) -> Complex128[np.ndarray, " n"]:
+        """e^{−j2π f6 P6/c} at that moment."""
+        cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.pseudorange_m
+        return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
+
+
+def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
+    """Return how the chips arrive that are sent `later_s` after the epochs.
+
+    Parameters
+    ----------
+    line_of_sight
+        Range against time.
+    truth, rows
+        The truth of a block, and the epochs in it.
+    later_s
+        Time of transmission after the epoch; may be negative.
+    """
+    sent_s = truth.time_s[rows] + later_s
+    late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
+    drift_mps = truth.clock_drift_mps[rows]
+    dt_s = np.zeros(sent_s.size)
+    ahead_s = truth.view.ahead_s[rows]
+    for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
+        pseudorange_m = line_of_sight.range_m(sent_s + dt_s - ahead_s) + late_m + drift_mps * (later_s + dt_s)
+        dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
+    return Arrival(
+        dt_s=dt_s,
+        pseudorange_m=pseudorange_m,
+        rate_mps=line_of_sight.rate_mps(sent_s + dt_s - ahead_s) + drift_mps,
+        acceleration_mps2=line_of_sight.acceleration_mps2(sent_s + dt_s - ahead_s),
+    )
+
+
+def received_signal(
+    chips: ChipSequence,
+    line_of_sight: RangeHistory,
+    truth: TruthBlock,
+    row: int,
+    *,
+    amplitude: float,
+    later_s: float = 0.0,
+) -> ReceivedSignal:
+    """Return the line of sight and its rays as they arrive; `start_s` counts from the epoch.
+
+    Parameters
+    ----------
+    chips
+        What the satellite sends.
+    line_of_sight
+        Range against time.
+    truth, row
+        The truth of a block, and the epoch's place in it.
+    amplitude
+        Of the line of sight.
+    later_s
+        When the first of the chips is sent, after the epoch.
+    """
+    direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
+    to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    phasor = amplitude * complex(direct.carrier[0])
+    return ReceivedSignal(
+        chips=chips,
+        start_s=later_s + float(direct.dt_s[0]),
+        doppler_hz=to_hz * float(direct.rate_mps[0]),
+        doppler_rate_hz_per_s=to_hz * float(direct.acceleration_mps2[0]),
+        delay_m=np.concatenate([[0.0], truth.rays.delay_m[row]]),
+        amplitude=phasor * np.concatenate([[1.0], truth.rays.amplitude[row]]),
+        ray_doppler_hz=np.concatenate([[0.0], truth.rays.doppler_hz[row]]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """Which samples are taken around a RECS.
+
+    Attributes
+    ----------
+    expected_s
+        When the receiver expects the RECS, after transmission.
+    first
+        Number of the first sample, counted from the time of transmission at the output rate.
+    n_samples
+        How many come out of the front end.
+    start_s, stop_s
+        Times after transmission between which signals must be there: what the front end's filter needs, too.
+    """
+
+    expected_s: float
+    first: int
+    n_samples: int
+    start_s: float
+    stop_s: float
+
+
+def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
+    """Return when the last sample of RECS that are expected at some times after transmission is taken."""
+    first = np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
+    return (first + _n_samples(n_chips, front_end)) / front_end.sample_rate_hz
+
+
+def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
+    return int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * front_end.sample_rate_hz))
+
+
+def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
+    """Return the samples from a little before a RECS is expected to a little after it has passed."""
+    rate_hz = front_end.sample_rate_hz
+    first = int(np.floor((expected_s - _MARGIN_S) * rate_hz))
+    n_samples = _n_samples(n_chips, front_end)
+    margin_s = front_end.margin_samples / front_end.input_rate_hz
+    return Window(
+        expected_s=expected_s,
+        first=first,
+        n_samples=n_samples,
+        start_s=first / rate_hz - margin_s,
+        stop_s=(first + n_samples) / rate_hz + margin_s,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JammerSamples:
+    """A jamming waveform of mean power `power`, over that of noise in the samples, with the key of its randomness."""
+
+    waveform: AnyJammer
+    power: float
+    key: np.uint64
+
+
+def e6_samples(
+    signals: tuple[ReceivedSignal, ...],
+    sent: GalileoTime,
+    taken: Window,
+    *,
+    front_end: FrontEnd,
+    noise_key: np.uint64 | None,
+    noise_power: float = 1.0,
+    jammers: tuple[JammerSamples, ...] = (),
+) -> tuple[SampleBatch, FrontEndStatus]:
+    """Return the E6 samples of an epoch, and what the front end says of itself.
+
+    Parameters
+    ----------
+    signals
+        All that is in the band, at the front end's input rate; `start_s` counts from `sent`.
+    sent
+        Time of transmission of the RECS.
+    taken
+        Where the samples lie.
+    front_end
+        What they go through.
+    noise_key
+        Key of the noise; None for no noise.
+    noise_power
+        White noise, that of the receiver being 1.
+    jammers
+        Interference with a waveform.
+    """
+    rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
+    at_antenna = synthesize(
+        tuple(replace(signal, start_s=signal.start_s - taken.first / rate_hz) for signal in signals),
+        sample_rate_hz=input_hz,
+        n_samples=front_end.input_samples(taken.n_samples),
+        noise_key=noise_key,
+        noise_power=noise_power,
+        first_sample=-front_end.margin_samples,
+    )
+    for jammer in jammers:
+        jammer.waveform.add(at_antenna, jammer.power, input_hz, jammer.key)
+    samples, status = front_end.process(at_antenna)
+    batch = SampleBatch(
+        band=Band.E6,
+        samples=samples,
+        sample_rate_hz=rate_hz,
+        center_frequency_hz=E6_CARRIER_HZ,
+        first_sample=taken.first,
+        start=sent + taken.first / rate_hz,
+    )
+    return batch, status
+
+
+@lru_cache(maxsize=2)
+def osnma_chain(seed: int, start: GalileoTime, subframes: int) -> SimulatedChain:
+    """Return the OSNMA chain of a run."""
+    return make_chain(stream_key(seed, "OSNMA chain"), start, subframes)
+
+
+@lru_cache(maxsize=2)
+def osnma_keys(seed: int, start: GalileoTime, subframes: int) -> dict[GalileoTime, ValidatedKey]:
+    """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
+    return {key.time: key for key in osnma_chain(seed, start, subframes).validated_keys()}

@@ -1,0 +1,1 @@
+"""Where satellites and receiver are, and how a satellite is seen."""

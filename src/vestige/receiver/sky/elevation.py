@@ -1,0 +1,172 @@
+"""What depends on the elevation of a satellite: strength, multipath, length of the way through the ionosphere.
+
+Theory of operation
+-------------------
+    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the highest elevation of
+                  the run, and the line of sight has √ of the loss as its amplitude
+    rays          relative amplitude of `acas_processor.elevation_model`
+    ionosphere    obliquity M(e)/M(17.5°) of `acas_processor.elevation_model`
+
+The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
+Gauss-Markov process and ρ the common share of the variance,
+
+    eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
+
+so the distribution F of each satellite's residual stays what it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.line_of_sight import LineOfSight, line_of_sight
+from vestige.receiver.sky.constellation import ElevationCn0
+from vestige.receiver.sky.trajectory import Trajectory
+from vestige.signal_generator.range_model import RangeHistory
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How a satellite is seen at n epochs; on a single line of sight always, with its full strength.
+
+    Attributes
+    ----------
+    ahead_s
+        By how much the receiver's clock is ahead of the time at which the line of sight is to be taken.
+    amplitude
+        Amplitude of the line of sight over the nominal one.
+    azimuth_rad, elevation_rad
+        Direction; NaN on a single line of sight.
+    in_view
+        Whether it is above the elevation mask.
+    """
+
+    ahead_s: Float[np.ndarray, " n"]
+    amplitude: Float[np.ndarray, " n"]
+    azimuth_rad: Float[np.ndarray, " n"]
+    elevation_rad: Float[np.ndarray, " n"]
+    in_view: Bool[np.ndarray, " n"]
+
+    @classmethod
+    def single(cls, n: int) -> View:
+        """Return that of a single line of sight."""
+        unknown = np.full(n, np.nan)
+        return cls(
+            ahead_s=np.zeros(n),
+            amplitude=np.ones(n),
+            azimuth_rad=unknown,
+            elevation_rad=unknown,
+            in_view=np.ones(n, bool),
+        )
+
+
+class Seen(NamedTuple):
+    """A view, with range, range rate and range acceleration."""
+
+    view: View
+    range_m: Float[np.ndarray, " n"]
+    rate_mps: Float[np.ndarray, " n"]
+    acceleration_mps2: Float[np.ndarray, " n"]
+
+
+def seen_alone(line_of_sight: RangeHistory, time_s: Float[np.ndarray, " n"]) -> Seen:
+    """Return a single line of sight, whose range is that at times on the receiver's clock."""
+    return Seen(
+        View.single(time_s.size),
+        line_of_sight.range_m(time_s),
+        line_of_sight.rate_mps(time_s),
+        line_of_sight.acceleration_mps2(time_s),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SatelliteRange:
+    """Range from a satellite to a receiver, less the satellite's clock error, at reception times in system time.
+
+    Attributes
+    ----------
+    ephemeris
+        Orbit and clock, which are taken for true.
+    start
+        The scenario's start.
+    trajectory
+        The receiver.
+    """
+
+    ephemeris: Ephemeris
+    start: GalileoTime
+    trajectory: Trajectory
+
+    def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
+        """Return the line of sight at times in s after the start."""
+        return line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+
+    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the range at times in s after the scenario's start, in m."""
+        sight = self.sight(t_s)
+        return sight.range_m - sight.satellite_clock_m
+
+    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its rate in m/s."""
+        sight = self.sight(t_s)
+        return sight.rate_mps - sight.satellite_clock_mps
+
+    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its second derivative in m/s²."""
+        return self.sight(t_s).acceleration_mps2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElevationEffects:
+    """What the elevation does to one satellite of a sky.
+
+    Attributes
+    ----------
+    path
+        Where it is.
+    mask_deg
+        Lowest elevation at which it is received.
+    highest_rad
+        Elevation at which its C/N0 is the nominal one.
+    antenna
+        C/N0 against elevation.
+    ionosphere_common
+        ρ, share of the variance of the ionosphere that all satellites have in common.
+    """
+
+    path: SatelliteRange
+    mask_deg: float
+    highest_rad: float
+    antenna: ElevationCn0 = field(default_factory=ElevationCn0)
+    ionosphere_common: float = 0.0
+
+    @property
+    def nominal_db(self) -> float:
+        """Nominal C/N0 over that at the zenith."""
+        return float(self.antenna.cn0_dbhz(np.array([self.highest_rad]))[0]) - self.antenna.zenith_dbhz
+
+    def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Seen:
+        """Return how the satellite is seen at epochs on the receiver's clock, which is wrong by `clock_m`."""
+        ahead_s = clock_m / SPEED_OF_LIGHT_MPS
+        sight = self.path.sight(time_s - ahead_s)
+        gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
+        view = View(
+            ahead_s=ahead_s,
+            amplitude=10 ** (gain_db / 20),
+            azimuth_rad=sight.azimuth_rad,
+            elevation_rad=sight.elevation_rad,
+            in_view=sight.elevation_rad >= np.radians(self.mask_deg),
+        )
+        return Seen(
+            view,
+            sight.range_m - sight.satellite_clock_m,
+            sight.rate_mps - sight.satellite_clock_mps,
+            sight.acceleration_mps2,
+        )

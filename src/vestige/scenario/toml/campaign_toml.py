@@ -1,0 +1,40 @@
+"""The scenario that the results of a campaign hold, as the TOML file that makes them again."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from vestige.scenario.toml.toml_text import toml_text
+
+
+def campaign_toml(text: str) -> str:
+    """Return a scenario as TOML with all its defaults: reading it gives a scenario with the same digest.
+
+    Parameters
+    ----------
+    text
+        JSON, the attribute `scenario` of the results.
+    """
+    tables = json.loads(text)
+    tables["attack"] = [_without_power(attack) for attack in tables["attack"]]
+    if tables.get("constellation"):
+        del tables["line_of_sight"]  # a sky has none, not even the default
+    return toml_text(_stated(tables))
+
+
+def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an attack with -inf dB where it has none: the only number that JSON does not hold."""
+    return {key: -math.inf if value is None and key.endswith("_db") else value for key, value in attack.items()}
+
+
+def _stated(value: Any) -> Any:
+    """Return tables without the keys that have no value, and each one's kind first."""
+    if isinstance(value, list):
+        return [_stated(inner) for inner in value]
+    if not isinstance(value, Mapping):
+        return value
+    stated = {key: _stated(inner) for key, inner in value.items() if inner is not None}
+    return dict(sorted(stated.items(), key=lambda item: item[0] != "kind"))

@@ -1,0 +1,89 @@
+"""What a scenario asks for that is allowed and probably not meant: one line each, for stderr."""
+
+from __future__ import annotations
+
+from vestige.navigation.ephemeris import FIT_INTERVAL_S
+from vestige.receiver.samples.front_end_correlation import range_offset_scale
+from vestige.receiver.samples.staircase import commensurate_tread_m
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.recording import RecordingScenario
+from vestige.scenario.sky import RinexConstellation
+from vestige.signals.definitions import E6C
+from vestige.spoofer.spoofer import Spoofer
+
+_FAITHFUL = 0.1  # range offsets that are larger or smaller by less need no word
+
+
+def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
+    """Return what the author of a scenario should know before it runs; nothing for most."""
+    if isinstance(scenario, RecordingScenario):
+        return _staircase(scenario.receiver.sample_rate_hz)
+    attacks = (*Spoofer(attacks=scenario.attack).cautions(), *_aimed_at_nobody(scenario))
+    stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
+    return (*attacks, *_never(scenario), *_old_orbits(scenario), *stairs, *_round_peak(scenario))
+
+
+def _never(scenario: CampaignScenario) -> tuple[str, ...]:
+    end_s = scenario.epochs * scenario.interval_s
+    return tuple(
+        f"attack.{number}.start_s: {attack.start_s:g} s is not before the end of the scenario, {end_s:g} s"
+        for number, attack in enumerate(scenario.attack)
+        if attack.start_s >= end_s
+    )
+
+
+def _old_orbits(scenario: CampaignScenario) -> tuple[str, ...]:
+    """Return a word on broadcast orbits that serve longer than they are made for; Walker's hold for ever."""
+    if not isinstance(scenario.constellation, RinexConstellation):
+        return ()
+    end = scenario.start_time + scenario.epochs * scenario.interval_s
+    toes = [one.elevation.path.ephemeris.toe for one in scenario.simulations if one.elevation is not None]
+    age_s = end - min(toes)
+    if age_s <= FIT_INTERVAL_S:
+        return ()
+    return (
+        f"constellation.path: the run ends {age_s / 3600:.1f} h after the toe of {min(toes)}, beyond the "
+        f"{FIT_INTERVAL_S / 3600:g} h that ephemerides are made for; each satellite keeps its one ephemeris, for orbit "
+        "and receiver alike",
+    )
+
+
+def _aimed_at_nobody(scenario: CampaignScenario) -> tuple[str, ...]:
+    aims = {number: attack for number, attack in enumerate(scenario.attack) if attack.svids}
+    if not aims:
+        return ()
+    sky = {simulation.svid for simulation in scenario.simulations}
+    absent = {number: sorted(set(attack.svids) - sky) for number, attack in aims.items()}
+    return tuple(
+        f"attack.{number}.svids: {_names(svids)} not in the scenario, which has {_names(sorted(sky))}"
+        for number, svids in absent.items()
+        if svids
+    )
+
+
+def _names(svids: list[int]) -> str:
+    return ", ".join(f"E{svid:02d}" for svid in svids)
+
+
+def _staircase(rate_hz: float) -> tuple[str, ...]:
+    stairs = commensurate_tread_m(rate_hz, E6C.chip_rate_hz)
+    if stairs is None:
+        return ()
+    return (
+        f"receiver.sample_rate_hz: {rate_hz / 1e6:g} MHz is commensurate with the chip rate of E6, the correlation a "
+        f"staircase with treads of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
+    )
+
+
+def _round_peak(scenario: CampaignScenario) -> tuple[str, ...]:
+    front_end = scenario.receiver.front_end.front_end(scenario.receiver.sample_rate_hz)
+    if front_end.bandwidth_hz is None:
+        return ()
+    spacing_m = scenario.processor.spacing * scenario.processor.tap_spacing_m
+    scale = range_offset_scale(front_end, spacing_m)
+    if abs(scale - 1) < _FAITHFUL:
+        return ()
+    return (
+        f"receiver.front_end.bandwidth_hz: {front_end.bandwidth_hz / 1e6:g} MHz round the peak, and three taps "
+        f"{spacing_m:g} m apart, read as a triangle, give {scale:.2f} times the range offset",
+    )

@@ -1,0 +1,1 @@
+"""What a scenario describes, made: snapshots, recordings, exported test cases."""

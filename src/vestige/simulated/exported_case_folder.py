@@ -1,0 +1,79 @@
+"""What a test case holds beside its samples: observations, assistance, truth, README.txt."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+
+from vestige.receiver.simulation import SVID
+from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.observations.csv_observations import write_csv_observations
+from vestige.recording.observations.rinex_writer import write_rinex_observations
+from vestige.records import Band
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.simulated_recording import SimulatedRecording
+
+_README = """\
+ACAS test case, written by vestige. docs/test_cases.md of vestige explains every file.
+
+  recording.sigmf-collection, e1.sigmf-*, e6.sigmf-*   {seconds:.3f} s of I,Q samples at {rate:.10g} Hz
+{observations}  assistance/                                          RECS, group delays, OSNMA keys and their public key
+  scenario.toml                                        how it was made
+  truth.csv                                            what a receiver must not know
+
+Satellite E{svid:02d}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
+Check it: vestige inspect FOLDER; vestige process FOLDER
+"""
+
+
+def simulated(case: AcasTestCase) -> SimulatedRecording:
+    """Return the recording of a test case, all files included."""
+    simulation = case.simulation
+    return SimulatedRecording(
+        sky={band: case.sky(band) for band in Band},
+        reference=simulation.start,
+        sample_rate_hz=simulation.front_end.sample_rate_hz,
+        samples=case.samples,
+        seed=simulation.seed,
+        time_uncertainty_s=simulation.time_uncertainty_s,
+        description="simulated by vestige, encrypted E6-C",
+        companions=lambda folder: write_companions(case, folder),
+        noise_power=case.noise_power,
+    )
+
+
+def write_companions(case: AcasTestCase, folder: Path) -> None:
+    """Write observations, assistance, truth and README.txt."""
+    epochs = case.observations()
+    if epochs:
+        write_csv_observations(folder / "observations.csv", epochs)
+        rinex = folder / "rinex"  # a recording has one file of observations; CSV loses no digit
+        rinex.mkdir()
+        write_rinex_observations(rinex / "observations.rnx", epochs)
+    assistance, root = case.assistance()
+    write_assistance(folder / "assistance", assistance, roots=(root,))
+    public_key = case.simulation.osnma_chain().private_key.public_key()
+    pem = public_key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    (folder / "assistance" / "public_key.pem").write_bytes(pem)
+    table = case.truth_table()
+    rows = [",".join(row) for row in zip(*table.values(), strict=True)]
+    (folder / "truth.csv").write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")
+    (folder / "README.txt").write_text(_readme(case), encoding="ascii", newline="\n")
+
+
+def _readme(case: AcasTestCase) -> str:
+    simulation = case.simulation
+    observed = "  observations.csv, rinex/observations.rnx             E1 observations, one a RECS\n"
+    return _README.format(
+        seconds=len(case.samples) / simulation.front_end.sample_rate_hz,
+        rate=simulation.front_end.sample_rate_hz,
+        svid=SVID,
+        observations=observed if case.observations() else "",
+        first=case.first,
+        last=case.end - 1,
+        seed=simulation.seed,
+        e1=simulation.cn0_e1_dbhz,
+        e6="without signal" if simulation.cn0_dbhz == -math.inf else f"{simulation.cn0_dbhz:g} dBHz",
+    )

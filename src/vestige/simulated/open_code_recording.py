@@ -1,0 +1,61 @@
+"""The recording of a scenario of `kind = "recording"`: open codes on E6-C, and the OSNMA keys of its time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+
+from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.receiver.samples.recorder import ReceivedSatellite, straight
+from vestige.records import Band
+from vestige.scenario.recording import RecordingScenario, SatelliteSection
+from vestige.signal_generator.range_model import RangeModel
+from vestige.signal_generator.waveform import open_component
+from vestige.signals.definitions import ALL_SIGNALS
+from vestige.simulated.simulated_recording import SimulatedRecording
+from vestige.streams import stream_key
+
+
+def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
+    """Return the recording of a scenario, with `osnma/`: the keys of its time and their public key."""
+    receiver = scenario.receiver
+    return SimulatedRecording(
+        sky={band: tuple(_received(scenario, band, satellite) for satellite in scenario.satellites) for band in Band},
+        reference=scenario.start_time,
+        sample_rate_hz=receiver.sample_rate_hz,
+        samples=range(round(scenario.duration_s * receiver.sample_rate_hz)),
+        seed=scenario.seed,
+        time_uncertainty_s=receiver.time_uncertainty_s,
+        description="simulated by vestige, open codes on E6-C",
+        companions=lambda folder: _write_keys(scenario, folder),
+    )
+
+
+def _received(scenario: RecordingScenario, band: Band, satellite: SatelliteSection) -> ReceivedSatellite:
+    receiver = scenario.receiver
+    late = straight(receiver.hardware_bias_e1_e6_m if band is Band.E6 else 0.0)
+    return ReceivedSatellite(
+        svid=satellite.svid,
+        components=tuple(
+            open_component(signal, satellite.svid, seed=scenario.seed) for signal in ALL_SIGNALS if signal.band is band
+        ),
+        cn0_dbhz=satellite.cn0_dbhz(band),
+        pseudorange=RangeModel(
+            s0_m=satellite.range_m + receiver.clock_offset_s * SPEED_OF_LIGHT_MPS, v_mps=satellite.range_rate_mps
+        ),
+        propagation=lambda _: late,
+    )
+
+
+def _write_keys(scenario: RecordingScenario, folder: Path) -> None:
+    osnma, start = folder / "osnma", scenario.start_time
+    osnma.mkdir()
+    # the key of the subframe after the last too, for KDI = 1
+    subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2
+    chain = make_chain(stream_key(scenario.seed, "OSNMA chain"), start, subframes)
+    write_key_file(osnma / "keys.csv", chain.validated_keys(), (chain.root,))
+    pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    (osnma / "public_key.pem").write_bytes(pem)
