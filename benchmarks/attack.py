@@ -34,7 +34,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.spoofer.interference import Jam
 from vestige.spoofer.jammers import ALL_JAMMERS
-from vestige.spoofer.spoofer import NOBODY, Spoofer
+from vestige.spoofer.spoofer import NO_SPOOFER, Spoofer
 
 LIFTOFF = Path(__file__).resolve().parents[1] / "scenarios" / "liftoff.toml"
 FIRST, EPOCHS = 1000, 40  # while the counterfeit is there
@@ -52,7 +52,7 @@ def simulations() -> dict[str, Simulation]:
         )
         for waveform in ALL_JAMMERS
     }
-    return {"harsh": replace(liftoff, spoofer=NOBODY), "lift-off": liftoff} | jammed
+    return {"harsh": replace(liftoff, spoofer=NO_SPOOFER), "lift-off": liftoff} | jammed
 
 
 def truth_of(simulation: Simulation) -> TruthBlock:

@@ -63,7 +63,7 @@ CURVES = {
         title="E1 of all satellites with data of the attacker's own",
         label="spoofer over true signal (dB)",
         strengths=(-3.0, -1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 1.0, 3.0),
-        attack='{{kind="lift-off", bands=["E1"], own_data=true, start_s=60, power_db={0}, '
+        attack='{{kind="lift-off", bands=["E1"], forged_nav_data=true, start_s=60, power_db={0}, '
         'delay_m={{kind="ramp", first=0, last=60, start_s=70, stop_s=110}}}}',
         checks=("OSNMA agreement", "OSNMA availability"),
         window_s=(60.0, 400.0),
@@ -82,7 +82,7 @@ CURVES = {
         label="J/N in 20.46 MHz (dB)",
         strengths=(-6.0, -3.0, 0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0),
         attack='{{kind="jamming", bands=["E6"], start_s=60, j_over_n_db={0}}}',
-        checks=("E6 power", "wrong-code floor"),
+        checks=("E6 power", "post-correlation noise floor"),
     ),
     "lift_off": Curve(
         title="Lift-off to 60 m",
@@ -112,7 +112,7 @@ CURVES = {
         label="J/N in 20.46 MHz (dB)",
         strengths=(-20.0, -12.0, -8.0, -6.0, -5.0, -4.5, -4.0, -3.5, -3.0, 0.0),
         attack='{{kind="jamming", bands=["E6"], start_s=60, j_over_n_db={0}}}',
-        checks=("wrong-code floor",),
+        checks=("post-correlation noise floor",),
     ),
     "pull": Curve(
         title="One satellite pulled on E1",

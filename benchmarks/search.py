@@ -40,7 +40,7 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.engine import GRIDS, SIGMA
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.fft_engine import FftEngine
-from vestige.sample_processor.search.handover_search import HandoverLine, positions, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.sample_processor.search.segment_engine import SegmentEngine
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
@@ -134,7 +134,7 @@ def measure(rounds: int) -> dict[str, list[float]]:
         noise_key=noise_key(1, 0, 6),
     )  # fmt: skip
     once = BatchSource(_batch(Band.E6, e6, RATE_HZ, E6_CARRIER_HZ))
-    line = HandoverLine(svid=11, chips=chips, anchor=START + 0.1, period_s=4e-3, doppler_hz=800.0)
+    line = CandidateEpochs(svid=11, chips=chips, anchor=START + 0.1, period_s=4e-3, doppler_hz=800.0)
     assert len(search_handover(once, line, START, START + KEPT_S, 6.0, taps=1)) == 1
     source = Repeated(once.batch)
     assert abs(positions(source, line, START, START + SEARCHED_S).size - PLACES) <= 1

@@ -19,7 +19,7 @@ from vestige.constants import E6_CARRIER_HZ
 from vestige.plots import roc_curves, write
 from vestige.records import Band, ChipSequence, SampleBatch
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, search_handover
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -80,7 +80,7 @@ def exhaustive(source: BatchSource, chips: ChipSequence, start_s: float, _dopple
 
 def handover(source: BatchSource, chips: ChipSequence, start_s: float, doppler_hz: float, limit: float) -> int:
     """Return the number of peaks at one place."""
-    line = HandoverLine(svid=11, chips=chips, anchor=START + start_s, period_s=PERIOD_S, doppler_hz=doppler_hz)
+    line = CandidateEpochs(svid=11, chips=chips, anchor=START + start_s, period_s=PERIOD_S, doppler_hz=doppler_hz)
     return len(search_handover(source, line, START, START + 1, limit))
 
 

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import bdtr
 
-from vestige.acas_processor.searches.vestigial import LineStretch, decide_vestigial, handover_line, handover_peaks
+from vestige.acas_processor.searches.vestigial import CandidateInterval, decide_vestigial, handover_line, handover_peaks
 from vestige.receiver.simulation import SVID
 from vestige.records import Band, ChipSequence
 from vestige.sample_processor.e1_snapshot import measure_e1
@@ -58,7 +58,7 @@ def chips_of(case: AcasTestCase) -> ChipSequence:
     return encrypted_chips(encryption_key(simulation.seed), SVID, simulation.start, simulation.n_chips)
 
 
-def e1_lines(recording: SimulatedRecording, chips: ChipSequence, *, secondary: bool) -> list[LineStretch]:
+def e1_lines(recording: SimulatedRecording, chips: ChipSequence, *, secondary: bool) -> list[CandidateInterval]:
     """Return the lines of all signals on E1 in 100 ms."""
     batch = recording.window(Band.E1, 0.05, 0.15)
     lines = []
@@ -66,7 +66,7 @@ def e1_lines(recording: SimulatedRecording, chips: ChipSequence, *, secondary: b
         snapshot = measure_e1(batch, one)
         if snapshot is not None:
             line = handover_line(snapshot, chips, secondary=secondary)
-            lines.append(LineStretch(line=line, first_start=batch.start + -60.0, last_start=batch.start + 60.0))
+            lines.append(CandidateInterval(line=line, first_start=batch.start + -60.0, last_start=batch.start + 60.0))
     return lines
 
 

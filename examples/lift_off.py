@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 from vestige import plots
-from vestige.campaign.outcomes import Outcome, outcomes, report
+from vestige.campaign.outcomes import DetectedSignal, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
@@ -88,7 +88,7 @@ def _concludes(
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)
-    counterfeit = f", {100 * np.mean(signal == Outcome.SPOOFER):.0f} % nearer to the spoofer"
+    counterfeit = f", {100 * np.mean(signal == DetectedSignal.SPOOFER):.0f} % nearer to the spoofer"
     return f"range {np.nanmedian(offset_m):+5.1f} m (median){counterfeit}; alarms in {100 * np.mean(alarms):.0f} %"
 
 

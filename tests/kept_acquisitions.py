@@ -38,6 +38,6 @@ def e1_acquired_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("vestige.recording.observations.e1_observation.acquire", _once(acquire))
         kept_search = _once(search_e1)
-        patch.setattr("vestige.recording.observations.label_search.search_e1", kept_search)
+        patch.setattr("vestige.recording.observations.time_tag_search.search_e1", kept_search)
         patch.setattr("vestige.acas_processor.searches.sampled_searches.search_e1", kept_search)
         yield

@@ -67,3 +67,7 @@ def _short(value: object, limit: int = 80) -> str:
         text = "an integer of thousands of digits"
     text = printable(text[: limit + 1])
     return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+class VestigeWarning(UserWarning):
+    """Something that works and that a user should change; the command line prints it as one line."""

@@ -19,7 +19,7 @@ from vestige.navigation.earth import local_axes_at
 from vestige.navigation.line_of_sight import ReceiverMotion
 from vestige.receiver.sky.constellation import sky, walker_ephemerides
 from vestige.receiver.sky.trajectory import StaticTrajectory
-from vestige.recording.live.follow_journal import LINES, FollowJournal, Progress
+from vestige.recording.live.follow_journal import LINES, FollowJournal, FollowProgress
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.observation_epoch import ObservationEpoch
@@ -216,7 +216,7 @@ def test_followed_they_are_waited_for_and_it_goes_on_after_a_stop(
     timers.append(threading.Timer(1.5, write, (parts[2],)))
     record = FollowJournal.record
 
-    def stopped_after(self: FollowJournal, kept: list[str], progress: Progress) -> None:
+    def stopped_after(self: FollowJournal, kept: list[str], progress: FollowProgress) -> None:
         record(self, kept, progress)
         if progress.index == 0:
             timers[2].start()

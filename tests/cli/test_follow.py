@@ -26,10 +26,10 @@ from vestige.cli.main import main
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.live.follow_journal import LINES, STATE, FollowJournal, Progress
+from vestige.recording.live.follow_journal import LINES, STATE, FollowJournal, FollowProgress
 from vestige.recording.live.following import Following
 from vestige.scenario.load import load_scenario
-from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import write_companions
 
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
@@ -265,7 +265,7 @@ def test_any_number_of_interruptions_changes_nothing(
     kept = tmp_path / "kept"
     record, keep, calls = FollowJournal.record, FollowJournal._keep, [0]
 
-    def stopped_after(self: FollowJournal, lines: list[str], progress: Progress) -> None:
+    def stopped_after(self: FollowJournal, lines: list[str], progress: FollowProgress) -> None:
         record(self, lines, progress)
         raise KeyboardInterrupt
 
@@ -351,7 +351,7 @@ def test_a_description_may_say_what_standard_input_is(night: Path, tmp_path: Pat
 def _unplugged(folder: Path, n_epochs: int) -> None:
     """Write a recording of a receiver whose E6 antenna is unplugged, with a RECS each 0.1 s."""
     settings = [*SETTINGS, "interval_s=0.1", "receiver.sample_rate_hz=3e6", f"epochs={n_epochs}"]
-    scenario = placed(load_scenario(QUICK, settings))  # type: ignore[arg-type]
+    scenario = with_default_range(load_scenario(QUICK, settings))  # type: ignore[arg-type]
     write_companions(AcasTestCase(scenario=scenario, first=0, end=n_epochs), folder)
     (folder / "recording.toml").write_text(
         'start = "2026-11-21T12:00:00 GST"\ntime_uncertainty_s = 1.0\nsample_rate_hz = 3e6\n'

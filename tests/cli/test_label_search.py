@@ -1,4 +1,4 @@
-"""`vestige process` with a wrong time label and no observation file: chips that come once tell the time."""
+"""`vestige process` with a wrong time tag and no observation file: chips that come once tell the time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_wrong_label_is_found_out(clear: Path, late_s: float) -> None:
     (verdict,) = json.loads(result.stdout)["verdicts"]
     assert verdict["status"] == "AUTHENTIC"
     assert abs(verdict["range_offset_m"]) < 6
-    assert f"the time label is {late_s:+.2f} s late" in result.stderr
+    assert f"the time tag is {late_s:+.2f} s late" in result.stderr
 
 
 def test_a_right_label_is_left_alone(clear: Path) -> None:
@@ -59,7 +59,7 @@ def test_a_right_label_is_left_alone(clear: Path) -> None:
 def test_the_label_search_takes_the_cipher_mode_of_the_command(clear: Path) -> None:
     """The RECS are encrypted in CBC: decrypted in CTR they are noise, and tell no time."""
     result = _process(clear, "--start", "2026-11-21T12:00:03.300 GST", "--cipher-mode", "ctr")
-    assert "no RECS was found within the time label's" in result.stderr
+    assert "no RECS was found within the time tag's" in result.stderr
     assert json.loads(result.stdout)["verdicts"] == []
 
 

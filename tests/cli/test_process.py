@@ -20,7 +20,7 @@ from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
-from vestige.cli.recordings.verdicts import COLUMNS, csv_writer
+from vestige.cli.recordings.verdicts import VERDICT_COLUMNS, csv_writer
 from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
@@ -137,7 +137,7 @@ def test_ctrl_c_keeps_the_verdicts_until_then(tmp_path: Path) -> None:
         write(step)  # type: ignore[arg-type]
         raise KeyboardInterrupt
     assert stop.value.__notes__ == [f"{path} has the verdicts until then"]
-    assert path.read_text() == ",".join(COLUMNS) + "\n"
+    assert path.read_text() == ",".join(VERDICT_COLUMNS) + "\n"
     with pytest.raises(OSError, match="No space"), csv_writer(path) as write:  # noqa: PT012
         write(step)  # type: ignore[arg-type]
         raise OSError(errno.ENOSPC, "No space left on device")

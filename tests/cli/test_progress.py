@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from vestige.campaign.run import Progress
+from vestige.campaign.run import RunProgress
 from vestige.cli.progress import campaign_progress, progress
 
 
@@ -30,8 +30,8 @@ def test_on_a_terminal_there_is_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert "3/36" in terminal.getvalue()
 
 
-def _campaign(done: int) -> Progress:
-    return Progress(epochs_done=done, epochs_total=4000, epochs_resumed=1000, elapsed_s=2.0)
+def _campaign(done: int) -> RunProgress:
+    return RunProgress(epochs_done=done, epochs_total=4000, epochs_resumed=1000, elapsed_s=2.0)
 
 
 def test_a_campaign_without_a_terminal_is_a_line_a_minute(

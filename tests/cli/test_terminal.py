@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import vestige
-from vestige.campaign.run import Progress
+from vestige.campaign.run import RunProgress
 from vestige.cli.main import main
 from vestige.cli.progress import campaign_progress
 from vestige.cli.terminal import echo
@@ -86,7 +86,7 @@ def test_the_name_of_a_campaign_in_a_bar(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("COLUMNS", "200")
     with campaign_progress() as report:
-        report("[/]\x9b2J\u202e", Progress(epochs_done=1, epochs_total=2, epochs_resumed=0, elapsed_s=1.0))
+        report("[/]\x9b2J\u202e", RunProgress(epochs_done=1, epochs_total=2, epochs_resumed=0, elapsed_s=1.0))
     assert r"[/]\x9b2J\u202e" in terminal.getvalue()
     assert "\u202e" not in terminal.getvalue()
 

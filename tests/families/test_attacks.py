@@ -33,7 +33,7 @@ from vestige.spoofer.repeaters import (
     Scer,
     TimePush,
 )
-from vestige.spoofer.spoofer import ALL_ATTACKS, NOBODY, Spoofer
+from vestige.spoofer.spoofer import ALL_ATTACKS, NO_SPOOFER, Spoofer
 
 pytestmark = pytest.mark.many_epochs
 
@@ -177,4 +177,4 @@ def test_attacks_combine() -> None:
     alone = [Spoofer(attacks=(attack,)).effects(Band.E6, 11, times_s) for attack in (one, two)]
     assert np.array_equal(both.white, alone[0].white + alone[1].white)
     assert np.array_equal(both.power_db, np.concatenate([alone[0].power_db, alone[1].power_db], axis=1))
-    assert NOBODY.effects(Band.E6, 11, times_s).power_db.shape == (20, 0)
+    assert NO_SPOOFER.effects(Band.E6, 11, times_s).power_db.shape == (20, 0)

@@ -23,11 +23,11 @@ from vestige.errors import VestigeError
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias, read_ionosphere
 from vestige.recording.description import BandFile
-from vestige.recording.live.follow_journal import STATE, FollowJournal, Progress
+from vestige.recording.live.follow_journal import STATE, FollowJournal, FollowProgress
 from vestige.recording.live.live_recording import LiveRecording, awaited_observations
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation, write_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
-from vestige.recording.observations.accelerations import COLUMNS, GrowingAccelerations, read_accelerations
+from vestige.recording.observations.accelerations import ACCELERATION_COLUMNS, GrowingAccelerations, read_accelerations
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.growing_observations import GrowingObservations
 from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch
@@ -270,7 +270,7 @@ def _read_navigation(folder: Path) -> None:
 
 def _accelerations() -> Sequence[Files]:
     rows = [f"1372,{478_800 + k / 2},0.01{k},-0.002,0.008" for k in range(6)]
-    return [{"accelerations.csv": "\n".join([",".join(COLUMNS), *rows, ""]).encode()}]
+    return [{"accelerations.csv": "\n".join([",".join(ACCELERATION_COLUMNS), *rows, ""]).encode()}]
 
 
 def _read_accelerations(folder: Path) -> None:
@@ -342,7 +342,7 @@ _STATE = ReceiverState(
 def _journals() -> Sequence[Files]:
     def write(folder: Path) -> None:
         with FollowJournal(folder, _SETTINGS) as journal:
-            journal.record(['{"svid": 11}'] * 3, Progress(index=3, sent=START + 0.5, state=_STATE))
+            journal.record(['{"svid": 11}'] * 3, FollowProgress(index=3, sent=START + 0.5, state=_STATE))
 
     return [files_of(write)]
 

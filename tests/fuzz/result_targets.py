@@ -36,7 +36,7 @@ from vestige.recording.numeric_csv import WAYPOINTS
 from vestige.report import Page, is_report, run_page, threat_page, write_page
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
-from vestige.scenario.warnings import cautions
+from vestige.scenario.warnings import scenario_warnings
 from vestige.spoofer.profile_table import read_profile_table
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.table import STORE, read_threat_dataset
@@ -97,11 +97,13 @@ _KEYS = (
 
 
 def _read_scenario(folder: Path) -> None:
-    """What is taken can be written again, and its cautions are lines."""
+    """What is taken can be written again, and its scenario_warnings are lines."""
     settings = (folder / "settings.txt").read_bytes().decode("utf-8", "surrogateescape").splitlines()
     scenario = load_scenario(folder / "scenario.toml", settings)
     json.loads(scenario.model_dump_json())
-    if isinstance(scenario, CampaignScenario) and any(len(line.splitlines()) != 1 for line in cautions(scenario)):
+    if isinstance(scenario, CampaignScenario) and any(
+        len(line.splitlines()) != 1 for line in scenario_warnings(scenario)
+    ):
         raise WrongAcceptanceError("a caution that is not one line")
 
 

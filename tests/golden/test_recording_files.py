@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.recording.adc_statistics import levels
+from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.recording import Recording, open_recording
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
@@ -45,10 +45,10 @@ def test_what_is_in_it(recording: Recording) -> None:
     for reader, rms in ((recording.e1, 1.904), (recording.e6, 1.843)):
         assert (reader.n_samples, reader.duration_s) == (1_200_000, 0.1)
         assert reader.start == GalileoTime(1161, 348018)  # 18 leap seconds
-        found = levels(reader)
+        found = adc_statistics(reader)
         assert (found.n_distinct, found.outermost) == (4, 3.0)
         assert found.rms == pytest.approx(rms, abs=2e-3)
-    center = levels(recording.e1).spectral_center_hz
+    center = adc_statistics(recording.e1).spectral_center_hz
     assert center == pytest.approx(1575.42e6, abs=0.3e6)  # the intermediate frequency of 3 MHz
 
 

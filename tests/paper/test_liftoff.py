@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.campaign.outcomes import Outcome, classify
+from vestige.campaign.outcomes import DetectedSignal, classify
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -84,7 +84,7 @@ def test_both_are_captured_when_the_power_rises(runs: list[Run]) -> None:
     for run in runs:
         inside = run.within(760, 850)
         for detector in (EARLY, MAXIMUM):
-            assert np.mean(run.outcome[detector, inside] == Outcome.SPOOFER) > 0.8
+            assert np.mean(run.outcome[detector, inside] == DetectedSignal.SPOOFER) > 0.8
         assert run.rise_m(EARLY, 760, 850) > 15.0
 
 
@@ -106,9 +106,9 @@ def test_the_maximum_detector_follows_the_spoofer_and_toggles(runs: list[Run]) -
     toggles = []
     for run in runs:
         outcome = run.outcome[MAXIMUM, run.within(1050, 1500)]
-        outcome = outcome[outcome != Outcome.NONE]
-        assert np.mean(outcome == Outcome.SPOOFER) > 0.8
-        assert np.any(outcome == Outcome.TRUE)
+        outcome = outcome[outcome != DetectedSignal.NONE]
+        assert np.mean(outcome == DetectedSignal.SPOOFER) > 0.8
+        assert np.any(outcome == DetectedSignal.TRUE)
         toggles.append(np.count_nonzero(np.diff(outcome)))
     assert np.median(toggles) >= 10
 
@@ -150,4 +150,4 @@ def test_with_samples() -> None:
     after = run.within(1050, 1200)
     before_m = np.nanmean(run.offset_m[EARLY, run.within(0, 500)])
     assert np.mean(np.abs(run.offset_m[EARLY, after] - before_m) <= 12.0) >= 0.95  # of 150: 97 % within 2 σ
-    assert np.mean(run.outcome[MAXIMUM, after] == Outcome.SPOOFER) > 0.8
+    assert np.mean(run.outcome[MAXIMUM, after] == DetectedSignal.SPOOFER) > 0.8

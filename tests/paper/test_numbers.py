@@ -7,7 +7,7 @@ from decimal import Decimal
 import pytest
 
 from vestige.theory.marcum_q import marcum_q
-from vestige.theory.paper_numbers import NOT_COMPUTED, PaperNumber, Quantity, paper_numbers
+from vestige.theory.paper_numbers import NOT_COMPUTED, PaperNumber, PaperQuantity, paper_numbers
 from vestige.theory.thresholds import (
     amplitude,
     miss_probability,
@@ -144,16 +144,16 @@ def rows() -> dict[str, PaperNumber]:
 
 
 @pytest.fixture(scope="module")
-def quantities(rows: dict[str, PaperNumber]) -> dict[tuple[str, str, str], Quantity]:
+def quantities(rows: dict[str, PaperNumber]) -> dict[tuple[str, str, str], PaperQuantity]:
     return {(row.row, q.name, q.unit): q for row in rows.values() for q in row.quantities}
 
 
 @pytest.mark.parametrize("key", RECOMPUTED, ids=lambda key: f"{key[0]} {key[1]}")
-def test_recomputed(key: tuple[str, str, str], quantities: dict[tuple[str, str, str], Quantity]) -> None:
+def test_recomputed(key: tuple[str, str, str], quantities: dict[tuple[str, str, str], PaperQuantity]) -> None:
     assert rounds_to(quantities[key].value, RECOMPUTED[key])
 
 
-def test_no_quantity_goes_unchecked(quantities: dict[tuple[str, str, str], Quantity]) -> None:
+def test_no_quantity_goes_unchecked(quantities: dict[tuple[str, str, str], PaperQuantity]) -> None:
     assert set(quantities) == set(RECOMPUTED)
 
 
@@ -182,7 +182,7 @@ def test_verdicts(rows: dict[str, PaperNumber]) -> None:
     ],
 )
 def test_agreement_is_rounding_to_the_printed_digits(value: float, printed: str, agrees: bool) -> None:
-    assert Quantity(name="x", value=value, printed=printed).agrees is agrees
+    assert PaperQuantity(name="x", value=value, printed=printed).agrees is agrees
 
 
 @pytest.mark.parametrize(
@@ -236,6 +236,6 @@ def test_how_often_a_tap_on_the_flank_fires_at_35_dbhz(tap_m: float, strength: s
     assert rounds_to(marcum_q(a, threshold(1e-7)), fires)
 
 
-def test_clock_growth_as_phase(quantities: dict[tuple[str, str, str], Quantity]) -> None:
+def test_clock_growth_as_phase(quantities: dict[tuple[str, str, str], PaperQuantity]) -> None:
     growth_m = quantities["23", "growth in 16 ms", "mm"].value / 1e3
     assert rounds_to(2 * 3.141592653589793 * growth_m * 1278.75e6 / 299_792_458 * 1e3, "3.3")

@@ -17,13 +17,13 @@ import pytest
 
 from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.description import BandFile, RecordingDescription
-from vestige.recording.live.following import FollowedEpoch, Following, Patience
+from vestige.recording.live.following import FollowedEpoch, Following, WaitLimits
 from vestige.recording.live.live_recording import LiveRecording, buffer_s
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.records import Band
 from vestige.scenario.load import load_scenario
-from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import write_companions
 from vestige.time import GalileoTime
 
@@ -52,7 +52,7 @@ WRITERS = {"full speed": ["cat"], "stalls and bursts": [sys.executable, "-c", ST
 def companions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A RECS each 2 s with its keys and observations, and three minutes of noise."""
     folder = tmp_path_factory.mktemp("pipe")
-    scenario = placed(load_scenario(QUICK, (f"interval_s={INTERVAL_S}", f"epochs={N_EPOCHS}")))  # type: ignore[arg-type]
+    scenario = with_default_range(load_scenario(QUICK, (f"interval_s={INTERVAL_S}", f"epochs={N_EPOCHS}")))  # type: ignore[arg-type]
     write_companions(AcasTestCase(scenario=scenario, first=0, end=N_EPOCHS), folder)
     n_bytes = round((N_EPOCHS * INTERVAL_S + 1) * BYTES_PER_S)
     (folder / "e6").write_bytes(np.random.default_rng(5).integers(-100, 100, n_bytes, dtype=np.int8).tobytes())
@@ -76,7 +76,7 @@ def _following(companions: Path, stream: SampleStream | None, told: list[str]) -
         warn=lambda error: told.append(str(error)),
     )
     folder = GrowingAssistance(companions / "assistance", warn=lambda error: told.append(str(error)))
-    patience = Patience(poll_s=0.005, idle_s=0.02 if stream is None else None)
+    patience = WaitLimits(poll_s=0.005, idle_s=0.02 if stream is None else None)
     return Following(live=live, folder=folder, time_uncertainty_s=1.0, searchable=False, patience=patience)
 
 

@@ -14,7 +14,7 @@ from scipy.special import bdtr, pdtr
 from builders import START, random_chips
 from search_builder import arrival, e6_source
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, search_handover
 from vestige.sample_processor.search.peak import shortened
 from vestige.theory.hypotheses import effective_taps
 from vestige.theory.search_budget import grid_probability_of_detection
@@ -81,7 +81,7 @@ def test_handover_search_finds_as_often_as_theory_says() -> None:
     for trial in range(trials):
         start_s, doppler_hz = 20e-6 + rng.uniform(0, 4) * CHIP_S, rng.uniform(-4900, 4900)
         source = e6_source([arrival(chips, start_s, 37.65, doppler_hz)], 4.04e-3, 9000 + trial)
-        line = HandoverLine(
+        line = CandidateEpochs(
             svid=11,
             chips=chips,
             anchor=START + (start_s + rng.uniform(-0.25, 0.25) * CHIP_S),

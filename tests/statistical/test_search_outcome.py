@@ -13,11 +13,11 @@ from scipy.special import bdtr
 from builders import START, random_chips, received_batch, satellite
 from search_builder import arrival, e6_source
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.correlators.search_outcome import WINDOW_S, Air, SearchOutcome, outcome, search_draws
+from vestige.receiver.correlators.search_outcome import WINDOW_S, BandSignals, SearchOutcome, outcome, search_draws
 from vestige.records import Band
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.handover_search import HandoverLine, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, search_handover
 from vestige.theory.search_budget import search_budget
 
 ERROR = 1e-4
@@ -28,9 +28,9 @@ CELLS = 4 * WINDOW_S * 5.115e6 * 321
 P_FA = 1e-3
 
 
-def _air(cn0_dbhz: float, delay_s: float | None, power_db: float) -> Air:
+def _air(cn0_dbhz: float, delay_s: float | None, power_db: float) -> BandSignals:
     there = [1.0, 10 ** (power_db / 20) if delay_s is not None else 0.0]
-    return Air(
+    return BandSignals(
         amplitude=np.tile(np.array(there, complex), (DRAWS, 1)),
         delay_m=np.tile([0.0, (delay_s or 0.0) * SPEED_OF_LIGHT_MPS], (DRAWS, 1)),
         doppler_hz=np.zeros((DRAWS, 2)),
@@ -38,7 +38,7 @@ def _air(cn0_dbhz: float, delay_s: float | None, power_db: float) -> Air:
     )
 
 
-def _model(e1: Air, e6: Air, periods: int = 24) -> SearchOutcome:
+def _model(e1: BandSignals, e6: BandSignals, periods: int = 24) -> SearchOutcome:
     draws = search_draws(np.random.default_rng(5), DRAWS, 2, periods=periods)
     shift = np.zeros(DRAWS)
     return outcome(
@@ -110,7 +110,7 @@ def test_handover_search(power_db: float, cn0_dbhz: float) -> None:
         peaks = []
         for late_s in (0.0, delay_s):
             anchor = START + (start_s + late_s + rng.normal(0.0, 3.0) / SPEED_OF_LIGHT_MPS)
-            line = HandoverLine(svid=11, chips=chips, anchor=anchor, period_s=4e-3, doppler_hz=doppler_hz)
+            line = CandidateEpochs(svid=11, chips=chips, anchor=anchor, period_s=4e-3, doppler_hz=doppler_hz)
             peaks += search_handover(source, line, START, START + 1, limit)
         two += len(peaks) == 2
     e1 = _air(60.0, delay_s, 0.0)
@@ -125,7 +125,7 @@ def test_handover_search(power_db: float, cn0_dbhz: float) -> None:
 
 def _both_in_e6(cn0_dbhz: float, power_db: float) -> np.ndarray:
     """Return where the hand-over finds both: with E1 too weak to be sure, its range says so."""
-    weak = Air(
+    weak = BandSignals(
         amplitude=np.ones((DRAWS, 2), complex),
         delay_m=np.tile([0.0, 10e-6 * SPEED_OF_LIGHT_MPS], (DRAWS, 1)),
         doppler_hz=np.zeros((DRAWS, 2)),

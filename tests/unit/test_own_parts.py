@@ -17,7 +17,7 @@ from vestige.campaign.execution.executors import measure_chunk
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.results import open_results
 from vestige.campaign.sweep.sweep import run_sweep
 from vestige.errors import InputFileError, VestigeError
@@ -230,7 +230,7 @@ def test_a_store_is_not_continued_with_a_changed_part(folder: Path, tmp_path: Pa
     with pytest.raises(VestigeError, match=r"own_parts: found own_g:C@0+ now, expected own_g:C@"):
         level_verdicts(open_results(store).dataset, (1,))
     with pytest.raises(VestigeError, match=r"worker .*: own_parts: found own_g:C@0+, expected own_g:C@"):
-        measure_chunk(plan, 0, {}, origin(plan) | {"own_parts": f"own_g:C@{before}"})
+        measure_chunk(plan, 0, {}, build_id(plan) | {"own_parts": f"own_g:C@{before}"})
 
 
 def test_results_without_their_part_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,7 +155,7 @@ MINIMUM = tuple(spec.name for spec in _MINIMUM)
 # From what says least to what says most; alarms are those from SUSPECT on
 GRAVITY = (Status.NOT_AVAILABLE, Status.AUTHENTIC, Status.SUSPECT, Status.NOT_DETECTED, Status.SPOOFED)
 ALARMS = GRAVITY[GRAVITY.index(Status.SUSPECT) :]
-NOBODY = -2  # as a cause: nothing failed
+NO_CAUSE = -2  # as a cause: nothing failed
 OTHERS = -1  # as a cause: another satellite was found twice
 
 _POSITION = {status: position for position, status in enumerate(Status)}
@@ -190,10 +190,10 @@ def combine(
     Returns
     -------
     status, cause
-        The cause is a place in `LEVELS[level]` with `own` behind it, the first of the gravest; `OTHERS` or `NOBODY`.
+        The cause is a place in `LEVELS[level]` with `own` behind it, the first of the gravest; `OTHERS` or `NO_CAUSE`.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
-    cause = np.full(found.shape, NOBODY, np.int8)
+    cause = np.full(found.shape, NO_CAUSE, np.int8)
     suspect = GRAVITY.index(Status.SUSPECT)
     twice = np.zeros((found.shape[0], 1), np.bool_)
     for place, spec in enumerate((*LEVELS[level], *own)):

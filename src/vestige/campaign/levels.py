@@ -31,7 +31,7 @@ from vestige.campaign.columns.measured_columns import (
     Judged,
     measured_block,
 )
-from vestige.campaign.scenario_plan import COLUMNS
+from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.errors import VestigeError
@@ -45,7 +45,7 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     import xarray
 
-_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | COLUMNS
+_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,7 +40,7 @@ FLOOR_DB = -15.0
 SHARE = 0.97
 
 
-class Outcome(IntEnum):
+class DetectedSignal(IntEnum):
     """Which signal a detection is of."""
 
     NONE = 0
@@ -58,7 +58,7 @@ def classify(
     resolution_m: float = RESOLUTION_M,
     floor_db: float = FLOOR_DB,
 ) -> Int8[np.ndarray, " n"]:
-    """Return the `Outcome` of every epoch.
+    """Return the `DetectedSignal` of every epoch.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def classify(
     spoofer = np.min(distance_m, axis=1, initial=np.inf) < np.abs(found_m)
     near = counts & (np.abs(spoofer_offset_m) < resolution_m)
     mixed = np.any(near & (distance_m < np.abs(found_m)[:, None] + resolution_m), axis=1)
-    outcome = np.where(mixed, Outcome.MIXED, np.where(spoofer, Outcome.SPOOFER, Outcome.TRUE))
-    return np.where(np.isnan(range_offset_m), Outcome.NONE, outcome).astype(np.int8)
+    outcome = np.where(mixed, DetectedSignal.MIXED, np.where(spoofer, DetectedSignal.SPOOFER, DetectedSignal.TRUE))
+    return np.where(np.isnan(range_offset_m), DetectedSignal.NONE, outcome).astype(np.int8)
 
 
 def outcomes(
     results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M, floor_db: float = FLOOR_DB
 ) -> xarray.DataArray:
-    """Return the `Outcome` over (detector, epoch, satellite).
+    """Return the `DetectedSignal` over (detector, epoch, satellite).
 
     Parameters
     ----------
@@ -96,13 +96,16 @@ def outcomes(
         See `classify`.
     """
     offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
-    values = np.full(offset.shape, Outcome.NONE, np.int8)
+    values = np.full(offset.shape, DetectedSignal.NONE, np.int8)
     for satellite in range(offset.sizes["satellite"]):
         truth = _truth(results.isel(satellite=satellite))
         for detector in range(offset.sizes["detector"]):
             found_m = offset.values[detector, :, satellite].astype(np.float64)
             values[detector, :, satellite] = classify(found_m, *truth, resolution_m=resolution_m, floor_db=floor_db)
-    flags = {"flag_values": [int(one) for one in Outcome], "flag_meanings": " ".join(one.name for one in Outcome)}
+    flags = {
+        "flag_values": [int(one) for one in DetectedSignal],
+        "flag_meanings": " ".join(one.name for one in DetectedSignal),
+    }
     return xarray.DataArray(values, dims=offset.dims, coords=offset.coords, name="outcome", attrs=flags)
 
 
@@ -151,7 +154,7 @@ class AttackReport:
     detector: str
     first_s: float
     epochs: int
-    shares: dict[Outcome, float]
+    shares: dict[DetectedSignal, float]
     time_to_detect_s: float
     time_to_mitigate_s: float
     worst_accepted_m: float
@@ -190,7 +193,7 @@ def report(
         detector=detector,
         first_s=float(time_s[0]),
         epochs=int(np.count_nonzero(due)),
-        shares={kind: float(np.mean(outcome[due] == kind)) for kind in Outcome},
+        shares={kind: float(np.mean(outcome[due] == kind)) for kind in DetectedSignal},
         time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
         time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome, share),
         worst_accepted_m=_worst(one["truth_e1_worst_error_m"].values[attacked][accepted]),
@@ -212,8 +215,8 @@ def _truth(one: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarray, " n"], share: float) -> float:
-    detected: Bool[np.ndarray, " n"] = outcome != Outcome.NONE
-    true_after = np.cumsum((outcome == Outcome.TRUE)[::-1])[::-1]
+    detected: Bool[np.ndarray, " n"] = outcome != DetectedSignal.NONE
+    true_after = np.cumsum((outcome == DetectedSignal.TRUE)[::-1])[::-1]
     found_after = np.cumsum(detected[::-1])[::-1]
     held = (true_after >= share * found_after) & (found_after > 0)
     return float(time_s[np.argmax(held)] - time_s[0]) if held.any() else float("nan")

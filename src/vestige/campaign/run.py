@@ -22,7 +22,7 @@ import xarray
 
 from vestige.campaign.execution.executors import local_executor, measure_chunk
 from vestige.campaign.plan import CHUNK_EPOCHS, Plan, check_results, judged
-from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.results import open_results
 from vestige.campaign.store.store import Store, make_store, open_store
 from vestige.errors import VestigeError
@@ -35,7 +35,7 @@ Columns = Mapping[str, np.ndarray]  # columns by name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class RunProgress:
     """How far a run is.
 
     Attributes
@@ -73,7 +73,7 @@ def run(
     workers: int = 1,
     executor: ExecutorChoice = "threads",
     chunk_epochs: int = CHUNK_EPOCHS,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[RunProgress], None] | None = None,
     enough: Callable[[Columns], bool] | None = None,
 ) -> xarray.Dataset:
     """Return the results of a plan, after measuring what is not in the store yet.
@@ -120,7 +120,7 @@ def _run(
     plan: Plan,
     workers: int,
     executor: ExecutorChoice,
-    progress: Callable[[Progress], None] | None,
+    progress: Callable[[RunProgress], None] | None,
     enough: Callable[[Columns], bool] | None,
 ) -> xarray.Dataset:
     """Measure what a store lacks; see `run`."""
@@ -133,7 +133,7 @@ def _run(
         if progress is not None:
             elapsed_s = time.monotonic() - begin
             progress(
-                Progress(epochs_done=done, epochs_total=plan.n_epochs, epochs_resumed=resumed, elapsed_s=elapsed_s)
+                RunProgress(epochs_done=done, epochs_total=plan.n_epochs, epochs_resumed=resumed, elapsed_s=elapsed_s)
             )
 
     try:
@@ -210,7 +210,7 @@ def _submitted(
     """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)
-    expected = origin(plan)
+    expected = build_id(plan)
     for chunk in range(chunks[-1] + 1):
         first = chunk * chunk_epochs
         count = min(chunk_epochs, plan.n_epochs - first)

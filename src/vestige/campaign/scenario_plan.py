@@ -38,7 +38,7 @@ from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation
-from vestige.receiver.snapshots.e6 import SampledE6
+from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
@@ -55,7 +55,7 @@ _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite"
 _FLAGS = {"e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"}}
 
 # name: dims, dtype, units, meaning
-COLUMNS = {
+SCENARIO_COLUMNS = {
     name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS.get(name, {}))
     for name, dims, dtype, units, text in (
         ("tap_index", _FOUND, "int8", "1", "index of the detecting correlator, -1 for none"),
@@ -112,7 +112,7 @@ class ScenarioPlan:
     @property
     def columns(self) -> Mapping[str, Column]:
         """The variables of the results."""
-        found = MEASURED_COLUMNS | COLUMNS | JUDGED_COLUMNS | (ATTACK_COLUMNS if self.scenario.attack else {})
+        found = MEASURED_COLUMNS | SCENARIO_COLUMNS | JUDGED_COLUMNS | (ATTACK_COLUMNS if self.scenario.attack else {})
         if self._receiver.with_taps:
             found |= E1_COLUMNS
         return found | (OSNMA_COLUMNS | SKY_COLUMNS if self.scenario.constellation else {})
@@ -253,7 +253,7 @@ class ScenarioPlan:
     def _front_end(self, snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
         """Return what the front end of E6 said around the RECS; without samples it is ideal, and only checks ask."""
         unknown = np.full(len(snapshots.time), np.nan)
-        sampled = isinstance(snapshots.e6, SampledE6)
+        sampled = isinstance(snapshots.e6, SimulatedE6Samples)
         if not sampled and not self._receiver.with_taps:
             return {"e6_total_power_db": unknown, "e6_agc_gain_db": unknown, "e6_saturated": np.full(unknown.size, -1)}
         said: FrontEndBlock = snapshots.front_end[Band.E6]
@@ -290,7 +290,7 @@ def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     }
 
 
-_OF_RECEIVER = frozenset(name for name, column in COLUMNS.items() if "satellite" not in column.dims)
+_OF_RECEIVER = frozenset(name for name, column in SCENARIO_COLUMNS.items() if "satellite" not in column.dims)
 
 
 def _truth_columns(truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]) -> dict[str, np.ndarray]:

@@ -11,6 +11,7 @@ import logging
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO
@@ -18,7 +19,7 @@ from io import StringIO
 import click
 
 from vestige.cli.terminal import echo
-from vestige.errors import VestigeError
+from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
 # verb: module of `command` within this room, one line of help
@@ -79,6 +80,7 @@ def vestige() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit."""
+    warnings.showwarning = _one_line
     try:
         with _terminable(), blamed_on_own_parts():
             vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
@@ -118,6 +120,12 @@ def _terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    """Print a warning of vestige as one line on stderr; those of libraries, which a user cannot act on, not at all."""
+    if category is VestigeWarning:
+        echo(f"vestige: {message}", err=True)
 
 
 def _notes(error: BaseException | None) -> str:

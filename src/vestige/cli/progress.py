@@ -12,7 +12,7 @@ from vestige.cli.terminal import echo
 from vestige.errors import printable
 
 if TYPE_CHECKING:
-    from vestige.campaign.run import Progress as CampaignProgress
+    from vestige.campaign.run import RunProgress
 
 LINE_EVERY_S = 60.0  # of a campaign, where there is no terminal
 REDRAWS_PER_S = 4.0
@@ -59,7 +59,7 @@ def _bar() -> Iterator[Report]:
 
 
 @contextmanager
-def campaign_progress() -> Iterator[Callable[[str, CampaignProgress], None]]:
+def campaign_progress() -> Iterator[Callable[[str, RunProgress], None]]:
     """Yield `report(name, progress)` for campaigns one after the other: rate and time left of the one that runs."""
     if sys.stderr.isatty():
         yield from _campaign_bar()
@@ -67,10 +67,10 @@ def campaign_progress() -> Iterator[Callable[[str, CampaignProgress], None]]:
         yield from _campaign_lines()
 
 
-def _campaign_lines() -> Iterator[Callable[[str, CampaignProgress], None]]:
+def _campaign_lines() -> Iterator[Callable[[str, RunProgress], None]]:
     last_s = time.monotonic()
 
-    def report(name: str, now: CampaignProgress) -> None:
+    def report(name: str, now: RunProgress) -> None:
         nonlocal last_s
         if time.monotonic() - last_s >= LINE_EVERY_S:
             last_s = time.monotonic()
@@ -79,7 +79,7 @@ def _campaign_lines() -> Iterator[Callable[[str, CampaignProgress], None]]:
     yield report
 
 
-def _campaign_bar() -> Iterator[Callable[[str, CampaignProgress], None]]:
+def _campaign_bar() -> Iterator[Callable[[str, RunProgress], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
@@ -89,14 +89,14 @@ def _campaign_bar() -> Iterator[Callable[[str, CampaignProgress], None]]:
     with Progress(*columns, console=console, transient=True, refresh_per_second=REDRAWS_PER_S) as bar:
         task = bar.add_task("", total=None, pace="")
 
-        def report(name: str, now: CampaignProgress) -> None:
+        def report(name: str, now: RunProgress) -> None:
             done, total = now.epochs_done, now.epochs_total
             bar.update(task, description=printable(name), completed=done, total=total, pace=_pace(now))
 
         yield report
 
 
-def _pace(now: CampaignProgress) -> str:
+def _pace(now: RunProgress) -> str:
     """Return rate and time left in words; at the beginning neither is known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"

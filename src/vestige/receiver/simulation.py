@@ -50,7 +50,7 @@ from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import amplitude
 from vestige.signals.definitions import E6C
-from vestige.spoofer.spoofer import NOBODY, Spoofer
+from vestige.spoofer.spoofer import NO_SPOOFER, Spoofer
 from vestige.streams import stream, stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -109,7 +109,7 @@ class Simulation:
     time_uncertainty_s: float
     n_chips: int
     key_delay: int
-    spoofer: Spoofer = NOBODY
+    spoofer: Spoofer = NO_SPOOFER
     svid: int = SVID
     elevation: ElevationEffects | None = None
     truth_interval_s: float | None = None
@@ -177,7 +177,7 @@ class Simulation:
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
         """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
 
-        Never before its time label, which may be ahead of that clock.
+        Never before its time tag, which may be ahead of that clock.
 
         Parameters
         ----------
@@ -220,11 +220,11 @@ class Simulation:
         relative_hz = np.concatenate([np.zeros_like(error_m), truth.rays.doppler_hz, attack.doppler_hz], axis=1)
         doppler_hz = los_doppler_hz + relative_hz
         phasor = (truth.view.amplitude * arrived.carrier)[:, None]
-        own_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.own_chips])
+        forged_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.forged_chips])
         disturbance = self.spoofer.attacks and drawn_disturbance(
             attack,
             offsets_m,
-            own_chips,
+            forged_chips,
             seed=self.seed,
             first=first,
             block_epochs=DRAW_BLOCK,

@@ -25,10 +25,10 @@ from vestige.receiver.errors.error_process import (
 )
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.errors.tracking_noise import noise_growth
-from vestige.receiver.sky.elevation import ElevationEffects, View, seen_alone
+from vestige.receiver.sky.elevation import ElevationEffects, SatelliteGeometry, single_line_of_sight
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeHistory
-from vestige.spoofer.spoofer import NOBODY, BandEffects, Spoofer
+from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects, Spoofer
 
 _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
 
@@ -97,7 +97,7 @@ class TruthBlock:
     e1_attack: BandEffects
     e6: BandEffects
     rays: RayBlock
-    view: View
+    view: SatelliteGeometry
 
     def part(self, rows: slice) -> TruthBlock:
         """Return the truth of some of the epochs."""
@@ -145,7 +145,7 @@ class TruthProcess:
         interval_s: float,
         seed: int,
         svid: int,
-        spoofer: Spoofer = NOBODY,
+        spoofer: Spoofer = NO_SPOOFER,
         elevation: ElevationEffects | None = None,
     ) -> None:
         receiver, own = named_streams(seed), named_streams(seed, svid)
@@ -168,7 +168,7 @@ class TruthProcess:
         zero = np.zeros(count)
         clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
         elevation, path = self._elevation, self._line_of_sight
-        seen = seen_alone(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
+        seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
         view = seen.view
         code_m, carrier_m, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
         e1 = self._loop.advance(first, count)
@@ -201,7 +201,7 @@ class TruthProcess:
         )
 
     def _weaker(
-        self, view: View, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
+        self, view: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
         if self._models.e1_tracking is None:

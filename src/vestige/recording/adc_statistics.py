@@ -23,7 +23,7 @@ SEGMENT = 1024  # samples of one spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Levels:
+class AdcStatistics:
     """Statistics of the first samples.
 
     Attributes
@@ -56,7 +56,7 @@ class Levels:
     spectral_center_hz: float | None
 
 
-def levels(reader: SampleReader, *, at_most: int = LOOKED_AT) -> Levels:
+def adc_statistics(reader: SampleReader, *, at_most: int = LOOKED_AT) -> AdcStatistics:
     """Return the statistics of the first `at_most` samples.
 
     Raises
@@ -67,7 +67,7 @@ def levels(reader: SampleReader, *, at_most: int = LOOKED_AT) -> Levels:
     samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real
     magnitudes = np.abs(components)
-    return Levels(
+    return AdcStatistics(
         n_samples=len(samples),
         rms=float(np.sqrt(np.mean(components.astype(np.float64) ** 2))),
         mean=complex(np.mean(samples, dtype=np.complex128)),

@@ -16,8 +16,8 @@ from pathlib import Path
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
-from vestige.recording.adc_statistics import Levels, levels
-from vestige.recording.assistance.assistance_files import Kind
+from vestige.recording.adc_statistics import AdcStatistics, adc_statistics
+from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.description import CARRIER_HZ, RecordingDescription, redated
 from vestige.recording.observations.observation_file import ObservationFile, kind_of, open_observations
@@ -37,7 +37,7 @@ class BandInspection:
     """The samples of one band and what the first of them look like; `hash_agrees` is None if not checked or stated."""
 
     reader: SampleReader
-    levels: Levels
+    adc_statistics: AdcStatistics
     hash_agrees: bool | None = None
 
 
@@ -95,7 +95,7 @@ def inspect_recording(
     Parameters
     ----------
     start
-        Receiver-clock time of the earliest sample, in place of the recording's time labels.
+        Receiver-clock time of the earliest sample, in place of the recording's time tags.
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
     assistance
@@ -154,7 +154,7 @@ def _bands(description: RecordingDescription | None, check_hash: bool) -> Iterat
         if band in files:
             reader = open_samples(files[band])
             agrees = reader.hash_agrees() if check_hash else None
-            yield BandInspection(reader=reader, levels=levels(reader), hash_agrees=agrees)
+            yield BandInspection(reader=reader, adc_statistics=adc_statistics(reader), hash_agrees=agrees)
 
 
 def _coverage(file: ObservationFile) -> ObservationCoverage:
@@ -183,7 +183,7 @@ def _transmission(span: tuple[GalileoTime, GalileoTime] | None) -> tuple[Galileo
 
 def _notes(bands: tuple[BandInspection, ...]) -> Iterator[str]:
     for band in bands:
-        reader, found = band.reader, band.levels
+        reader, found = band.reader, band.adc_statistics
         name = reader.file.path.name
         yield from reader.notes
         if band.hash_agrees is False:
@@ -220,7 +220,7 @@ def _missing(
         seen = None if coverage is None else coverage.span
         if coverage is not None and seen is not None and (seen[1] < span[0] or span[1] < seen[0]):
             yield f"no observations of this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
-        if not assistance.assistance.segments and any(file.kind is Kind.RECS for file in assistance.files):
+        if not assistance.assistance.segments and any(file.kind is FileKind.RECS for file in assistance.files):
             yield f"no RECS of this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
         if description is not None and description.time_uncertainty_s < SUBFRAME_S:
             yield from _missing_margin(description.time_uncertainty_s, assistance.assistance)

@@ -189,7 +189,7 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
     path
         A folder or file, as the module says.
     start
-        Receiver-clock time of the earliest sample of the recording; overrides its time labels.
+        Receiver-clock time of the earliest sample of the recording; overrides its time tags.
 
     Raises
     ------

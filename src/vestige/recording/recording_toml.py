@@ -49,7 +49,7 @@ from vestige.recording.description import (
     sample_file,
 )
 from vestige.recording.exact_time import later
-from vestige.recording.samples.sample_format import Component, Layout, SampleFormat
+from vestige.recording.samples.sample_format import Layout, SampleFormat, SampleType
 from vestige.records import Band
 from vestige.time import GalileoTime
 
@@ -66,7 +66,7 @@ class _Table(BaseModel):
 
 class _BandTable(_Table):
     file: str
-    format: Component
+    format: SampleType
     layout: Layout
     center_frequency_hz: Annotated[float, Field(gt=0, le=1e12)]
     spectral_inversion: bool = False

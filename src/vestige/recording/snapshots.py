@@ -50,8 +50,8 @@ class RecordingSource:
         RECS, group delays, keys and corrections.
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
-    label_error_s
-        By how much the time label of the samples is late, as `label_search` found it. It places what E1 samples leave
+    time_tag_error_s
+        By how much the time tag of the samples is late, as `time_tag_search` found it. It places what E1 samples leave
         open, a multiple of 100 ms; observations of a tracking receiver need no such thing.
     searchable
         Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
@@ -66,7 +66,7 @@ class RecordingSource:
     recording: Recording
     assistance: Assistance
     time_uncertainty_s: float | None = None
-    label_error_s: float = 0.0
+    time_tag_error_s: float = 0.0
     searchable: bool = False
     cn0_estimator: str = NOISE_FLOOR
     channels: OtherChannels = OtherChannels()  # noqa: RUF009  (frozen)
@@ -92,7 +92,7 @@ class RecordingSource:
 
     def epochs(self) -> dict[GalileoTime, tuple[EncryptedSegment, ...]]:
         """Return the RECS that can be in the E6 samples, by time of transmission."""
-        span = time_span(self.recording, self.label_error_s)
+        span = time_span(self.recording, self.time_tag_error_s)
         if span is None:
             return {}
         epochs: dict[GalileoTime, tuple[EncryptedSegment, ...]] = {}
@@ -147,7 +147,7 @@ class RecordingSource:
         return {"e1": e1, "front_end": status}
 
     def _e1(self, reader: SampleReader, transmit_time: GalileoTime) -> SampleBatch:
-        return e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.label_error_s))
+        return e1_window(reader, transmit_time + (MEDIAN_TRAVEL_TIME_S + self.time_tag_error_s))
 
     def _observe(
         self, transmit_time: GalileoTime, svids: frozenset[int], track: ObservationTrack | None
@@ -163,7 +163,7 @@ class RecordingSource:
         return observe(
             window,
             sorted(svids),
-            label_error_s=self.label_error_s,
+            time_tag_error_s=self.time_tag_error_s,
             cn0_estimator=self.cn0_estimator,
             progress=step,
         )
@@ -183,21 +183,21 @@ class RecordingSource:
 
 
 def time_span(
-    recording: Recording, label_error_s: float = 0.0, uncertainty_s: float = 0.0
+    recording: Recording, time_tag_error_s: float = 0.0, uncertainty_s: float = 0.0
 ) -> tuple[GalileoTime, GalileoTime] | None:
     """Return the first and last time of transmission that can be in the E6 samples, or None if there are none.
 
     Parameters
     ----------
-    label_error_s, uncertainty_s
-        By how much the time label of the samples is late, give or take how much.
+    time_tag_error_s, uncertainty_s
+        By how much the time tag of the samples is late, give or take how much.
     """
     reader = recording.e6
     if reader is None:
         return None
     return (
-        reader.start + (-TRAVEL_TIME_S[1] - label_error_s - uncertainty_s),
-        reader.start + (reader.duration_s - TRAVEL_TIME_S[0] - label_error_s + uncertainty_s),
+        reader.start + (-TRAVEL_TIME_S[1] - time_tag_error_s - uncertainty_s),
+        reader.start + (reader.duration_s - TRAVEL_TIME_S[0] - time_tag_error_s + uncertainty_s),
     )
 
 

@@ -175,7 +175,7 @@ class Correlatable(Protocol):
 
     @property
     def received_until(self) -> GalileoTime:
-        """Time label of the end of what can be correlated."""
+        """Time tag of the end of what can be correlated."""
         ...
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
@@ -194,7 +194,7 @@ class Snapshot:
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time label; the
+        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag; the
         delayed-disclosure rule looks at this and at the window that is correlated.
     time_uncertainty_s
         Bound on the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.

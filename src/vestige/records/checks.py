@@ -21,7 +21,7 @@ class CheckName(StrEnum):
     E6_RECEIVED_POWER = "E6 received power"
     E1_CN0 = "C/N0"
     E6_CN0 = "E6 C/N0"
-    NOISE_FLOOR = "wrong-code floor"
+    NOISE_FLOOR = "post-correlation noise floor"
     E6_SECOND_SIGNAL = "E6 second signal"
     E1_VESTIGIAL_SEARCH = "E1 vestigial search"
     OSNMA_AVAILABILITY = "OSNMA availability"

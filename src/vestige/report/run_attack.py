@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import xarray
 
-from vestige.campaign.outcomes import AttackReport, Outcome, report
+from vestige.campaign.outcomes import AttackReport, DetectedSignal, report
 from vestige.report.markup import Html, card, element, number, table
 from vestige.scenario.stored import StoredScenario
 
@@ -51,10 +51,10 @@ def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str)
 def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Html]:
     """Return which signal each detector had, when it was alarmed and when it had the true signal again."""
     words = {
-        Outcome.TRUE: "the true signal",
-        Outcome.SPOOFER: "the counterfeit",
-        Outcome.MIXED: "both in one",
-        Outcome.NONE: "nothing",
+        DetectedSignal.TRUE: "the true signal",
+        DetectedSignal.SPOOFER: "the counterfeit",
+        DetectedSignal.MIXED: "both in one",
+        DetectedSignal.NONE: "nothing",
     }
     head = (
         "satellite, detector",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vestige.report.markup import Html, card, element, joined, markup, number, section, table
 from vestige.report.page import Page
-from vestige.report.threat_table import Cell, ThreatTable, read_threat_table
+from vestige.report.threat_table import TableCell, ThreatTable, read_threat_table
 from vestige.threats.scenes import read_threats
 
 OWN = "–"  # what stands for the threat of a scenario of the user's
@@ -115,7 +115,7 @@ def _matrix(found: ThreatTable) -> list[Html]:
     return [element("ul", *legend, class_="key"), table(caption, head, rows, numbers_from=99), element("p", words)]
 
 
-def _tile(cell: Cell) -> Html:
+def _tile(cell: TableCell) -> Html:
     word, _ = cell.expected
     if not cell.measured:
         kind, sign = _UNMEASURED
@@ -138,7 +138,7 @@ def _tile(cell: Cell) -> Html:
     )
 
 
-def _without_attack(cell: Cell) -> bool:
+def _without_attack(cell: TableCell) -> bool:
     """Return whether a scene has no attack: then no run was made without it."""
     return cell.value("by_chance_of") == 0
 
@@ -191,7 +191,7 @@ def _checks(found: ThreatTable) -> list[Html]:
     return [table(caption, ("scene", "checks"), rows, numbers_from=99)] if rows else []
 
 
-def _share(cell: Cell, name: str) -> Html:
+def _share(cell: TableCell, name: str) -> Html:
     count, of, low, high = (cell.value(f"{name}{part}") for part in ("", "_of", "_low", "_high"))
     if not of > 0:
         return markup("–")
@@ -209,7 +209,7 @@ def _false_alarms(found: ThreatTable) -> list[Html]:
     return [table("False alarms that a user sees in a day, and the exact 95 % interval", head, rows)] if rows else []
 
 
-def _a_day(cell: Cell) -> Html:
+def _a_day(cell: TableCell) -> Html:
     rate, low, high = (number(cell.value(f"alarms_a_day{part}"), 3) for part in ("", "_low", "_high"))
     counted = f"{number(cell.value('alarms'))} in {number(cell.value('days'), 3)} days"
     budget = cell.value("budget_alarms_a_day")

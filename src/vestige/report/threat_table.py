@@ -25,7 +25,7 @@ _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class TableCell:
     """One attack at one level.
 
     Attributes
@@ -86,19 +86,19 @@ class ThreatTable:
     rows: tuple[Mapping[str, str], ...]
     levels: tuple[int, ...]
 
-    def scenes(self) -> list[tuple[Mapping[str, str], list[Cell]]]:
+    def scenes(self) -> list[tuple[Mapping[str, str], list[TableCell]]]:
         """Return each scene's first row, and its cells at all levels."""
         scenes: dict[tuple[str, str], list[Mapping[str, str]]] = {}
         for row in self.rows:
             scenes.setdefault((row["threat"], row["scene"]), []).append(row)
         return [(rows[0], [self._cell(rows, level) for level in self.levels]) for rows in scenes.values()]
 
-    def _cell(self, rows: list[Mapping[str, str]], level: int) -> Cell:
+    def _cell(self, rows: list[Mapping[str, str]], level: int) -> TableCell:
         if "level" in self.columns:
             own = [row for row in rows if row["level"] == str(level)]
-            return Cell(values=own[0] if own else rows[0], level=level, only=bool(own))
+            return TableCell(values=own[0] if own else rows[0], level=level, only=bool(own))
         measured = [name for name in self.columns if re.fullmatch(r"level_\d+", name)]
-        return Cell(values=rows[0], level=level, only=measured == [f"level_{level}"])
+        return TableCell(values=rows[0], level=level, only=measured == [f"level_{level}"])
 
 
 def read_threat_table(path: Path) -> ThreatTable:

@@ -51,7 +51,7 @@ class CorrelatableSamples:
 
     @property
     def received_until(self) -> GalileoTime:
-        """Time label of the end of the last sample of `batch`."""
+        """Time tag of the end of the last sample of `batch`."""
         return self.batch.end
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:

@@ -30,6 +30,7 @@ from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import ErrorModels
 from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
+    LARGEST_CLOCK_ERROR_S,
     MAX_EPOCHS,
     check_attacks,
     check_clock,
@@ -43,7 +44,7 @@ from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.preset import Presets
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
-from vestige.scenario.toml.toml_file import OWN, MisfitError, Section
+from vestige.scenario.toml.toml_file import OWN, InconsistentSettingsError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import Attack
@@ -199,6 +200,7 @@ class CampaignScenario(Section):
         if self.fidelity == "correlators":
             check_attacks(front_end.front_end(self.receiver.sample_rate_hz), Spoofer(attacks=self.attack))
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
+            check_clock(self.receiver.clock, duration_s, LARGEST_CLOCK_ERROR_S)
         else:
             check_motion(self.line_of_sight, duration_s)
             check_clock(self.receiver.clock, duration_s)
@@ -208,18 +210,20 @@ class CampaignScenario(Section):
     def _one_geometry(self) -> Self:
         if self.constellation is None:
             if self.trajectory is not None:
-                raise MisfitError("trajectory", "no constellation beside it", "[constellation]")
+                raise InconsistentSettingsError("trajectory", "no constellation beside it", "[constellation]")
             if self.position != PositionTable():
-                raise MisfitError("position", "no constellation beside it", "[constellation]")
+                raise InconsistentSettingsError("position", "no constellation beside it", "[constellation]")
             if self.receiver.accelerometers is not None:
-                raise MisfitError("receiver.accelerometers", "no constellation beside it", "[constellation]")
+                raise InconsistentSettingsError(
+                    "receiver.accelerometers", "no constellation beside it", "[constellation]"
+                )
             if self.recs.every != 1:
-                raise MisfitError("recs.every", self.recs.every, "1 on a single line of sight")
+                raise InconsistentSettingsError("recs.every", self.recs.every, "1 on a single line of sight")
             return self
         if self.trajectory is None:
-            raise MisfitError("trajectory", "nothing", "where the receiver is, beside [constellation]")
+            raise InconsistentSettingsError("trajectory", "nothing", "where the receiver is, beside [constellation]")
         if "line_of_sight" in self.model_fields_set:
-            raise MisfitError("line_of_sight", "a constellation beside it", "one of them")
+            raise InconsistentSettingsError("line_of_sight", "a constellation beside it", "one of them")
         check_clock(self.receiver.clock, self.epochs * self.interval_s)
         _ = self.simulations
         return self

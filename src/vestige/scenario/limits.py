@@ -13,7 +13,7 @@ from vestige.receiver.errors.error_process import ClockModel
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.records import Band
-from vestige.scenario.toml.toml_file import MisfitError
+from vestige.scenario.toml.toml_file import InconsistentSettingsError
 from vestige.signal_generator.range_model import RangeModel
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
@@ -22,6 +22,7 @@ from vestige.spoofer.spoofer import Spoofer
 MAX_EPOCHS = 100_000_000  # of a campaign
 LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
 _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
+LARGEST_CLOCK_ERROR_S = 1e6  # at `correlators`: 12 days, more than any oscillator drifts in 32 years
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
 _SIGMAS = 6.0
 _WAY_S = 0.2  # of a signal, and what the clock may be wrong by
@@ -30,7 +31,7 @@ _WAY_S = 0.2  # of a signal, and what the clock may be wrong by
 def check_length(fidelity: str, duration_s: float) -> None:
     """Raise if a run is longer than its fidelity can be."""
     if duration_s > LONGEST_S[fidelity]:
-        raise MisfitError(
+        raise InconsistentSettingsError(
             "epochs", f"{duration_s:g} s with this interval_s", f"at most {LONGEST_S[fidelity]:g} s ({fidelity})"
         )
 
@@ -48,22 +49,25 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
     }
     for name, (value, limit) in values.items():
         if value > limit:
-            raise MisfitError("line_of_sight", f"{name} of {value:.4g} within the run", f"at most {limit:.4g}")
+            raise InconsistentSettingsError(
+                "line_of_sight", f"{name} of {value:.4g} within the run", f"at most {limit:.4g}"
+            )
 
 
-def check_clock(clock: ClockModel | None, duration_s: float) -> None:
-    """Raise if the free-running clock may leave the window in which samples are matched with a RECS.
+def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: float = _LONGEST_DELAY_S) -> None:
+    """Raise if the error of the free-running clock may become larger than `largest_error_s`.
 
-    Nothing is known of a clock that a user wrote.
+    By default that is the window in which samples are matched with a RECS; correlators are drawn without samples, and
+    their limit is `LARGEST_CLOCK_ERROR_S`. Nothing is known of a clock that a user wrote.
     """
     if not isinstance(clock, TwoStateClock):
         return
     sigma_s = math.sqrt(clock.covariance(duration_s)[0, 0])
-    if _SIGMAS * sigma_s > _LONGEST_DELAY_S:
-        raise MisfitError(
+    if _SIGMAS * sigma_s > largest_error_s:
+        raise InconsistentSettingsError(
             "receiver.clock",
             f"an error of {sigma_s:.3g} s (1σ) at the end of the run",
-            f"at most {_LONGEST_DELAY_S / _SIGMAS:.3g} s; a shorter run or a better clock",
+            f"at most {largest_error_s / _SIGMAS:.3g} s; a shorter run or a better clock",
         )
 
 
@@ -72,7 +76,7 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
-            raise MisfitError(
+            raise InconsistentSettingsError(
                 f"attack.{number}.waveform",
                 f"{jamming.waveform.reach_hz / 1e6:g} MHz from the carrier of E6",
                 f"at most {input_rate_hz / 2e6:g} MHz, half the rate of the samples",
@@ -85,16 +89,16 @@ def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
         return
     samples = 'fidelity = "samples", which knows'
     if front_end.bits is not None:
-        raise MisfitError("receiver.front_end.bits", f"{front_end.bits} under attack", samples)
+        raise InconsistentSettingsError("receiver.front_end.bits", f"{front_end.bits} under attack", samples)
     if spoofer.effects(Band.E6, 0, np.zeros(1)).jammers:
-        raise MisfitError("receiver.front_end", "a filter before a jamming waveform", samples)
+        raise InconsistentSettingsError("receiver.front_end", "a filter before a jamming waveform", samples)
 
 
 def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
     """Raise if a quantised signal is too strong for the model of correlators."""
     largest_dbhz = 10 * math.log10(front_end.sample_rate_hz) + LARGEST_SIGNAL_DB
     if front_end.bits is not None and cn0_dbhz > largest_dbhz:
-        raise MisfitError(
+        raise InconsistentSettingsError(
             "receiver.cn0_dbhz",
             cn0_dbhz,
             f'at most {largest_dbhz:.1f} dBHz behind a quantiser; fidelity = "samples" has no such limit',

@@ -11,6 +11,7 @@ from pydantic import Field, TypeAdapter
 
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
+from vestige.scenario.toml.renamed_keys import with_new_names
 from vestige.scenario.toml.toml_file import overridden, read_toml, validated
 
 Scenario = RecordingScenario | CampaignScenario
@@ -33,7 +34,7 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
         If the file is not TOML, has an unknown key, or a value outside its range; with the place.
     """
     path = Path(path)
-    scenario: Scenario = validated(_ADAPTER, overridden(read_toml(path), settings), path)
+    scenario: Scenario = validated(_ADAPTER, with_new_names(overridden(read_toml(path), settings)), path)
     return scenario
 
 

@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from vestige.own_parts import OwnPartError, is_own, kind_of, part
-from vestige.scenario.toml.toml_file import OURS, OWN, MisfitError, Section, misfit_of
+from vestige.scenario.toml.toml_file import OURS, OWN, InconsistentSettingsError, Section, misfit_of
 
 _SCHEMA = {
     "title": "a class of your own",
@@ -71,7 +71,9 @@ class OrOwn:
             return OwnKind(kind=kind)
         cls = named_part(kind, self.base, "kind")
         if not (is_dataclass(cls) and getattr(cls, "__dataclass_params__").frozen):  # noqa: B009  (mypy knows it not)
-            raise MisfitError("kind", kind, f"a class with @dataclass(frozen=True), which {cls.__name__} is not")
+            raise InconsistentSettingsError(
+                "kind", kind, f"a class with @dataclass(frozen=True), which {cls.__name__} is not"
+            )
         adapter = _adapter(cls)
         raw = {"part": {key: inner for key, inner in value.items() if key != "kind"}}
         try:
@@ -79,7 +81,7 @@ class OrOwn:
         except ValidationError as error:
             misfit = misfit_of(error, adapter, raw)
             place = misfit.place.removeprefix("part").removeprefix(".")
-            raise MisfitError(place, misfit.found, misfit.expected) from error
+            raise InconsistentSettingsError(place, misfit.found, misfit.expected) from error
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
@@ -87,7 +89,7 @@ def named_part(kind: str, base: type, place: str = "") -> Any:
     try:
         return part(kind, base)
     except OwnPartError as error:
-        raise MisfitError(place, f"{error.kind} and {error.found}", error.expected) from error
+        raise InconsistentSettingsError(place, f"{error.kind} and {error.found}", error.expected) from error
 
 
 def _adapter(cls: Any) -> TypeAdapter[Any]:

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from vestige.scenario.toml.toml_file import MisfitError
+from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
 _LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
 
@@ -38,25 +38,27 @@ class Presets:
 
         Raises
         ------
-        MisfitError
+        InconsistentSettingsError
             If there is no such preset, or the table names two.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table
         rest = {key: value for key, value in table.items() if key not in {"preset", *self._elevation}}
         if len(rest) + 1 < len(table):
-            raise MisfitError("preset", "elevation_deg beside it", "one of them: both name a model")
+            raise InconsistentSettingsError("preset", "elevation_deg beside it", "one of them: both name a model")
         return asdict(self._model(table)) | rest
 
     def _model(self, table: Mapping[str, Any]) -> Any:
         if "preset" in table:
             if not (isinstance(table["preset"], str) and table["preset"] in self.named):
-                raise MisfitError("preset", table["preset"], ", ".join(self.named))
+                raise InconsistentSettingsError("preset", table["preset"], ", ".join(self.named))
             return self.named[table["preset"]]()
         degrees = table["elevation_deg"]
         number = isinstance(degrees, (int, float)) and not isinstance(degrees, bool)
         if not (number and _LOWEST_DEG <= degrees <= _HIGHEST_DEG):
-            raise MisfitError("elevation_deg", degrees, f"a number from {_LOWEST_DEG:g} to {_HIGHEST_DEG:g}")
+            raise InconsistentSettingsError(
+                "elevation_deg", degrees, f"a number from {_LOWEST_DEG:g} to {_HIGHEST_DEG:g}"
+            )
         assert self.at_elevation is not None  # noqa: S101  (the key is known)
         return self.at_elevation(degrees)
 

@@ -20,7 +20,7 @@ from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.own_tables import named_part
-from vestige.scenario.toml.toml_file import MisfitError, Section
+from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.signals.definitions import E6C
 
 _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": ":"}]}
@@ -73,11 +73,13 @@ class ProcessorTable(Section):
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:
-            raise MisfitError("detector", self.detector, f"{' or '.join(map(repr, DETECTORS))}, or 'module:Name'")
+            raise InconsistentSettingsError(
+                "detector", self.detector, f"{' or '.join(map(repr, DETECTORS))}, or 'module:Name'"
+            )
         try:
             self._own_checks = tuple(_made(one) for one in self.checks)
         except OwnPartError as error:
-            raise MisfitError("checks", f"{error.kind} and {error.found}", error.expected) from error
+            raise InconsistentSettingsError("checks", f"{error.kind} and {error.found}", error.expected) from error
 
     @property
     def detectors(self) -> dict[str, Callable[[], Detector]]:

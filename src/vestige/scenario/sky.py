@@ -19,7 +19,7 @@ from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
-from vestige.scenario.toml.toml_file import MisfitError, Section
+from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
 _GRID_S = 60.0  # a satellite that is above the mask for less than this may be left out
@@ -60,11 +60,11 @@ class Constellation(Section):
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that is to be simulated, by ascending SVID."""
         if len(set(self.svids)) < len(self.svids):
-            raise MisfitError("constellation.svids", list(self.svids), "each satellite once")
+            raise InconsistentSettingsError("constellation.svids", list(self.svids), "each satellite once")
         found = {one.svid: one for one in self.ephemerides(start)}
         missing = sorted(set(self.svids) - set(found))
         if missing:
-            raise MisfitError("constellation.svids", missing[0], f"one of {sorted(found)}")
+            raise InconsistentSettingsError("constellation.svids", missing[0], f"one of {sorted(found)}")
         return tuple(found[svid] for svid in sorted(set(self.svids) or found))
 
 
@@ -103,7 +103,9 @@ class RinexConstellation(Constellation):
         """Return one for each satellite that there is."""
         found = tuple(one for one in nearest_ephemerides(self._ephemerides, start).values() if one.healthy)
         if not found:
-            raise MisfitError("constellation.path", f"no healthy satellite's ephemeris of {start}", "one of its day")
+            raise InconsistentSettingsError(
+                "constellation.path", f"no healthy satellite's ephemeris of {start}", "one of its day"
+            )
         return found
 
 
@@ -176,7 +178,7 @@ class WaypointsTable(Section):
         """Return where the receiver is."""
         begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
         if begin_s > first_s or end_s < last_s:
-            raise MisfitError(
+            raise InconsistentSettingsError(
                 "trajectory.path",
                 f"waypoints from {begin_s:g} to {end_s:g} s",
                 f"from {first_s + 0.0:g} to {last_s:g} s",
@@ -191,7 +193,7 @@ class WaypointsTable(Section):
             worst = int(np.argmax(size))
             if size[worst] > limit:
                 found = f"{name} {size[worst]:.3g} {unit} at waypoint {worst + 1}"
-                raise MisfitError("trajectory.path", found, f"at most {limit:g} {unit}")
+                raise InconsistentSettingsError("trajectory.path", found, f"at most {limit:g} {unit}")
         return way
 
 
@@ -240,7 +242,7 @@ def satellites_in_view(
 
     Raises
     ------
-    MisfitError
+    InconsistentSettingsError
         If there is none, or the receiver's whereabouts are not known for the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
@@ -261,5 +263,5 @@ def satellites_in_view(
                 )
             )
     if not found:
-        raise MisfitError("constellation", "no satellite in view", "at least one")
+        raise InconsistentSettingsError("constellation", "no satellite in view", "at least one")
     return tuple(found)

@@ -22,7 +22,7 @@ from vestige.scenario.limits import MAX_EPOCHS
 from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import PositionTable
-from vestige.scenario.toml.toml_file import LARGEST_NUMBER, OURS, OWN, MisfitError
+from vestige.scenario.toml.toml_file import LARGEST_NUMBER, OURS, OWN, InconsistentSettingsError
 from vestige.time import GalileoTime
 
 
@@ -120,7 +120,7 @@ def stored_scenario(text: str) -> StoredScenario:
         first: Any = error.errors(include_url=False)[0]
         place = ".".join(str(one) for one in first["loc"] if one not in (OURS, OWN))
         cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, MisfitError):  # a part of the user's, above all
+        if isinstance(cause, InconsistentSettingsError):  # a part of the user's, above all
             place = ".".join(one for one in (place, cause.place) if one)
             raise VestigeError(
                 f"results of a campaign: scenario: {place}: found {cause.found}, expected {cause.expected}"

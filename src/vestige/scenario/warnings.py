@@ -14,7 +14,7 @@ from vestige.spoofer.spoofer import Spoofer
 _FAITHFUL = 0.1  # range offsets that are larger or smaller by less need no word
 
 
-def cautions(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
+def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
     """Return what the author of a scenario should know before it runs; nothing for most."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)

@@ -38,10 +38,10 @@ REACH_S = 0.5  # more than from an epoch to the end of its true samples
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
 _BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
-TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
+PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
 
 
-def placed(scenario: CampaignScenario) -> CampaignScenario:
+def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
     """Return the scenario with its satellite at 25,000 km if it stands at no distance, as in the paper's."""
     path = scenario.line_of_sight
     return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=PLACED_M)})
@@ -84,7 +84,7 @@ class AcasTestCase:
                 "antenna delivers (--set receiver.front_end=none)"
             )
         travel_s, rate_mps = self.received_s - self.truth.time_s, self.path.rate_mps(self.truth.time_s)
-        low, high = TRAVEL_TIME_S
+        low, high = PROCESSABLE_TRAVEL_TIME_S
         if not (travel_s.min() >= low and travel_s.max() <= high):
             raise VestigeError(
                 f"line_of_sight: found {1e3 * travel_s.min():.0f} to {1e3 * travel_s.max():.0f} ms of travel in epochs "

@@ -20,7 +20,7 @@ from vestige.output import new_folder
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
-from vestige.recording.samples.sample_format import Component, SampleFormat
+from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
@@ -29,7 +29,7 @@ from vestige.time import GalileoTime
 Report = Callable[[str, int, int], None]
 
 # stored component: counts of one unit. int8: noise of 14 counts in I and in Q, 9 σ to the end of the scale
-SCALES: Mapping[Component, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
+SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _PROBE_S = 0.05
 _WRITING = 1.5  # times synthesis: conversion, checksum and disk
@@ -107,7 +107,7 @@ class SimulatedRecording:
             noise_power=lambda t_s: self.noise_power(band, t_s),
         )
 
-    def n_bytes(self, component: Component, exports: Sequence[str] = ()) -> int:
+    def n_bytes(self, component: SampleType, exports: Sequence[str] = ()) -> int:
         """Return how large the samples of both bands will be, copies for exports included."""
         own = SampleFormat(component=component, layout="iq").sample_bytes
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
@@ -130,7 +130,7 @@ class SimulatedRecording:
         folder: Path,
         *,
         scenario_text: str,
-        component: Component = "int8",
+        component: SampleType = "int8",
         exports: Sequence[str] = (),
         progress: Report | None = None,
     ) -> tuple[Path, ...]:

@@ -46,9 +46,9 @@ class Counterfeit:
         Phase relative to the line of sight.
     doppler_hz
         Doppler of its carrier relative to the line of sight: the rate of `phase_rad`.
-    own_chips
+    forged_chips
         On E6, whether the attacker made the chips up. Otherwise they are the true ones, received and sent again.
-    own_data
+    forged_nav_data
         On E1, whether the attacker made the navigation data up. Otherwise they are those of the satellite, sent again.
     """
 
@@ -57,8 +57,8 @@ class Counterfeit:
     power_db: Float[np.ndarray, " n"]
     phase_rad: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
-    own_chips: bool = False
-    own_data: bool = False
+    forged_chips: bool = False
+    forged_nav_data: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,8 +138,8 @@ def delayed(
     delay_m: AnyProfile | float,
     power_db: AnyProfile | float,
     phase: Locked | Slipping | Coherent,
-    own_chips: bool = False,
-    own_data: bool = False,
+    forged_chips: bool = False,
+    forged_nav_data: bool = False,
 ) -> Counterfeit:
     """Return a counterfeit by its profiles, off while the attack is.
 
@@ -151,7 +151,7 @@ def delayed(
         Where and when.
     delay_m, power_db, phase
         Profiles; a number is a constant.
-    own_chips, own_data
+    forged_chips, forged_nav_data
         Whether the attacker makes the chips, or the navigation data, up.
     """
     delay = as_profile(delay_m)
@@ -167,8 +167,8 @@ def delayed(
         power_db=np.where(attack.on(times_s), as_profile(power_db).value(times_s), -inf),
         phase_rad=phase.phase(carrier),
         doppler_hz=phase.doppler_hz(carrier),
-        own_chips=own_chips,
-        own_data=own_data,
+        forged_chips=forged_chips,
+        forged_nav_data=forged_nav_data,
     )
 
 

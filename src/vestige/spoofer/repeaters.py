@@ -49,7 +49,7 @@ class _LiftOffAttack(Attack):
         Where it comes; on E1 alone there is no encrypted counterfeit.
     reception_gain_db
         G in dB, C/N0 of the attacker's reception on E6 over the victim's.
-    own_data
+    forged_nav_data
         Whether the data on E1-B are the attacker's own; otherwise those of the satellite, sent again.
     """
 
@@ -58,7 +58,7 @@ class _LiftOffAttack(Attack):
     phase: Phase = COHERENT
     bands: tuple[Band, ...] = BOTH
     reception_gain_db: float = RECEPTION_GAIN_DB
-    own_data: bool = False
+    forged_nav_data: bool = False
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)
@@ -85,7 +85,7 @@ class _LiftOffAttack(Attack):
             delay_m=self.delay_m,
             power_db=self.power_db,
             phase=self.phase,
-            own_data=self.own_data and band is Band.E1,
+            forged_nav_data=self.forged_nav_data and band is Band.E1,
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -141,14 +141,14 @@ class E1Asynchronous(Attack):
         Relative to the true signal; before it, too.
     acquired
         Whether the receiver acquires after the attack's start (switched on, or jammed before).
-    own_data
+    forged_nav_data
         Whether the data on E1-B are the attacker's own; otherwise those of the satellite, sent again.
     """
 
     delay_m: Profile
     power_db: Profile = 10.0
     acquired: bool = True
-    own_data: bool = False
+    forged_nav_data: bool = False
     kind: Literal["e1-asynchronous"] = "e1-asynchronous"
 
     def __post_init__(self) -> None:
@@ -172,7 +172,7 @@ class E1Asynchronous(Attack):
             delay_m=self.delay_m,
             power_db=self.power_db,
             phase=COHERENT,
-            own_data=self.own_data,
+            forged_nav_data=self.forged_nav_data,
         )
 
 
@@ -312,7 +312,7 @@ class Forgery(Attack):
         if band is not Band.E6:
             return None
         return delayed(
-            self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT, own_chips=True
+            self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT, forged_chips=True
         )
 
 

@@ -76,7 +76,7 @@ class BandEffects:
     ----------
     delay_m, delay_rate_mps, power_db, phase_rad, doppler_hz
         Counterfeits relative to the line of sight (`Counterfeit`); an attack without one has −inf dB at delay 0.
-    own_chips, own_data
+    forged_chips, forged_nav_data
         Which counterfeits carry chips, or navigation data, of the attacker's own.
     white
         Density of white noise that is added, over N0: repeated noise and wideband jamming.
@@ -89,8 +89,8 @@ class BandEffects:
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    own_chips: Bool[np.ndarray, " k"]
-    own_data: Bool[np.ndarray, " k"]
+    forged_chips: Bool[np.ndarray, " k"]
+    forged_nav_data: Bool[np.ndarray, " k"]
     white: Float[np.ndarray, " n"]
     jammers: tuple[Jamming, ...]
 
@@ -156,7 +156,10 @@ class Spoofer:
             name: np.array([getattr(one, name) for one in found]).reshape(shape[::-1]).T
             for name in ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")
         }
-        own = {name: np.array([getattr(one, name) for one in found], dtype=bool) for name in ("own_chips", "own_data")}
+        own = {
+            name: np.array([getattr(one, name) for one in found], dtype=bool)
+            for name in ("forged_chips", "forged_nav_data")
+        }
         return BandEffects(**columns, **own, white=white, jammers=tuple(jammers))
 
     def acquired_anew(
@@ -187,7 +190,7 @@ class Spoofer:
         )
 
 
-NOBODY = Spoofer()
+NO_SPOOFER = Spoofer()
 
 
 def _nothing(n: int) -> Counterfeit:

@@ -64,7 +64,7 @@ NOT_COMPUTED = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quantity:
+class PaperQuantity:
     """One recomputed value.
 
     Attributes
@@ -102,7 +102,7 @@ class PaperNumber:
     row: str
     where: str
     printed: str
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[PaperQuantity, ...]
     remark: str = ""
 
     @property
@@ -119,12 +119,12 @@ def paper_numbers() -> tuple[PaperNumber, ...]:
     return (*_errors(), *_exhaustive(), *_handover(), *_models(), *_results(), *_errata(), *_omitted())
 
 
-def _row(row: int | str, where: str, printed: str, *quantities: Quantity, remark: str = "") -> PaperNumber:
+def _row(row: int | str, where: str, printed: str, *quantities: PaperQuantity, remark: str = "") -> PaperNumber:
     return PaperNumber(row=str(row), where=where, printed=printed, quantities=quantities, remark=remark)
 
 
-def _q(name: str, value: float, unit: str = "", digits: str = ".4g", printed: str = "") -> Quantity:
-    return Quantity(name=name, value=float(value), unit=unit, digits=digits, printed=printed)
+def _q(name: str, value: float, unit: str = "", digits: str = ".4g", printed: str = "") -> PaperQuantity:
+    return PaperQuantity(name=name, value=float(value), unit=unit, digits=digits, printed=printed)
 
 
 def _errors() -> list[PaperNumber]:

@@ -23,7 +23,7 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.store.build_id import vestige_version
 from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.runs import RUNS, Key, line_of, read_runs, write_runs
+from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
 
@@ -58,7 +58,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class SceneCell:
     """A case at a level, what came of it, and how that compares with what was expected."""
 
     case: Case
@@ -129,7 +129,7 @@ def measure_threats(
     workers: int = 1,
     folder: Path | None = None,
     progress: Callable[[str, int, int], None] | None = None,
-) -> Iterator[Cell]:
+) -> Iterator[SceneCell]:
     """Yield the cells of each case, a level each, as soon as all its runs are measured.
 
     Parameters
@@ -166,11 +166,13 @@ def measure_threats(
         yield from _cells(case, found, attacked=bool(case.scenario(seeds[0], True).attack))
 
 
-def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[Cell]:
+def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[SceneCell]:
     for place, level in enumerate(LEVELS):
         measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
         expected = case.row.outcome(level)[0] if case.row else ""
-        yield Cell(case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured))
+        yield SceneCell(
+            case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured)
+        )
 
 
 def _runs(
@@ -178,13 +180,13 @@ def _runs(
     seeds: Sequence[int],
     pool: Executor,
     workers: int,
-    known: dict[Key, RunOutcome],
+    known: dict[RunKey, RunOutcome],
     shared: dict[str, Future[Outcomes]],
     folder: Path | None,
 ) -> Iterator[tuple[bool, Outcomes]]:
     """Yield whether attacked, and outcomes, of each run of a case in order; new ones go into the file."""
 
-    def submitted() -> Iterator[tuple[bool, tuple[Key, ...], Future[Outcomes] | None]]:
+    def submitted() -> Iterator[tuple[bool, tuple[RunKey, ...], Future[Outcomes] | None]]:
         for seed in seeds:
             scenario = case.scenario(seed, True)
             window_s = window_of(scenario)

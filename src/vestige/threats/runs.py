@@ -15,7 +15,7 @@ from vestige.output import replacement
 
 RUNS = "runs.csv"
 MAX_BYTES = 1 << 30  # a run and level has 200 bytes
-Key = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
+RunKey = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
 _COLUMNS = tuple(field.name for field in fields(RunOutcome))
@@ -28,7 +28,7 @@ _READ: dict[str, Callable[[str], object]] = {
 }
 
 
-def read_runs(path: Path) -> dict[Key, RunOutcome]:
+def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
     """Return the runs in a file, by what tells them apart; none if there is no file.
 
     A last line that was cut off by an interruption is left out.
@@ -50,7 +50,7 @@ def read_runs(path: Path) -> dict[Key, RunOutcome]:
         raise InputFileError(path, "file", error, "the runs of a threat table") from error
     if not whole or whole[0] != _HEADER:
         raise InputFileError(path, "line 1", whole[0][:80] if whole else "no whole line", _HEADER)
-    runs: dict[Key, RunOutcome] = {}
+    runs: dict[RunKey, RunOutcome] = {}
     for number, cells in enumerate(lines, start=2):
         try:
             key, values = tuple(cells[: len(_KEY)]), cells[len(_KEY) :]
@@ -65,13 +65,13 @@ def read_runs(path: Path) -> dict[Key, RunOutcome]:
     return runs
 
 
-def write_runs(path: Path, runs: dict[Key, RunOutcome]) -> None:
+def write_runs(path: Path, runs: dict[RunKey, RunOutcome]) -> None:
     """Write all runs; the file is there as a whole or not at all."""
     with replacement(path) as part:
         part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
 
 
-def line_of(key: Key, run: RunOutcome) -> str:
+def line_of(key: RunKey, run: RunOutcome) -> str:
     """Return the line of a run."""
     text = StringIO()
     values = [int(value) if isinstance(value, bool) else value for value in asdict(run).values()]

@@ -21,7 +21,7 @@ from vestige.acas_processor.levels import LEVELS as ROWS
 from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
 from vestige.output import replacement
-from vestige.threats.matrix import Cell
+from vestige.threats.matrix import SceneCell
 from vestige.threats.scenes import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
@@ -36,7 +36,7 @@ _BUDGETS = (
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
-def rows_of(cells: Sequence[Cell]) -> list[dict[str, object]]:
+def rows_of(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
     """Return the rows of the table, one a scene, under the names of its columns."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
@@ -63,7 +63,7 @@ def rows_of(cells: Sequence[Cell]) -> list[dict[str, object]]:
     return rows
 
 
-def statistics_of(cell: Cell) -> dict[str, object]:
+def statistics_of(cell: SceneCell) -> dict[str, object]:
     """Return every number of a cell by name, with the checks that spoke and why it differs."""
     found = cell.found
     shares = {
@@ -98,7 +98,7 @@ def _parts(found: object) -> tuple[object, ...]:
     return tuple(getattr(found, name) for name in ("successes", "trials", "low", "high"))
 
 
-def write_table(folder: Path, cells: Sequence[Cell]) -> None:
+def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
     """Write the table as CSV and as a store; each is there as a whole or not at all."""
     rows = rows_of(cells)
     with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
@@ -120,7 +120,7 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
     return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 
 
-def threat_dataset(cells: Sequence[Cell]) -> xarray.Dataset:
+def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
     """Return the table over scene and level."""
     scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
     shape = (len(scenes), len(LEVELS))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from evidence_builder import evidence, outcome
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck
 from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
-from vestige.acas_processor.levels import LEVELS, NOBODY, OTHERS, Scope, combine, confirmed, is_alarm
+from vestige.acas_processor.levels import LEVELS, NO_CAUSE, OTHERS, Scope, combine, confirmed, is_alarm
 from vestige.records import Outcome, Status
 from vestige.records.checks import CheckName
 
@@ -106,7 +106,7 @@ def test_who_sends_one_satellite_twice_may_send_them_all(name: CheckName, level:
     status, cause = combine(level, failed, np.ones((1, 3), np.bool_))
     expected = [Status.SUSPECT, Status.SPOOFED] if of_level else [Status.AUTHENTIC, Status.AUTHENTIC]
     assert [STATUSES[one] for one in status[0]] == [*expected, Status.SPOOFED]
-    assert cause[0, 0] == (OTHERS if of_level else NOBODY)
+    assert cause[0, 0] == (OTHERS if of_level else NO_CAUSE)
     own = failed | {CheckName.E1_CN0: np.array([[True, False, False]])}
     assert LEVELS[level][combine(level, own, np.ones((1, 3), np.bool_))[1][0, 0]].name is CheckName.E1_CN0
 

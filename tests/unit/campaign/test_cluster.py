@@ -17,7 +17,7 @@ import pytest
 
 from toy_plan import DeadlyPlan, ToyPlan
 from vestige.campaign.execution.cluster import ClusterExecutor, connect
-from vestige.campaign.run import Progress, run
+from vestige.campaign.run import RunProgress, run
 from vestige.errors import UnsupportedError, VestigeError
 
 distributed = pytest.importorskip("distributed", reason="needs the optional extra `distributed`")
@@ -61,7 +61,7 @@ def test_the_same_bits(tmp_path: Path, cluster: ClusterExecutor) -> None:
 def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path, cluster: ClusterExecutor) -> None:
     killed: list[int] = []
 
-    def kill(progress: Progress) -> None:
+    def kill(progress: RunProgress) -> None:
         if progress.epochs_done >= 60 and not killed:
             killed.append(cluster.submit(os.getpid).result())
             os.kill(killed[0], signal.SIGKILL)
@@ -88,7 +88,7 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
     slow = ToyPlan(n_epochs=300, pause_s=1e-3)
     with started(processes=False, n_workers=1) as other, connect(other.scheduler_address) as executor:
 
-        def leave(progress: Progress) -> None:
+        def leave(progress: RunProgress) -> None:
             if progress.epochs_done == 60:
                 other.close()
 

@@ -55,9 +55,9 @@ def test_a_calm_sky_has_all_pages_and_keys(tmp_path: Path) -> None:
     assert np.array_equal(found[AGREEMENT].run, found[RECEPTION].run)
 
 
-def lift_off(svids: str, own_data: str) -> str:
+def lift_off(svids: str, forged_nav_data: str) -> str:
     return (
-        f'attack=[{{kind="lift-off", {svids} bands=["E1"], own_data={own_data}, start_s=60, power_db=3, '
+        f'attack=[{{kind="lift-off", {svids} bands=["E1"], forged_nav_data={forged_nav_data}, start_s=60, power_db=3, '
         'delay_m={kind="ramp", first=0, last=20, start_s=90, stop_s=400}}]'
     )
 
@@ -69,19 +69,21 @@ def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated(tm
     assert not found[AGREEMENT].failed.any()
 
 
-@pytest.mark.parametrize("own_data", ["false", "true"])
-def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(own_data: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("forged_nav_data", ["false", "true"])
+def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(forged_nav_data: str, tmp_path: Path) -> None:
     """On top of the true signals and 3 dB stronger from 60 s on: 15 pages a subframe of each of the two satellites."""
-    results, found = judged(tmp_path, "epochs=301", lift_off("svids=[7, 13],", own_data))
+    results, found = judged(tmp_path, "epochs=301", lift_off("svids=[7, 13],", forged_nav_data))
     made = found[AGREEMENT].run
-    expected = np.where(np.flatnonzero(made) > 61, 30.0 * (own_data == "true"), 0.0)
+    expected = np.where(np.flatnonzero(made) > 61, 30.0 * (forged_nav_data == "true"), 0.0)
     assert found[AGREEMENT].statistic[made][2:] == pytest.approx(expected[2:])
-    assert found[AGREEMENT].failed[made][2:].all() == (own_data == "true")
+    assert found[AGREEMENT].failed[made][2:].all() == (forged_nav_data == "true")
     assert not found[AVAILABILITY].failed.any()  # the others bring the keys
     assert not found[RECEPTION].failed.any()
     late = results["time_s"].values >= 61
-    assert results["osnma_data"].values[late].sum(axis=1).tolist() == [6 if own_data == "true" else 8] * late.sum()
-    assert results["osnma_differs"].values[late].any() == (own_data == "true")
+    assert (
+        results["osnma_data"].values[late].sum(axis=1).tolist() == [6 if forged_nav_data == "true" else 8] * late.sum()
+    )
+    assert results["osnma_differs"].values[late].any() == (forged_nav_data == "true")
 
 
 def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.campaign.columns.attack_columns import attack_coords
-from vestige.campaign.outcomes import RESOLUTION_M, Outcome, classify, outcomes, report
+from vestige.campaign.outcomes import RESOLUTION_M, DetectedSignal, classify, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Status
@@ -23,29 +23,29 @@ from vestige.spoofer.spoofer import Spoofer
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 
-def _one(found_m: float, truth_m: float, spoofer_m: float, power_db: float) -> Outcome:
+def _one(found_m: float, truth_m: float, spoofer_m: float, power_db: float) -> DetectedSignal:
     values = np.array([found_m]), np.array([truth_m]), np.array([[spoofer_m]]), np.array([[power_db]])
-    return Outcome(int(classify(*values)[0]))
+    return DetectedSignal(int(classify(*values)[0]))
 
 
 @pytest.mark.parametrize(
     ("found_m", "truth_m", "spoofer_m", "power_db", "expected"),
     [
-        (nan, 0.0, 80.0, 3.0, Outcome.NONE),
-        (2.0, 0.0, 80.0, 3.0, Outcome.TRUE),
-        (-22.5, 0.0, 80.0, 3.0, Outcome.TRUE),  # on the flank
-        (79.0, 0.0, 80.0, 3.0, Outcome.SPOOFER),
-        (-5.0, -80.0, 80.0, 3.0, Outcome.SPOOFER),  # E1 follows the spoofer, which is where it predicts
-        (-78.0, -80.0, 80.0, 3.0, Outcome.TRUE),
-        (10.0, 0.0, 20.0, 3.0, Outcome.MIXED),
-        (10.0, 0.0, 20.0, -20.0, Outcome.TRUE),  # too weak to count
-        (79.0, 0.0, 80.0, -inf, Outcome.TRUE),
-        (10.0, 0.0, RESOLUTION_M - 0.1, 3.0, Outcome.MIXED),
-        (10.0, 0.0, RESOLUTION_M + 0.1, 3.0, Outcome.TRUE),
-        (-19.0, 0.0, -20.0, 3.0, Outcome.MIXED),
+        (nan, 0.0, 80.0, 3.0, DetectedSignal.NONE),
+        (2.0, 0.0, 80.0, 3.0, DetectedSignal.TRUE),
+        (-22.5, 0.0, 80.0, 3.0, DetectedSignal.TRUE),  # on the flank
+        (79.0, 0.0, 80.0, 3.0, DetectedSignal.SPOOFER),
+        (-5.0, -80.0, 80.0, 3.0, DetectedSignal.SPOOFER),  # E1 follows the spoofer, which is where it predicts
+        (-78.0, -80.0, 80.0, 3.0, DetectedSignal.TRUE),
+        (10.0, 0.0, 20.0, 3.0, DetectedSignal.MIXED),
+        (10.0, 0.0, 20.0, -20.0, DetectedSignal.TRUE),  # too weak to count
+        (79.0, 0.0, 80.0, -inf, DetectedSignal.TRUE),
+        (10.0, 0.0, RESOLUTION_M - 0.1, 3.0, DetectedSignal.MIXED),
+        (10.0, 0.0, RESOLUTION_M + 0.1, 3.0, DetectedSignal.TRUE),
+        (-19.0, 0.0, -20.0, 3.0, DetectedSignal.MIXED),
     ],
 )
-def test_classes(found_m: float, truth_m: float, spoofer_m: float, power_db: float, expected: Outcome) -> None:
+def test_classes(found_m: float, truth_m: float, spoofer_m: float, power_db: float, expected: DetectedSignal) -> None:
     assert _one(found_m, truth_m, spoofer_m, power_db) is expected
 
 
@@ -58,16 +58,16 @@ def test_only_differences_count(
     if abs(distances[0] - distances[1]) > 1e-6 and abs(abs(spoofer_m) - RESOLUTION_M) > 1e-6:
         assert moved is _one(found_m, truth_m, spoofer_m, power_db)
         if abs(spoofer_m) > RESOLUTION_M:
-            assert moved is (Outcome.TRUE if distances[0] < distances[1] else Outcome.SPOOFER)
+            assert moved is (DetectedSignal.TRUE if distances[0] < distances[1] else DetectedSignal.SPOOFER)
 
 
 def test_of_several_the_nearest_counts() -> None:
     offset_m, power_db = np.array([[100.0, -90.0, 200.0]]), np.array([[3.0, 3.0, -inf]])
     for found_m, expected in (
-        (95.0, Outcome.SPOOFER),
-        (-80.0, Outcome.SPOOFER),
-        (199.0, Outcome.SPOOFER),
-        (3.0, Outcome.TRUE),
+        (95.0, DetectedSignal.SPOOFER),
+        (-80.0, DetectedSignal.SPOOFER),
+        (199.0, DetectedSignal.SPOOFER),
+        (3.0, DetectedSignal.TRUE),
     ):
         assert classify(np.array([found_m]), np.zeros(1), offset_m, power_db)[0] == expected
 
@@ -111,7 +111,12 @@ def test_report() -> None:
     )
     found = report(results)
     assert found is not None
-    assert found.shares == {Outcome.NONE: 0.2, Outcome.TRUE: 0.4, Outcome.SPOOFER: 0.4, Outcome.MIXED: 0.0}
+    assert found.shares == {
+        DetectedSignal.NONE: 0.2,
+        DetectedSignal.TRUE: 0.4,
+        DetectedSignal.SPOOFER: 0.4,
+        DetectedSignal.MIXED: 0.0,
+    }
     assert (found.first_s, found.epochs) == (1.0, 5)
     assert found.time_to_detect_s == 1.0
     assert found.time_to_mitigate_s == 3.0
@@ -140,12 +145,12 @@ def test_of_a_sky_epochs_with_recs_count() -> None:
     results = _results(time_s=[0.0, 1.0, 2.0, 3.0], found=[nan, 100.0, nan, 100.0], status=status)  # type: ignore[arg-type]
     found = report(results.assign(recs=("epoch", [False, True, False, True])))
     assert found is not None
-    assert (found.first_s, found.epochs, found.shares[Outcome.SPOOFER]) == (0.0, 2, 1.0)
+    assert (found.first_s, found.epochs, found.shares[DetectedSignal.SPOOFER]) == (0.0, 2, 1.0)
 
 
 def test_forged_chips_are_nobody() -> None:
     results = _results(time_s=[0.0], found=[100.0]).assign_coords(forged=("attack", [True]))
-    assert outcomes(results).item() == Outcome.TRUE
+    assert outcomes(results).item() == DetectedSignal.TRUE
 
 
 @pytest.mark.parametrize("svids", [(), (11,)])
@@ -166,9 +171,9 @@ def test_outcomes_of_a_run(tmp_path: Path) -> None:
     found = outcomes(results)
     assert found.attrs["flag_meanings"] == "NONE TRUE SPOOFER MIXED"
     before, after = found.isel(epoch=slice(0, 500)), found.isel(epoch=slice(1050, 1300))
-    assert np.isin(before, [Outcome.TRUE, Outcome.NONE]).all()
-    assert np.mean(after.sel(detector="early") == Outcome.TRUE) > 0.95
-    assert np.mean(after.sel(detector="maximum") == Outcome.SPOOFER) > 0.8
+    assert np.isin(before, [DetectedSignal.TRUE, DetectedSignal.NONE]).all()
+    assert np.mean(after.sel(detector="early") == DetectedSignal.TRUE) > 0.95
+    assert np.mean(after.sel(detector="maximum") == DetectedSignal.SPOOFER) > 0.8
     early, maximum = report(results, "early"), report(results, "maximum")
     assert early is not None
     assert maximum is not None
@@ -179,4 +184,4 @@ def test_outcomes_of_a_run(tmp_path: Path) -> None:
     assert isinstance(quick, CampaignScenario)
     undisturbed = run(ScenarioPlan(scenario=quick), tmp_path / "quick")
     assert report(undisturbed) is None
-    assert np.isin(outcomes(undisturbed), [Outcome.TRUE, Outcome.NONE]).all()
+    assert np.isin(outcomes(undisturbed), [DetectedSignal.TRUE, DetectedSignal.NONE]).all()

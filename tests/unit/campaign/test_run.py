@@ -19,7 +19,7 @@ import xarray
 from toy_plan import DeadlyPlan, ToyPlan
 from vestige.campaign.execution.executors import local_executor
 from vestige.campaign.plan import Coord
-from vestige.campaign.run import IN_FLIGHT, Progress, measure_chunks, run
+from vestige.campaign.run import IN_FLIGHT, RunProgress, measure_chunks, run
 from vestige.campaign.store.results import open_results
 from vestige.errors import InputFileError, VestigeError
 
@@ -84,7 +84,7 @@ def test_a_finished_run_is_not_run_again(tmp_path: Path) -> None:
             raise AssertionError("nothing is left to do")
 
     run(PLAN, tmp_path / "a.zarr")
-    seen: list[Progress] = []
+    seen: list[RunProgress] = []
     assert_right(run(Idle(n_epochs=230), tmp_path / "a.zarr", progress=seen.append))
     assert [(one.epochs_done, one.epochs_resumed, one.remaining_s) for one in seen] == [(230, 230, 0.0)]
 
@@ -116,13 +116,13 @@ def test_other_work_is_refused(tmp_path: Path) -> None:
 
 
 def test_progress(tmp_path: Path) -> None:
-    seen: list[Progress] = []
+    seen: list[RunProgress] = []
     run(PLAN, tmp_path / "a.zarr", chunk_epochs=100, progress=seen.append)
     assert [one.epochs_done for one in seen] == [0, 100, 200, 230]
     assert all(a.elapsed_s <= b.elapsed_s for a, b in pairwise(seen))
     assert np.isnan(seen[0].rate_epochs_per_s)
     assert np.isnan(seen[0].remaining_s)
-    half = Progress(epochs_done=300, epochs_total=500, epochs_resumed=100, elapsed_s=4.0)
+    half = RunProgress(epochs_done=300, epochs_total=500, epochs_resumed=100, elapsed_s=4.0)
     assert (half.rate_epochs_per_s, half.remaining_s) == (50.0, 4.0)
 
 
@@ -139,7 +139,7 @@ def test_few_chunks_are_in_flight(tmp_path: Path) -> None:
             future.set_result(fn(*args, **kwargs))
             return future
 
-    def written(progress: Progress) -> None:
+    def written(progress: RunProgress) -> None:
         nonlocal open_calls
         open_calls -= 1 if progress.epochs_done else 0
 

@@ -21,7 +21,7 @@ import xarray
 
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.campaign.execution.cluster import connect
-from vestige.campaign.run import Progress, run
+from vestige.campaign.run import RunProgress, run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import summarise
 from vestige.campaign.store.results import open_results
@@ -93,7 +93,7 @@ def test_a_cluster_of_which_a_worker_is_killed(tmp_path: Path, truth: Any, sched
     killed: list[int] = []
     with connect(scheduler) as cluster:
 
-        def kill(progress: Progress) -> None:
+        def kill(progress: RunProgress) -> None:
             if progress.epochs_done and not killed:
                 killed.append(cluster.submit(os.getpid).result())
                 os.kill(killed[0], signal.SIGKILL)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.sky_builder import sky_scenario
 
-from vestige.campaign.run import Progress, run
+from vestige.campaign.run import RunProgress, run
 from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
@@ -138,7 +138,7 @@ def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
     with ThreadPoolExecutor(3) as pool:
         assert swept(tmp_path / "three", width, workers=3, executor=pool) == expected
 
-    def stop(name: str, progress: Progress) -> None:
+    def stop(name: str, progress: RunProgress) -> None:
         if "29" in name and progress.epochs_done == 2 * CHUNK:
             raise KeyboardInterrupt
 

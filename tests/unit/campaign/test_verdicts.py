@@ -8,7 +8,7 @@ import pytest
 import xarray
 
 from report_builder import LIFT_OFF, SKY, made
-from vestige.campaign.outcomes import Outcome, due_verdicts, report
+from vestige.campaign.outcomes import DetectedSignal, due_verdicts, report
 from vestige.campaign.store.results import open_results
 from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
@@ -68,7 +68,7 @@ def test_epochs_without_recs_are_no_part_of_an_attack(tmp_path: Path) -> None:
     results = open_results(made(tmp_path / "a", "sky", *SKY, attack)).dataset.load()
     found = report(results, satellite=0)
     assert found is not None
-    assert found.shares[Outcome.NONE] == 0
+    assert found.shares[DetectedSignal.NONE] == 0
     assert sum(found.shares.values()) == pytest.approx(1)
     down = results.copy(deep=True)
     down["elevation_deg"].values[60:, 0] = np.nan

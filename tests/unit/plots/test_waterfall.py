@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from results_builder import campaign_results
-from vestige.plots.attacks.waterfall import COLUMNS, SLICES, waterfall, waterfall_map
+from vestige.plots.attacks.waterfall import MAP_COLUMNS, SLICES, waterfall, waterfall_map
 from vestige.plots.figure import new_axes
 
 
@@ -51,7 +51,7 @@ def test_long_runs_are_thinned_to_what_can_be_seen() -> None:
     (mesh,) = waterfall_map(results).collections
     rows = surface.get_array().size / (results.sizes["tap"] - 1) + 1
     assert SLICES / 2 <= rows <= SLICES
-    assert COLUMNS / 2 <= mesh.get_array().shape[1] <= COLUMNS
+    assert MAP_COLUMNS / 2 <= mesh.get_array().shape[1] <= MAP_COLUMNS
     every = results["taps"].values[::4, 0] / np.sqrt(results["noise_power"].values[::4] / 2)
     np.testing.assert_allclose(np.asarray(mesh.get_array()), np.abs(every).T, rtol=1e-6)
 

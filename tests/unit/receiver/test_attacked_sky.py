@@ -15,7 +15,7 @@ from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.signals.definitions import CARRIER_HZ
-from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import simulated
 
 VESTIGIAL = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
@@ -47,7 +47,7 @@ reception_gain_db = 90.0
 def _case(path: Path, first: int, end: int, *settings: str) -> AcasTestCase:
     scenario = load_scenario(path, settings)
     assert isinstance(scenario, CampaignScenario)
-    return AcasTestCase(scenario=placed(scenario), first=first, end=end)
+    return AcasTestCase(scenario=with_default_range(scenario), first=first, end=end)
 
 
 @pytest.mark.parametrize("band", list(Band))

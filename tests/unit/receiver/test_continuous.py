@@ -7,11 +7,11 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import E1Loop
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.samples.continuous import ContinuousTruth
-from vestige.receiver.sky.elevation import View
+from vestige.receiver.sky.elevation import SatelliteGeometry
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeModel
-from vestige.spoofer.spoofer import NOBODY
+from vestige.spoofer.spoofer import NO_SPOOFER
 
 PATH = RangeModel(s0_m=2.5e7, v_mps=51.0, amplitude_m=0.5, omega_radps=3.1)
 TIMES = np.array([3.0, 4.0, 5.0, 6.0])
@@ -32,16 +32,16 @@ def truth(e1_multipath: bool = False) -> ContinuousTruth:
         e1_noise_m=np.zeros(4),
         e1_phase_noise_m=np.zeros(4),
         e1_rate_noise_mps=np.zeros(4),
-        e1=E1Loop(NOBODY, 11, interval_s=1.0, cn0_dbhz=35.0).advance(0, 4),
-        e1_attack=NOBODY.effects(Band.E1, 11, TIMES),
-        e6=NOBODY.effects(Band.E6, 11, TIMES),
+        e1=E1Loop(NO_SPOOFER, 11, interval_s=1.0, cn0_dbhz=35.0).advance(0, 4),
+        e1_attack=NO_SPOOFER.effects(Band.E1, 11, TIMES),
+        e6=NO_SPOOFER.effects(Band.E6, 11, TIMES),
         rays=RayBlock(
             delay_m=rng.uniform(1, 50, (4, 2)),
             amplitude=strength,
             amplitude_e1=1j * strength,
             doppler_hz=rng.normal(size=(4, 2)),
         ),
-        view=View.single(4),
+        view=SatelliteGeometry.single(4),
     )
     return ContinuousTruth(line_of_sight=PATH, truth=block, e1_multipath=e1_multipath)
 

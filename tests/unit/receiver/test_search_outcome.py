@@ -6,15 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.correlators.search_outcome import Air, SearchOutcome, outcome, search_draws
+from vestige.receiver.correlators.search_outcome import BandSignals, SearchOutcome, outcome, search_draws
 
 N = 50
 DRAWS = {k: search_draws(np.random.default_rng(1), N, k) for k in (1, 2, 3)}
 
 
-def air(*signals: tuple[complex, float], cn0_dbhz: float = 50.0) -> Air:
+def air(*signals: tuple[complex, float], cn0_dbhz: float = 50.0) -> BandSignals:
     """Signals by amplitude and delay in s."""
-    return Air(
+    return BandSignals(
         amplitude=np.tile(np.array([one for one, _ in signals], complex), (N, 1)),
         delay_m=np.tile([late * SPEED_OF_LIGHT_MPS for _, late in signals], (N, 1)),
         doppler_hz=np.zeros((N, len(signals))),
@@ -22,7 +22,7 @@ def air(*signals: tuple[complex, float], cn0_dbhz: float = 50.0) -> Air:
     )
 
 
-def search(e1: Air, e6: Air, **how: float) -> SearchOutcome:
+def search(e1: BandSignals, e6: BandSignals, **how: float) -> SearchOutcome:
     return outcome(e1, e6, DRAWS[e1.amplitude.shape[1]], shift_m=np.zeros(N), integration_s=16e-3, **how)
 
 
@@ -102,7 +102,7 @@ def test_beyond_the_window_nothing_is_found() -> None:
 
 def test_false_alarms_come_with_their_probability() -> None:
     draws = search_draws(np.random.default_rng(3), 200_000, 1)
-    quiet = Air(
+    quiet = BandSignals(
         amplitude=np.ones((200_000, 1), complex),
         delay_m=np.zeros((200_000, 1)),
         doppler_hz=np.zeros((200_000, 1)),

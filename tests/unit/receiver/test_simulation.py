@@ -12,7 +12,7 @@ from vestige.acas_processor.measurement import Availability
 from vestige.receiver.samples.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.sampled_epoch import received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
-from vestige.receiver.snapshots.e6 import SampledE6
+from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band, Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -91,7 +91,7 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
     assert simulation.front_end.transparent
     truth = simulation.truth().advance(0, 5)
     block = snapshots(simulation, "samples", 3, truth.part(slice(3, 4)))
-    assert isinstance(block.e6, SampledE6)
+    assert isinstance(block.e6, SimulatedE6Samples)
     batch = block.e6.samples(0, 0)
     chips = encrypted_chips(encryption_key(simulation.seed), 11, block.time.at(0), simulation.n_chips)
     strength = amplitude(simulation.cn0_dbhz, 12.5e6)

@@ -24,7 +24,7 @@ from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.file_signature import SignatureStatus
 from vestige.crypto.recs.recs_name import time_of_deciseconds
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.recording.assistance.assistance_files import Kind
+from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.assistance.growing_assistance import GrowingAssistance
@@ -256,7 +256,7 @@ def test_signatures(folder: Path, assistance: Assistance, certificate: Path) -> 
     result = read_assistance(folder, certificates=[certificate])
     assert result.problems == ()
     assert result.assistance.segments == assistance.segments
-    signed = [file.signature for file in result.files if file.kind in (Kind.RECS, Kind.GROUP_DELAY)]
+    signed = [file.signature for file in result.files if file.kind in (FileKind.RECS, FileKind.GROUP_DELAY)]
     assert signed == [SignatureStatus.VERIFIED] * 4
 
 

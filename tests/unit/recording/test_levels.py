@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vestige.errors import InputFileError
-from vestige.recording.adc_statistics import levels
+from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.description import BandFile
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.recording.samples.sample_format import SampleFormat, encode
@@ -32,7 +32,7 @@ def band_noise(n_samples: int, center: float, width: float) -> np.ndarray:
 
 def test_counts_by_hand(tmp_path: Path) -> None:
     samples = np.array([1 + 3j, -3 + 1j, -1 - 1j, 1 - 1j])
-    got = levels(reader(tmp_path / "x", samples, SampleFormat(component="int8", layout="iq"), center=1575.42e6))
+    got = adc_statistics(reader(tmp_path / "x", samples, SampleFormat(component="int8", layout="iq"), center=1575.42e6))
     assert (got.n_samples, got.n_distinct, got.outermost, got.outermost_fraction) == (4, 4, 3.0, 0.25)
     assert got.rms == pytest.approx(np.sqrt(24 / 8))
     assert got.mean == -0.5 + 0.5j
@@ -42,21 +42,25 @@ def test_counts_by_hand(tmp_path: Path) -> None:
 @pytest.mark.parametrize("offset", [-3e6, 0.0, 2e6])
 def test_spectral_center_of_complex_samples(tmp_path: Path, offset: float) -> None:
     samples = band_noise(1 << 16, offset, 4e6)
-    got = levels(reader(tmp_path / "x", samples, SampleFormat(component="int16", layout="iq"), center=1575e6, scale=50))
+    got = adc_statistics(
+        reader(tmp_path / "x", samples, SampleFormat(component="int16", layout="iq"), center=1575e6, scale=50)
+    )
     assert got.spectral_center_hz == pytest.approx(1575e6 + offset, abs=50e3)
 
 
 @pytest.mark.parametrize("center", [1572.42e6, 1578.42e6])  # mixed from below and from above
 def test_spectral_center_of_real_samples(tmp_path: Path, center: float) -> None:
     samples = band_noise(1 << 16, 3e6, 2e6).real
-    got = levels(
+    got = adc_statistics(
         reader(tmp_path / "x", samples, SampleFormat(component="int16", layout="real"), center=center, scale=50)
     )
     assert got.spectral_center_hz == pytest.approx(1575.42e6, abs=50e3)
 
 
 def test_a_dead_front_end_has_no_center(tmp_path: Path) -> None:
-    got = levels(reader(tmp_path / "x", np.full(5000, 7.0), SampleFormat(component="int8", layout="iq"), center=1575e6))
+    got = adc_statistics(
+        reader(tmp_path / "x", np.full(5000, 7.0), SampleFormat(component="int8", layout="iq"), center=1575e6)
+    )
     assert got.spectral_center_hz is None
     assert got.n_distinct == 2
 
@@ -67,6 +71,6 @@ def test_only_the_beginning_is_looked_at(tmp_path: Path) -> None:
     content = bytearray(source.file.path.read_bytes())
     content[-4:] = np.float32(np.nan).tobytes()
     source.file.path.write_bytes(content)
-    assert levels(source, at_most=99).n_samples == 99
+    assert adc_statistics(source, at_most=99).n_samples == 99
     with pytest.raises(InputFileError, match="sample 99"):
-        levels(source)
+        adc_statistics(source)

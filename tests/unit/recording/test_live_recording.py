@@ -20,13 +20,13 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.description import BandFile, RecordingDescription
 from vestige.recording.live import following as module
-from vestige.recording.live.following import FollowedEpoch, Following, Patience
+from vestige.recording.live.following import FollowedEpoch, Following, WaitLimits
 from vestige.recording.live.live_recording import LiveRecording, buffer_s
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.records import Band
 from vestige.scenario.load import load_scenario
-from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import write_companions
 from vestige.time import GalileoTime
 
@@ -51,7 +51,7 @@ def _file(path: Path) -> BandFile:
 def companions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A RECS each 2 s with its keys and observations, and samples of noise."""
     folder = tmp_path_factory.mktemp("companions")
-    scenario = placed(load_scenario(QUICK, (f"interval_s={INTERVAL_S}", f"epochs={N_EPOCHS}")))  # type: ignore[arg-type]
+    scenario = with_default_range(load_scenario(QUICK, (f"interval_s={INTERVAL_S}", f"epochs={N_EPOCHS}")))  # type: ignore[arg-type]
     write_companions(AcasTestCase(scenario=scenario, first=0, end=N_EPOCHS), folder)
     (folder / "e6").write_bytes(DATA.tobytes())
     return folder
@@ -125,7 +125,7 @@ def _following(
         warn=lambda error: told.append(str(error)),
     )
     folder = GrowingAssistance(assistance or companions / "assistance", warn=lambda error: told.append(str(error)))
-    how = Patience(**({"poll_s": 0.005, "idle_s": None if pipe else 0.02} | patience))
+    how = WaitLimits(**({"poll_s": 0.005, "idle_s": None if pipe else 0.02} | patience))
     return Following(live=live, folder=folder, time_uncertainty_s=1.0, searchable=False, patience=how)
 
 

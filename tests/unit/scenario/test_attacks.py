@@ -11,8 +11,8 @@ from vestige.errors import InputFileError, VestigeError
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
-from vestige.scenario.warnings import cautions
-from vestige.simulated.exported_case import AcasTestCase, placed
+from vestige.scenario.warnings import scenario_warnings
+from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.spoofer.jammers import Chirp
 from vestige.spoofer.profiles import Ramp, Table, extremes
 from vestige.spoofer.repeaters import LiftOff, Nulling
@@ -35,7 +35,7 @@ def test_the_paper_s_attack() -> None:
     (attack,) = scenario.attack
     assert isinstance(attack, LiftOff)
     assert attack.bands == (Band.E6,)
-    assert cautions(scenario) == ()
+    assert scenario_warnings(scenario) == ()
     harsh = load_scenario(SCENARIOS / "harsh.toml", ["epochs=1500", "seed=600"])
     assert scenario.model_copy(update={"attack": ()}) == harsh
 
@@ -52,7 +52,7 @@ def test_attacks_compose(tmp_path: Path) -> None:
     assert jam.waveform == Chirp(sweep_s=3e-5)  # type: ignore[union-attr]
     assert nulling == Nulling(bands=(Band.E1, Band.E6))
     assert push.delay_m == Ramp(first=0.0, last=9.0, start_s=1.0, stop_s=2.0)  # type: ignore[union-attr]
-    assert cautions(scenario) == ("attack.1 (nulling) is outside Assumption 2: it nulls the encrypted signal",)
+    assert scenario_warnings(scenario) == ("attack.1 (nulling) is outside Assumption 2: it nulls the encrypted signal",)
 
 
 def test_a_table_stands_beside_the_scenario(tmp_path: Path) -> None:
@@ -152,12 +152,12 @@ def test_a_waveform_lies_within_the_samples(tmp_path: Path, waveform: str, fits:
 
 def test_satellites_that_are_not_there(tmp_path: Path) -> None:
     text = FINE + "svids = [11]\n[[attack]]\n" + FINE + "svids = [3, 11]\n"
-    assert cautions(_with(tmp_path, text)) == ("attack.1.svids: E03 not in the scenario, which has E11",)
+    assert scenario_warnings(_with(tmp_path, text)) == ("attack.1.svids: E03 not in the scenario, which has E11",)
 
 
 def test_an_attack_after_the_end(tmp_path: Path) -> None:
     late = '[[attack]]\nkind = "lift-off"\nstart_s = 1e6\npower_db = 3\ndelay_m = 0\n'
-    (caution,) = cautions(_with(tmp_path, FINE + late))
+    (caution,) = scenario_warnings(_with(tmp_path, FINE + late))
     assert caution.startswith("attack.1.start_s: 1e+06 s is not before the end of the scenario, ")
 
 
@@ -187,4 +187,4 @@ def test_a_test_case_has_no_jamming_waveform(tmp_path: Path) -> None:
     scenario = _with(tmp_path, 'kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "cw"}\n', 'fidelity="samples"')
     assert isinstance(scenario, CampaignScenario)
     with pytest.raises(VestigeError, match="attack: found a jamming waveform"):
-        AcasTestCase(scenario=placed(scenario), first=0, end=2)
+        AcasTestCase(scenario=with_default_range(scenario), first=0, end=2)

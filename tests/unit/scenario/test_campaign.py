@@ -16,7 +16,7 @@ from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
 from vestige.scenario.toml.toml_file import overridden
-from vestige.scenario.warnings import cautions
+from vestige.scenario.warnings import scenario_warnings
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
@@ -159,22 +159,22 @@ def test_a_measured_ionosphere_lies_beside_the_scenario(tmp_path: Path) -> None:
 def test_a_filter_that_rounds_the_peak_is_named() -> None:
     filtered = "receiver.front_end={bandwidth_hz=10.23e6, oversampling=2}"
     for fidelity in ("samples", "correlators"):
-        (line,) = cautions(_quick(f'fidelity="{fidelity}"', filtered))
+        (line,) = scenario_warnings(_quick(f'fidelity="{fidelity}"', filtered))
         assert "10.23 MHz" in line
         assert "15 m apart" in line
-    assert cautions(_quick("receiver.front_end={bandwidth_hz=60e6, oversampling=8}")) == ()
-    assert cautions(_quick("receiver.front_end={bits=2}")) == ()
+    assert scenario_warnings(_quick("receiver.front_end={bandwidth_hz=60e6, oversampling=8}")) == ()
+    assert scenario_warnings(_quick("receiver.front_end={bits=2}")) == ()
 
 
 def test_a_commensurate_rate_is_named() -> None:
-    (line,) = cautions(_quick('fidelity="samples"', "receiver.sample_rate_hz=10.23e6"))
+    (line,) = scenario_warnings(_quick('fidelity="samples"', "receiver.sample_rate_hz=10.23e6"))
     assert "29.3 m" in line
     assert "10.3 MHz" in line
-    assert cautions(_quick("receiver.sample_rate_hz=10.23e6")) == ()  # no samples, no staircase
+    assert scenario_warnings(_quick("receiver.sample_rate_hz=10.23e6")) == ()  # no samples, no staircase
     for path in SCENARIOS.glob("*.toml"):
-        assert cautions(load_scenario(path)) == ()
+        assert scenario_warnings(load_scenario(path)) == ()
     recording = load_scenario(SCENARIOS / "first_light.toml", ["receiver.sample_rate_hz=20.46e6"])
-    assert "14.7 m" in cautions(recording)[0]
+    assert "14.7 m" in scenario_warnings(recording)[0]
 
 
 def test_both_scenarios_of_the_paper_are_the_same_but_for_length() -> None:

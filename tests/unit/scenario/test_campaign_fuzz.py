@@ -14,7 +14,7 @@ from tests.simulated_banks import banks as banks_of
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
-from vestige.scenario.warnings import cautions
+from vestige.scenario.warnings import scenario_warnings
 
 pytestmark = pytest.mark.many_epochs
 
@@ -57,7 +57,7 @@ def test_one_line_or_a_simulation(changes: list[str], fidelity: str) -> None:
         assert "\n" not in str(error)  # noqa: PT017  (many examples, not one)
         return
     assert isinstance(scenario, CampaignScenario)
-    assert all("\n" not in caution for caution in cautions(scenario))
+    assert all("\n" not in caution for caution in scenario_warnings(scenario))
     assert scenario.model_dump_json()
     simulation = scenario.simulation()
     banks = banks_of(simulation, "correlators", 0, simulation.truth().advance(0, 2))

@@ -13,7 +13,7 @@ from vestige.errors import VestigeError
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import WaypointTrajectory
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
-from vestige.scenario.warnings import cautions
+from vestige.scenario.warnings import scenario_warnings
 from vestige.time import GalileoTime
 
 WAYPOINTS = "time_s,latitude_deg,longitude_deg,height_m\n"
@@ -115,7 +115,7 @@ def test_a_run_that_outlasts_the_orbits_of_a_file_gets_a_word(tmp_path: Path) ->
     text = SCENARIO.read_text(encoding="utf-8").replace('kind = "walker"', 'kind = "rinex"\npath = "day.rnx"')
     (tmp_path / "day.toml").write_text(text, encoding="utf-8")
     step = "interval_s=30.0"
-    assert cautions(sky_scenario("epochs=360", step, path=tmp_path / "day.toml")) == ()
-    (line,) = cautions(sky_scenario("epochs=1440", step, path=tmp_path / "day.toml"))
+    assert scenario_warnings(sky_scenario("epochs=360", step, path=tmp_path / "day.toml")) == ()
+    (line,) = scenario_warnings(sky_scenario("epochs=1440", step, path=tmp_path / "day.toml"))
     assert line.startswith("constellation.path: the run ends 13.0 h after the toe of 2026-11-21T15:00:00")
-    assert cautions(sky_scenario("epochs=1440", step)) == ()
+    assert scenario_warnings(sky_scenario("epochs=1440", step)) == ()

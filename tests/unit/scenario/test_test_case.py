@@ -11,7 +11,7 @@ from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
-from vestige.simulated.exported_case import PLACED_M, AcasTestCase, placed
+from vestige.simulated.exported_case import PLACED_M, AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import simulated
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
@@ -21,7 +21,7 @@ SETTINGS = ("receiver.sample_rate_hz=6.2e6", "interval_s=0.1", "epochs=500", "re
 def case(first: int, end: int, *settings: str) -> AcasTestCase:
     scenario = load_scenario(QUICK, (*SETTINGS, *settings))
     assert isinstance(scenario, CampaignScenario)
-    return AcasTestCase(scenario=placed(scenario), first=first, end=end)
+    return AcasTestCase(scenario=with_default_range(scenario), first=first, end=end)
 
 
 def test_the_recs_are_those_of_a_run() -> None:

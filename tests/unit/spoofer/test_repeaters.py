@@ -91,4 +91,4 @@ def test_forged_chips_are_on_e6_alone() -> None:
     assert forgery.counterfeit(Band.E1, T) is None
     counterfeit = forgery.counterfeit(Band.E6, T)
     assert counterfeit is not None
-    assert counterfeit.own_chips
+    assert counterfeit.forged_chips

@@ -17,7 +17,7 @@ from vestige.campaign.store.build_id import vestige_version
 from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.matrix import Cell, case_of, cases, measure, measure_threats
+from vestige.threats.matrix import SceneCell, case_of, cases, measure, measure_threats
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement
 from vestige.threats.scenes import read_threats
@@ -76,11 +76,11 @@ def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vestige.threats.matrix.measure", quick)
 
 
-def table(pool: Executor, folder: Path | None = None, seeds: Sequence[int] = range(3)) -> list[Cell]:
+def table(pool: Executor, folder: Path | None = None, seeds: Sequence[int] = range(3)) -> list[SceneCell]:
     return list(measure_threats(SOME, seeds, pool, folder=folder))
 
 
-def found(cells: Sequence[Cell]) -> list[dict[str, str]]:
+def found(cells: Sequence[SceneCell]) -> list[dict[str, str]]:
     return [{name: str(value) for name, value in row.items()} for row in rows_of(cells)]
 
 

@@ -85,7 +85,7 @@ class InertialMonitor:
         self,
         rate_change_mps: Float[np.ndarray, "*n"],
         satellite_change_mps: Float[np.ndarray, "*n"],
-        gained_mps: Float[np.ndarray, "*n"],
+        delta_velocity_mps: Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
         """Return measured minus expected change of the range rate.
 
@@ -95,10 +95,10 @@ class InertialMonitor:
             Of the pseudorange.
         satellite_change_mps
             What it would be without acceleration of the receiver.
-        gained_mps
+        delta_velocity_mps
             Velocity gained towards the satellite, Δ(e·v).
         """
-        return rate_change_mps - satellite_change_mps + gained_mps
+        return rate_change_mps - satellite_change_mps + delta_velocity_mps
 
     def probability_of_detection(
         self, pull_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_rate_mps: float
@@ -125,7 +125,7 @@ class InertialMonitor:
             if step.why:
                 reasons[step.epoch] = step.why
                 continue
-            change = self.statistic(step.rate_change_mps, step.static_change_mps, step.gained_mps)
+            change = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
             statistic[step.epoch] = change
             of_rates = two_sided_factor(self.p_fa) * step.sigma_change_mps
             threshold[step.epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)

@@ -30,7 +30,7 @@ def _nothing() -> Float[np.ndarray, " m"]:
 def gained_towards_mps(
     before: Float[np.ndarray, "*n m 3"],
     now: Float[np.ndarray, "*n m 3"],
-    gained_mps: Float[np.ndarray, "*n 3"],
+    delta_velocity_mps: Float[np.ndarray, "*n 3"],
     mean_mps: Float[np.ndarray, "*n 3"],
 ) -> Float[np.ndarray, "*n m"]:
     """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
@@ -39,10 +39,10 @@ def gained_towards_mps(
     ----------
     before, now
         e, unit vectors to the satellites at both ends.
-    gained_mps, mean_mps
+    delta_velocity_mps, mean_mps
         Δv = ∫ a dt and the mean of the receiver's velocities at both ends, all in one system of axes.
     """
-    own = np.einsum("...mi,...i->...m", (before + now) / 2, gained_mps)
+    own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
 
 
@@ -56,7 +56,7 @@ class RateStep:
         Row of the later one.
     interval_s
         Between the two.
-    rate_change_mps, static_change_mps, gained_mps
+    rate_change_mps, static_change_mps, delta_velocity_mps
         As for `InertialMonitor.statistic`.
     sigma_change_mps
         Standard deviation of the measured change.
@@ -68,7 +68,7 @@ class RateStep:
     interval_s: float = np.nan
     rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    gained_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    delta_velocity_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     why: str = ""
 
@@ -163,7 +163,7 @@ def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...
         interval_s=interval_s,
         rate_change_mps=rate,
         static_change_mps=static,
-        gained_mps=gained_towards_mps(towards[0], towards[1], np.sum(gained, axis=0), path.mean_of_ends_mps),
+        delta_velocity_mps=gained_towards_mps(towards[0], towards[1], np.sum(gained, axis=0), path.mean_of_ends_mps),
         sigma_change_mps=sigma,
     )
 

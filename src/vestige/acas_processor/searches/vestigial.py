@@ -7,7 +7,7 @@ the chips of one RECS twice is being spoofed, and because nobody can send chips 
 is the true one [WFO, Sec. III-D, III-E].
 
 `handover_peaks` goes from all signals of the satellite on E1 to E6. Each is measured on E1 and handed over as a line of
-places (`HandoverLine`); over seconds E1 is measured again every `REMEASURE_S`, because a Doppler that is 1 Hz wrong
+places (`CandidateEpochs`); over seconds E1 is measured again every `REMEASURE_S`, because a Doppler that is 1 Hz wrong
 has moved away by a tap after a minute, and one that changes by 0.5 Hz/s after ten seconds. After the first authentic
 position the clock is known: a narrower time uncertainty makes both searches as much shorter.
 """
@@ -23,7 +23,7 @@ from vestige.crypto.osnma.disclosure import ReceptionProof
 from vestige.records import Assistance, ChipSequence
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
-from vestige.sample_processor.search.handover_search import HandoverLine, positions, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.theory.search_budget import SearchBudget, search_budget
@@ -109,17 +109,17 @@ def arrival_window(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineStretch:
+class CandidateInterval:
     """A line of places and the first and last start at which it counts."""
 
-    line: HandoverLine
+    line: CandidateEpochs
     first_start: GalileoTime
     last_start: GalileoTime
 
 
 def handover_line(
     snapshot: E1Snapshot, chips: ChipSequence, *, delay_m: float = 0.0, secondary: bool = True
-) -> HandoverLine:
+) -> CandidateEpochs:
     """Return where a signal on E1 says that the chips may arrive in E6.
 
     Parameters
@@ -134,7 +134,7 @@ def handover_line(
     known = secondary and snapshot.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB
     period_s = SECONDARY_PERIOD_S if known else E1_CODE_PERIOD_S
     ahead_s = (chips.transmit_time.fraction - snapshot.transmit_phase_s) % period_s
-    return HandoverLine(
+    return CandidateEpochs(
         svid=snapshot.svid,
         chips=chips,
         anchor=snapshot.time + (ahead_s / (1 + snapshot.doppler_hz / E1_CARRIER_HZ) + delay_m / SPEED_OF_LIGHT_MPS),
@@ -153,7 +153,7 @@ def line_stretches(
     *,
     delay_m: float = 0.0,
     secondary: bool = True,
-) -> tuple[LineStretch, ...]:
+) -> tuple[CandidateInterval, ...]:
     """Return the lines of one signal on E1 over a time uncertainty; () if it cannot be measured where it was found.
 
     Parameters
@@ -182,7 +182,7 @@ def line_stretches(
     snapshots.sort(key=lambda one: one.time)
     edges = [one.time + (other.time - one.time) / 2 for one, other in pairwise(snapshots)]
     return tuple(
-        LineStretch(
+        CandidateInterval(
             line=handover_line(one, chips, delay_m=delay_m, secondary=secondary),
             first_start=max(low, first_start),
             last_start=min(high, last_start),
@@ -194,7 +194,7 @@ def line_stretches(
 
 def handover_peaks(
     e6: SampleSource,
-    stretches: Sequence[LineStretch],
+    stretches: Sequence[CandidateInterval],
     *,
     overall_pfa: float = 1e-3,
     taps: int = 5,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vestige.acas_processor.levels import NOBODY, OTHERS
+from vestige.acas_processor.levels import NO_CAUSE, OTHERS
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Column
 from vestige.records import Status
@@ -19,7 +19,7 @@ _FLAGS: Mapping[str, Mapping[str, Any]] = {
     "state": _STATUSES,
     "check_result": {"flag_values": [-1, 0, 1], "flag_meanings": "not_run passed failed"},
     "cause": {
-        "comment": f"place on the axis `check`; {NOBODY} for none, {OTHERS} if another satellite has two signals"
+        "comment": f"place on the axis `check`; {NO_CAUSE} for none, {OTHERS} if another satellite has two signals"
     },
 }
 

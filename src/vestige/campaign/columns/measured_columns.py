@@ -91,7 +91,7 @@ OSNMA_COLUMNS = _table(
         ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
         ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
         ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
-        ("gained_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
+        ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
     )
 )
 
@@ -147,16 +147,16 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
     """Return the values of `OSNMA_COLUMNS`."""
     if snapshots.data_authenticated is None:
         raise TypeError("nobody looked which data OSNMA authenticates")
-    gained_mps = np.full((len(snapshots.time), 3), np.nan)
+    delta_velocity_mps = np.full((len(snapshots.time), 3), np.nan)
     if snapshots.increments is not None:
-        gained_mps[snapshots.increments.epoch] = snapshots.increments.delta_velocity_mps
+        delta_velocity_mps[snapshots.increments.epoch] = snapshots.increments.delta_velocity_mps
     return {
         "in_view": pages.in_view,
         "osnma_due": as_mask(pages.page >= 0),
         "osnma_pages": as_mask(pages.received),
         "osnma_differs": pages.forged,
         "osnma_data": snapshots.data_authenticated,
-        "gained_mps": gained_mps,
+        "delta_velocity_mps": delta_velocity_mps,
     }
 
 
@@ -298,14 +298,14 @@ def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, col
         received=of_mask(columns["osnma_pages"].astype(np.int16)),
         forged=columns["osnma_differs"].astype(np.bool_),
     )
-    gained_mps, increments = _double(columns["gained_mps"]), None
+    delta_velocity_mps, increments = _double(columns["delta_velocity_mps"]), None
     if scenario.receiver.accelerometers is not None:
-        rows = np.flatnonzero(np.isfinite(gained_mps[:, 0]))
+        rows = np.flatnonzero(np.isfinite(delta_velocity_mps[:, 0]))
         increments = VelocityIncrements(
             epoch=rows,
             time=time[rows],
-            delta_velocity_mps=gained_mps[rows],
-            covered=np.ones(gained_mps.shape[0], np.bool_),
+            delta_velocity_mps=delta_velocity_mps[rows],
+            covered=np.ones(delta_velocity_mps.shape[0], np.bool_),
         )
     return {
         "osnma": pages.block,

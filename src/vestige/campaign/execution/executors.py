@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
-from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.build_id import build_id
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
@@ -31,14 +31,14 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THRE
 def measure_chunk(
     plan: Plan, first: int, inputs: Mapping[str, Any], expected: Mapping[str, str]
 ) -> Mapping[str, np.ndarray]:
-    """Return what `plan.measure` returns, if this worker has the `expected` origin: source and processor.
+    """Return what `plan.measure` returns, if this worker has the `expected` build_id: source and processor.
 
     Raises
     ------
     VestigeError
         If it has another one: its results could not be mixed with the others.
     """
-    found = origin(plan)
+    found = build_id(plan)
     for name, value in expected.items():
         if found.get(name) != value:
             raise VestigeError(f"worker {platform.node()}: {name}: found {found.get(name)}, expected {value}")

@@ -22,7 +22,7 @@ PARTS = "own_parts"  # attribute of a plan with parts of the user's: `module:Nam
 PACKAGE = Path(__file__).resolve().parents[2]
 
 
-def origin(plan: Plan) -> dict[str, str]:
+def build_id(plan: Plan) -> dict[str, str]:
     """Return what must be equal wherever chunks of one plan are measured, by attribute of the store."""
     processor: Mapping[str, str] = {PROCESSOR: processor_name()} if PROCESSOR in plan.attrs else {}
     parts: Mapping[str, str] = {PARTS: str(plan.attrs[PARTS])} if PARTS in plan.attrs else {}

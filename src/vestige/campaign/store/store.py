@@ -21,7 +21,7 @@ import numpy as np
 import zarr
 
 from vestige.campaign.plan import EPOCH, Plan
-from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import (
     EXPECTED,
     METADATA,
@@ -258,7 +258,9 @@ def _check_identity(store: Store, plan: Plan) -> None:
     # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
-            advice = "; finish with the one that made it or begin anew" if name in origin(plan) else ", as in this run"
+            advice = (
+                "; finish with the one that made it or begin anew" if name in build_id(plan) else ", as in this run"
+            )
             raise InputFileError(
                 store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}{advice}"
             )

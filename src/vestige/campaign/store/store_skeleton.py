@@ -18,7 +18,7 @@ import numpy as np
 import zarr
 
 from vestige.campaign.plan import EPOCH, Plan, shape_of
-from vestige.campaign.store.build_id import origin
+from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import MAX_CHUNK_BYTES, METADATA
 from vestige.errors import VestigeError
 
@@ -32,7 +32,7 @@ COLUMN, COORD = "column ", "coordinate "
 
 def identity(plan: Plan) -> dict[str, Any]:
     """Return what must be equal in two runs with equal results, as JSON knows it."""
-    return {**_json(plan.attrs), **origin(plan)}
+    return {**_json(plan.attrs), **build_id(plan)}
 
 
 def work_digest(attributes: Mapping[str, Any]) -> str:

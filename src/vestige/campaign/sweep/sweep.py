@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vestige.campaign.plan import CHUNK_EPOCHS
-from vestige.campaign.run import Columns, ExecutorChoice, Progress, run
+from vestige.campaign.run import Columns, ExecutorChoice, RunProgress, run
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
@@ -122,7 +122,7 @@ def run_sweep(
     workers: int = 1,
     executor: ExecutorChoice = "threads",
     chunk_epochs: int = CHUNK_EPOCHS,
-    progress: Callable[[str, Progress], None] | None = None,
+    progress: Callable[[str, RunProgress], None] | None = None,
 ) -> Iterator[Row]:
     """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
 

@@ -18,6 +18,7 @@ Value = bool | int | float | str
 MAX_CAMPAIGNS = 1000
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*({_NUMBER})\s*")
+_LARGEST_INTEGER = 2**63  # in magnitude; TOML v1.0.0 promises no more
 _MAX_NAME = 200  # characters; file systems end at 255
 
 
@@ -103,6 +104,8 @@ def _list(text: str) -> tuple[Value, ...]:
         raise ValueError(f"found {text!r}, expected start:stop:step or TOML values a,b,c") from error
     if not values or not all(isinstance(value, Value) for value in values):
         raise ValueError(f"found {text!r}, expected numbers, texts or booleans")
+    if any(isinstance(value, int) and abs(value) > _LARGEST_INTEGER for value in values):
+        raise ValueError("found a whole number of more than 64 bits, which TOML does not have")
     return tuple(values)
 
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import xarray
 
-from vestige.campaign.outcomes import AttackReport, Outcome, report
+from vestige.campaign.outcomes import AttackReport, DetectedSignal, report
 from vestige.campaign.statistics import detectors_of
 
 _NAMES = {
-    Outcome.TRUE: "the true signal",
-    Outcome.SPOOFER: "the spoofer",
-    Outcome.MIXED: "both within a chip",
-    Outcome.NONE: "nothing",
+    DetectedSignal.TRUE: "the true signal",
+    DetectedSignal.SPOOFER: "the spoofer",
+    DetectedSignal.MIXED: "both within a chip",
+    DetectedSignal.NONE: "nothing",
 }
 
 

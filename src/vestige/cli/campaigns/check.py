@@ -29,7 +29,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
 
     from vestige.errors import VestigeError
     from vestige.scenario.load import load_scenario, schema
-    from vestige.scenario.warnings import cautions
+    from vestige.scenario.warnings import scenario_warnings
 
     if bool(files) == as_schema:
         raise click.UsageError("expected scenario FILES, or --schema alone")
@@ -44,7 +44,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
         except (VestigeError, OSError) as error:
             errors.append(error)
             continue
-        for caution in cautions(scenario):
+        for caution in scenario_warnings(scenario):
             echo(f"vestige: {path}: {caution}", err=True)
         resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # JSON has no infinity: null
         if not as_json:

@@ -20,7 +20,7 @@ FORMATS = ("png", "pdf", "svg")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kind:
+class FigureKind:
     """A figure: what it shows, and which options choose something in it."""
 
     help: str
@@ -34,26 +34,26 @@ class Kind:
 
 
 KINDS = {
-    "detecting-correlator": Kind(help="magnitude, phase and detection against time", compared=True),
-    "waterfall": Kind(help="all correlators against time, as a landscape", with_detector=False),
-    "waterfall-map": Kind(help="all correlators against time, as a map", with_detector=False),
-    "magnitude-histogram": Kind(help="magnitude of the detecting correlator, split by detected or not"),
-    "range-histogram": Kind(help="range offset, in log scale"),
-    "range-offset": Kind(help="range offset against time", compared=True),
-    "attack-comparison": Kind(
+    "detecting-correlator": FigureKind(help="magnitude, phase and detection against time", compared=True),
+    "waterfall": FigureKind(help="all correlators against time, as a landscape", with_detector=False),
+    "waterfall-map": FigureKind(help="all correlators against time, as a map", with_detector=False),
+    "magnitude-histogram": FigureKind(help="magnitude of the detecting correlator, split by detected or not"),
+    "range-histogram": FigureKind(help="range offset, in log scale"),
+    "range-offset": FigureKind(help="range offset against time", compared=True),
+    "attack-comparison": FigureKind(
         help="range offset of both detectors, over the attack's truth", of_attack=True, with_detector=False
     ),
-    "animation": Kind(
+    "animation": FigureKind(
         help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
     ),
-    "sky": Kind(help="where the satellites are (of a sky)", of_sky=True),
-    "position": Kind(help="error of the position fixes against time (of a sky)", of_sky=True),
-    "monitors": Kind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
-    "decision-map": Kind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
-    "detection-curve": Kind(help="probability of detection against C/N0", of_sweep=True),
-    "miss-curve": Kind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
-    "false-alarm-curve": Kind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
-    "threats": Kind(help="attack by mitigation level, of the folder of `vestige threats`", of_threats=True),
+    "sky": FigureKind(help="where the satellites are (of a sky)", of_sky=True),
+    "position": FigureKind(help="error of the position fixes against time (of a sky)", of_sky=True),
+    "monitors": FigureKind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
+    "decision-map": FigureKind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
+    "detection-curve": FigureKind(help="probability of detection against C/N0", of_sweep=True),
+    "miss-curve": FigureKind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
+    "false-alarm-curve": FigureKind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
+    "threats": FigureKind(help="attack by mitigation level, of the folder of `vestige threats`", of_threats=True),
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"

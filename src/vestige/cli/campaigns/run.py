@@ -123,9 +123,9 @@ def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
 
 def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
     """Say on stderr, each once, what is to be known of scenarios that can run."""
-    from vestige.scenario.warnings import cautions
+    from vestige.scenario.warnings import scenario_warnings
 
-    for line in dict.fromkeys(line for scenario in scenarios for line in cautions(scenario)):
+    for line in dict.fromkeys(line for scenario in scenarios for line in scenario_warnings(scenario)):
         echo(f"vestige: {path}: {line}", err=True)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from vestige.scenario.campaign import CampaignScenario
-    from vestige.threats.matrix import Case, Cell
+    from vestige.threats.matrix import Case, SceneCell
     from vestige.threats.scenes import Threat
 
 QUICK_SEEDS, SEEDS = 6, 100  # six of six are the fewest that say more than a half
@@ -116,19 +116,19 @@ def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, 
 def _load(path: Path, quick: bool) -> CampaignScenario:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import load_scenario
-    from vestige.scenario.warnings import cautions
+    from vestige.scenario.warnings import scenario_warnings
 
     scenario = load_scenario(path, ('fidelity="correlators"',) if quick else ())
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
-    for line in cautions(scenario):
+    for line in scenario_warnings(scenario):
         echo(f"vestige: {path}: {line}", err=True)
     return scenario
 
 
 def _measured(
     chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
-) -> Iterator[Cell]:
+) -> Iterator[SceneCell]:
     """Yield the cells; runs are kept as they end."""
     from vestige.cli.progress import progress
     from vestige.threats.matrix import measure_threats
@@ -145,7 +145,7 @@ def _measured(
         raise
 
 
-def _written(folder: Path, cells: list[Cell]) -> Iterator[Path]:
+def _written(folder: Path, cells: list[SceneCell]) -> Iterator[Path]:
     """Yield the files of the table and its figure as they are written."""
     from vestige import plots
     from vestige.threats.table import STORE, TABLE, threat_dataset, write_table

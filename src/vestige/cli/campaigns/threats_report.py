@@ -14,7 +14,7 @@ from rich.table import Table
 from vestige.campaign.run_outcome import DAY_S
 from vestige.campaign.statistics import Proportion
 from vestige.cli.campaigns.campaign_report import as_json
-from vestige.threats.matrix import Cell
+from vestige.threats.matrix import SceneCell
 from vestige.threats.scene_outcome import Agreement, SceneOutcome
 from vestige.threats.scenes import LEVELS, Threat
 from vestige.threats.table import statistics_of
@@ -24,7 +24,7 @@ WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and not
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
-def threats_json(cells: Sequence[Cell], threats: Sequence[Threat], levels: Sequence[int] = LEVELS) -> str:
+def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: Sequence[int] = LEVELS) -> str:
     """Return every cell, and the expectations of all levels."""
     expected = [
         {
@@ -51,7 +51,7 @@ def threats_json(cells: Sequence[Cell], threats: Sequence[Threat], levels: Seque
     return as_json({"threats": expected, "cells": found})
 
 
-def threats_text(cells: Sequence[Cell], levels: Sequence[int] = LEVELS) -> str:
+def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVELS) -> str:
     """Return a table of attacks by level, what failed when, false alarms, and why what differs does so."""
     shown = [cell for cell in cells if cell.level in levels]
     attacked = [cell for cell in shown if cell.attacked]
@@ -66,7 +66,7 @@ def threats_text(cells: Sequence[Cell], levels: Sequence[int] = LEVELS) -> str:
     return "\n".join(parts)
 
 
-def _attacks(cells: Sequence[Cell]) -> Table:
+def _attacks(cells: Sequence[SceneCell]) -> Table:
     runs = max(cell.found.detected.trials for cell in cells)
     title = f"{runs} runs of each scene; runs in which it is so, and 95 % intervals in %"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -86,7 +86,7 @@ def _attacks(cells: Sequence[Cell]) -> Table:
     return table
 
 
-def _values(cell: Cell) -> list[str]:
+def _values(cell: SceneCell) -> list[str]:
     found = cell.found
     agrees = f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else ""
     first = min(found.checks, key=lambda one: (one.time_s, -one.failed.successes), default=None)
@@ -104,7 +104,7 @@ def _values(cell: Cell) -> list[str]:
     ]
 
 
-def _checks(cells: Sequence[Cell], level: int) -> Table:
+def _checks(cells: Sequence[SceneCell], level: int) -> Table:
     """Return which checks of a level failed under each attack, in how many runs, and the median time of the first."""
     title = f"Level {level}: checks that failed, the earliest first: in how many runs, and after how long in the median"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -120,7 +120,7 @@ def _checks(cells: Sequence[Cell], level: int) -> Table:
     return table
 
 
-def _false_alarms(cells: Sequence[Cell]) -> Table:
+def _false_alarms(cells: Sequence[SceneCell]) -> Table:
     table = Table(title="False alarms a day without an attack, 95 %", box=SIMPLE_HEAD, padding=(0, 2, 0, 0))
     for name in (
         "scene",

@@ -78,7 +78,7 @@ def _run(
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.recordings.verdicts import Tally, lines, print_changes, print_snapshot
-    from vestige.recording.live.follow_journal import Progress
+    from vestige.recording.live.follow_journal import FollowProgress
 
     state, tally = None, Tally()
     if journal is not None and journal.progress is not None:
@@ -97,7 +97,7 @@ def _run(
             state = step.state
             text = lines(step)
             if journal is not None:  # kept first: what was printed is never printed again
-                journal.record(text, Progress(index=epoch.snapshot.index, sent=epoch.sent, state=state))
+                journal.record(text, FollowProgress(index=epoch.snapshot.index, sent=epoch.sent, state=state))
             if options["as_json"]:
                 for line in text:
                     echo(line)
@@ -175,9 +175,9 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     from vestige.constants import SPEED_OF_LIGHT_MPS
     from vestige.errors import VestigeError
     from vestige.recording.assistance.growing_assistance import GrowingAssistance
-    from vestige.recording.live.following import Following, Patience
+    from vestige.recording.live.following import Following, WaitLimits
     from vestige.recording.observations.accelerations import GrowingAccelerations
-    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.recording import named_observations, unread_observations
 
     description = _stdin_description(options) if recording == STDIN else _description(recording, options)
@@ -190,13 +190,13 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             "(--time-uncertainty)"
         )
     observations = options["observations"] or description.observations
-    told = around_s <= LABEL_TOLERANCE_S  # by E1 samples alone
+    told = around_s <= TIME_TAG_TOLERANCE_S  # by E1 samples alone
     if observations is None and not told:
         for wrong in unread_observations(description):
             raise wrong
         raise VestigeError(
             f"{description.path}: observations: found none, expected a file of E1 observations (--observations), or a "
-            f"clock that is right to {LABEL_TOLERANCE_S:g} s: E1 samples alone tell time modulo 100 ms"
+            f"clock that is right to {TIME_TAG_TOLERANCE_S:g} s: E1 samples alone tell time modulo 100 ms"
         )
     named = options["observations"] is not None or named_observations(description)
     live = _live(
@@ -224,7 +224,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         searchable=searchable,
         cn0_estimator=cn0_estimator(options, measured=observations is None),
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
-        patience=Patience(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
+        patience=WaitLimits(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
     )
 
 

@@ -84,7 +84,7 @@ def _lines(found: Inspection) -> Iterator[str]:
 
 
 def _band_lines(band: BandInspection) -> Iterator[str]:
-    reader, levels = band.reader, band.levels
+    reader, statistics = band.reader, band.adc_statistics
     file = reader.file
     rate = f"{file.sample_rate_hz / 1e6:g} Msps"
     yield f"{reader.band.name}  {file.path.name}: {file.form}, {rate}, {reader.duration_s:g} s"
@@ -94,11 +94,11 @@ def _band_lines(band: BandInspection) -> Iterator[str]:
     inverted = ", spectrum turned round" if file.spectral_inversion else ""
     width = "" if file.bandwidth_hz is None else f", {file.bandwidth_hz / 1e6:g} MHz wide"
     yield f"    0 Hz is {file.center_frequency_hz / 1e6:g} MHz{inverted}{width}"
-    center = levels.spectral_center_hz
+    center = statistics.spectral_center_hz
     around = "" if center is None else f", pass band around {center / 1e6:.2f} MHz"
     yield (
-        f"    {levels.n_distinct} distinct values, {levels.outermost_fraction:.2%} at ±{levels.outermost:g}, "
-        f"rms {levels.rms:.4g}{around}"
+        f"    {statistics.n_distinct} distinct values, {statistics.outermost_fraction:.2%} at ±{statistics.outermost:g}"
+        f", rms {statistics.rms:.4g}{around}"
     )
     if band.hash_agrees:
         yield "    the samples have the hash that the description states"
@@ -138,7 +138,7 @@ def _json(found: Inspection) -> dict[str, Any]:
 def _json_band(band: BandInspection) -> dict[str, Any]:
     from vestige.recording.exact_time import exact_gst
 
-    reader, levels = band.reader, band.levels
+    reader, statistics = band.reader, band.adc_statistics
     file = reader.file
     return {
         "file": str(file.path),
@@ -154,14 +154,14 @@ def _json_band(band: BandInspection) -> dict[str, Any]:
         "start_gst": None if file.start is None else exact_gst(file.start),
         "hash_agrees": band.hash_agrees,
         "levels": {
-            "n_samples": levels.n_samples,
-            "deviation": levels.deviation,
-            "rms": levels.rms,
-            "mean": [levels.mean.real, levels.mean.imag],
-            "n_distinct": levels.n_distinct,
-            "outermost": levels.outermost,
-            "outermost_fraction": levels.outermost_fraction,
-            "spectral_center_hz": levels.spectral_center_hz,
+            "n_samples": statistics.n_samples,
+            "deviation": statistics.deviation,
+            "rms": statistics.rms,
+            "mean": [statistics.mean.real, statistics.mean.imag],
+            "n_distinct": statistics.n_distinct,
+            "outermost": statistics.outermost,
+            "outermost_fraction": statistics.outermost_fraction,
+            "spectral_center_hz": statistics.spectral_center_hz,
         },
     }
 

@@ -153,7 +153,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
         time_uncertainty_s=options["time_uncertainty"],
-        label_error_s=_label_error_s(recording, found.assistance, around_s, processor) if around_s else 0.0,
+        time_tag_error_s=_label_error_s(recording, found.assistance, around_s, processor) if around_s else 0.0,
         searchable=options["level"] != "1",
         cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
         channels=_channels(options),
@@ -180,17 +180,17 @@ def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[S
 
 
 def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time label where it matters, else 0: E1 samples tell time modulo 100 ms only."""
-    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
+    """Return the uncertainty of the time tag where it matters, else 0: E1 samples tell time modulo 100 ms only."""
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
-    return 0.0 if recording.observations is not None or around_s <= LABEL_TOLERANCE_S else min(around_s, MAX_LABEL_S)
+    return 0.0 if recording.observations is not None or around_s <= TIME_TAG_TOLERANCE_S else min(around_s, MAX_LABEL_S)
 
 
 def _label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
-    """Return by how much the time label is late, from the RECS in the samples; says what it found."""
-    from vestige.recording.observations.e1_observation import LABEL_TOLERANCE_S
-    from vestige.recording.observations.label_search import search_label
+    """Return by how much the time tag is late, from the RECS in the samples; says what it found."""
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
+    from vestige.recording.observations.time_tag_search import search_label
 
     found = search_label(
         recording,
@@ -208,14 +208,14 @@ def _label_error_s(recording: Recording, assistance: Assistance, around_s: float
             )
     if found.error_s is None:
         echo(
-            f"warning: no RECS was found within the time label's ±{around_s:g} s, so the label is taken to be right "
-            f"to {LABEL_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
+            f"warning: no RECS was found within the time tag's ±{around_s:g} s, so the label is taken to be right "
+            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
             err=True,
         )
         return 0.0
-    if abs(found.error_s) > LABEL_TOLERANCE_S:
-        echo(f"warning: the time label is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
-    return found.error_s if abs(found.error_s) > LABEL_TOLERANCE_S else 0.0
+    if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
+        echo(f"warning: the time tag is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+    return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0
 
 
 def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:

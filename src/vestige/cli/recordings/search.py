@@ -339,7 +339,7 @@ def _around_s(recording: Recording, uncertainty_s: float | None) -> float:
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
         echo(
-            "warning: no bound on the time label's error (--uncertainty-s): "
+            "warning: no bound on the time tag's error (--uncertainty-s): "
             "nothing that is found is provably from before the disclosure of its key",
             err=True,
         )

@@ -48,7 +48,7 @@ def command(scenario: Path, **options: Any) -> None:
     from vestige.scenario.recording import RecordingScenario
     from vestige.scenario.toml.toml_file import overridden, read_toml
     from vestige.scenario.toml.toml_text import toml_text
-    from vestige.simulated.exported_case import placed
+    from vestige.simulated.exported_case import with_default_range
     from vestige.simulated.open_code_recording import open_code_recording
 
     raw = overridden(read_toml(scenario), options["settings"])
@@ -58,7 +58,7 @@ def command(scenario: Path, **options: Any) -> None:
             raise click.UsageError("--epochs is for campaigns; a recording is written whole")
         source = open_code_recording(loaded)
     else:
-        loaded = placed(loaded)
+        loaded = with_default_range(loaded)
         raw.setdefault("line_of_sight", {})["s0_m"] = loaded.line_of_sight.s0_m
         source = _test_case(loaded, options["epochs"])
     if options["output"].exists():

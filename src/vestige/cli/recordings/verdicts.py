@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.monitoring.alarm import StateChange
     from vestige.acas_processor.processor import Step
 
-COLUMNS = (
+VERDICT_COLUMNS = (
     "gst_week",
     "gst_second",
     "svid",
@@ -252,7 +252,7 @@ def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
     """
     stop: BaseException | None = None
     with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, COLUMNS)
+        writer = csv.DictWriter(stream, VERDICT_COLUMNS)
         writer.writeheader()
         written = False
 

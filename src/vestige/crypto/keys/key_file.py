@@ -46,7 +46,7 @@ from vestige.validated_key import ValidatedKey
 
 FIRST_LINE = "# vestige OSNMA keys 2"
 FIRST_LINE_1 = "# vestige OSNMA keys 1"
-COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
+KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
 MAX_FILE_BYTES = 100_000_000  # a year of keys
 
 _ROOT_PREFIX, _ALERT_PREFIX = "# root,", "# alert,"
@@ -98,7 +98,7 @@ def write_key_file(
             f"{root.kroot.serialise().hex()}"
         )
     lines += [f"{_ALERT_PREFIX}{time.week},{time.second}" for time in sorted(alerts)]
-    lines.append(",".join(COLUMNS))
+    lines.append(",".join(KEY_COLUMNS))
     for key in sorted(keys, key=lambda key: key.time):
         disclosed = key.disclosed_at
         lines.append(
@@ -155,9 +155,9 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
             raise AuthenticationError(f"{path}: line {place}: root key: {error}") from None
     for time in alerts:
         register.add_alert(time)
-    if number >= len(lines) or tuple(lines[number].split(",")) != COLUMNS:
+    if number >= len(lines) or tuple(lines[number].split(",")) != KEY_COLUMNS:
         found = lines[number] if number < len(lines) else "end of the file"
-        raise InputFileError(path, f"line {number + 1}", found, f"{_ROOT_PREFIX}… or {','.join(COLUMNS)}")
+        raise InputFileError(path, f"line {number + 1}", found, f"{_ROOT_PREFIX}… or {','.join(KEY_COLUMNS)}")
     rows = [
         (place, *_read_row(path, place, line))
         for place, line in enumerate(lines[number + 1 :], start=number + 2)
@@ -274,8 +274,10 @@ def _time(path: Path, number: int, week: str, second: str, name: str = "") -> Ga
 def _read_row(path: Path, number: int, line: str) -> tuple[Key, int, GalileoTime]:
     """Return key, chain and disclosure time of a line."""
     fields = line.split(",")
-    if len(fields) != len(COLUMNS):
-        raise InputFileError(path, f"line {number}", f"{len(fields)} fields", f"{len(COLUMNS)}: {','.join(COLUMNS)}")
+    if len(fields) != len(KEY_COLUMNS):
+        raise InputFileError(
+            path, f"line {number}", f"{len(fields)} fields", f"{len(KEY_COLUMNS)}: {','.join(KEY_COLUMNS)}"
+        )
     week, second, chain, data, disclosed_week, disclosed_second, _ = fields
     if not re.fullmatch(r"(?:[0-9A-Fa-f]{2})+", data):
         raise InputFileError(path, f"line {number}, key_hex", data, "hexadecimal digits")

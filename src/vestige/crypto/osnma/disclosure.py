@@ -58,7 +58,7 @@ class ReceptionProof:
     time_uncertainty_s
         Bound on the error of the receiver's clock in s; infinite if it is not known.
     labels_behind_s
-        By how much the time labels of the samples are behind the clock of that bound, 0 or more.
+        By how much the time tags of the samples are behind the clock of that bound, 0 or more.
     """
 
     disclosed_at: GalileoTime
@@ -67,6 +67,6 @@ class ReceptionProof:
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:
-        """Return whether a RECS whose first chip arrives at a time label was received, to its last chip, in time."""
+        """Return whether a RECS whose first chip arrives at a time tag was received, to its last chip, in time."""
         end = start + (self.duration_s + self.labels_behind_s)
         return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

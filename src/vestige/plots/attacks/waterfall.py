@@ -15,7 +15,7 @@ from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, titl
 from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
 
 SLICES = 90  # epochs that a landscape shows: more are a thicket at this width
-COLUMNS = 1600  # epochs that a map shows: some two for each pixel
+MAP_COLUMNS = 1600  # epochs that a map shows: some two for each pixel
 _BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
 _VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left: time runs away from the reader
 
@@ -78,7 +78,7 @@ def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes 
     VestigeError
         If the results lack the satellite.
     """
-    shown = _thin(select(results, svid=svid), COLUMNS)
+    shown = _thin(select(results, svid=svid), MAP_COLUMNS)
     ax = new_axes() if ax is None else ax
     offsets_m, time_s = column(shown, "tap_offset_m"), column(shown, "time_s")
     mesh = ax.pcolormesh(

@@ -14,7 +14,7 @@ from vestige.plots.figure import BLUE, GREEN, ORANGE, RED, dress, legend, new_ax
 _COLOURS = (BLUE, RED, GREEN, ORANGE)
 _CONFIDENCE = 0.95
 
-Curve = tuple[
+RocCurve = tuple[
     str,
     Float[np.ndarray, " n"],
     Float[np.ndarray, " n"],
@@ -24,7 +24,7 @@ Curve = tuple[
 ]
 
 
-def roc_curves(curves: Sequence[Curve], *, title: str) -> Axes:
+def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
     """Return P_d against the false-alarm probability of the whole search.
 
     Parameters

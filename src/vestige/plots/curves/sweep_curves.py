@@ -18,7 +18,7 @@ _CN0_KEY = "receiver.cn0_dbhz"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class SweepCurve:
     """Rows of a sweep that differ in the abscissa only.
 
     Attributes
@@ -50,7 +50,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
     return CN0, cn0_dbhz
 
 
-def curves(sweep: xarray.Dataset) -> tuple[Curve, ...]:
+def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
     """Return the rows of a sweep, one curve for each combination of the keys that it is not drawn against.
 
     Raises
@@ -71,7 +71,7 @@ def curves(sweep: xarray.Dataset) -> tuple[Curve, ...]:
         names = ", ".join(name.removeprefix(KEY) for name in others)
         raise VestigeError(f"sweep: found {len(rows)} combinations of {names}, expected at most {len(COLOURS)} curves")
     return tuple(
-        Curve(
+        SweepCurve(
             label=", ".join(f"{name} = {value}" for name, value in zip(short, combination, strict=True)),
             rows=np.array(members, dtype=np.int64),
         )

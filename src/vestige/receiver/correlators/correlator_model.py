@@ -150,7 +150,7 @@ class CorrelatorModel:
             part = np.minimum(distance - lag, 1.0)
             correlation = (1 - part) * draws.correlation[rows, lag] + part * draws.correlation[rows, lag + 1]
             if disturbance is not None:
-                far = disturbance.own_chips[ray] | np.any(np.abs(chips) > _SELF_NOISE_LAGS, axis=1, keepdims=True)
+                far = disturbance.forged_chips[ray] | np.any(np.abs(chips) > _SELF_NOISE_LAGS, axis=1, keepdims=True)
                 stranger = unrelated_correlation(disturbance.unrelated[:, ray], chips) / np.sqrt(self.n_chips)
                 correlation = np.where(far, stranger, correlation)
             taps += strength[:, ray, None] * correlation

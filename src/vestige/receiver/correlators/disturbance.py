@@ -43,7 +43,7 @@ class Disturbance:
         By how much they raise the noise power, in the same unit.
     unrelated
         B of every ray, of variance 1.
-    own_chips
+    forged_chips
         Rays whose chips never match.
     """
 
@@ -51,7 +51,7 @@ class Disturbance:
     waveforms: Complex128[np.ndarray, "n n_taps"]
     rise: Float[np.ndarray, " n"]
     unrelated: Float[np.ndarray, "n n_rays n_lags"]
-    own_chips: Bool[np.ndarray, " n_rays"]
+    forged_chips: Bool[np.ndarray, " n_rays"]
 
     def part(self, first: int, last: int) -> Disturbance:
         """Return that of some of the epochs."""
@@ -60,14 +60,14 @@ class Disturbance:
             waveforms=self.waveforms[first:last],
             rise=self.rise[first:last],
             unrelated=self.unrelated[first:last],
-            own_chips=self.own_chips,
+            forged_chips=self.forged_chips,
         )
 
 
 def drawn_disturbance(
     effects: BandEffects,
     offsets_m: Float[np.ndarray, " n_taps"],
-    own_chips: Bool[np.ndarray, " n_rays"],
+    forged_chips: Bool[np.ndarray, " n_rays"],
     *,
     seed: int,
     first: int,
@@ -82,7 +82,7 @@ def drawn_disturbance(
         Of E6, over the epochs.
     offsets_m
         Offsets of the taps.
-    own_chips
+    forged_chips
         Rays whose chips never match.
     seed, first, block_epochs
         Seed, number of the first epoch, and how many epochs share a stream of draws.
@@ -93,7 +93,7 @@ def drawn_disturbance(
     n_lags = int(np.ceil(np.ptp(chips))) + 2
     blocks = range(first // block_epochs, (first + n - 1) // block_epochs + 1) if n else range(0)
     mine = slice(first % block_epochs, first % block_epochs + n)
-    shape = (block_epochs, own_chips.size, n_lags)
+    shape = (block_epochs, forged_chips.size, n_lags)
     drawn = [stream(seed, "unrelated chips", block, *labels).standard_normal(shape) for block in blocks]
     unrelated = np.concatenate(drawn or [np.zeros((0, *shape[1:]))])[mine]
     waveforms, rise = np.zeros((n, chips.size), np.complex128), np.zeros(n)
@@ -107,7 +107,9 @@ def drawn_disturbance(
         ]
         waveforms += np.concatenate(coloured)[mine] * np.sqrt(one.j_over_n)[:, None]
         rise += one.j_over_n * covariance[0, 0].real
-    return Disturbance(white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, own_chips=own_chips)
+    return Disturbance(
+        white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, forged_chips=forged_chips
+    )
 
 
 def unrelated_correlation(

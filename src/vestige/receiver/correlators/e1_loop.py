@@ -63,7 +63,7 @@ class E1Tracking:
         C/N0 of what is tracked over that of the undisturbed true signal.
     captured
         Whether a counterfeit is the strongest signal in the prompt correlator.
-    own_data
+    forged_nav_data
         Whether it is one with navigation data of the attacker's own, and those are what is demodulated.
     """
 
@@ -72,7 +72,7 @@ class E1Tracking:
     rate_error_mps: Float[np.ndarray, " n"]
     gain: Float[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]
-    own_data: Bool[np.ndarray, " n"]
+    forged_nav_data: Bool[np.ndarray, " n"]
 
 
 class E1Loop:
@@ -121,7 +121,7 @@ class E1Loop:
                 rate_error_mps=zero,
                 gain=np.ones(count),
                 captured=never,
-                own_data=never,
+                forged_nav_data=never,
             )
         at_once = max(1, _PIECE_STEPS // self._steps)
         pieces = [
@@ -162,5 +162,5 @@ class E1Loop:
             rate_error_mps=-tracked_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + 0.0,
             gain=(np.maximum(power, _NO_POWER) / noise)[epoch],
             captured=dominant[epoch] > 0,
-            own_data=np.concatenate([[False], effects.own_data])[dominant[epoch]],
+            forged_nav_data=np.concatenate([[False], effects.forged_nav_data])[dominant[epoch]],
         )

@@ -89,7 +89,7 @@ class SearchOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Air:
+class BandSignals:
     """The signals of one satellite in one band over epochs; the true one is the first.
 
     Attributes
@@ -106,7 +106,7 @@ class Air:
     cn0_dbhz: Float[np.ndarray, " n"]
 
 
-def on_air(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> Air:
+def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
     Parameters
@@ -118,9 +118,9 @@ def on_air(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) 
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
-    added = np.where(effects.own_chips & (band is Band.E6), 0.0, effects.amplitude)
+    added = np.where(effects.forged_chips & (band is Band.E6), 0.0, effects.amplitude)
     zero = np.zeros((n, 1))
-    return Air(
+    return BandSignals(
         amplitude=np.concatenate([present + 0j, added * present], axis=1),
         delay_m=np.concatenate([zero, effects.delay_m], axis=1),
         doppler_hz=np.concatenate([zero, effects.doppler_hz], axis=1),
@@ -197,8 +197,8 @@ def search_outcome(
         As `e1_p_fa` and `exhaustive_p_fa` of `outcome`.
     """
     seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
-    e1 = on_air(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
-    e6 = on_air(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
+    e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
+    e6 = band_signals(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
     n, signals = e1.amplitude.shape
     blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
     drawn = [search_draws(stream(seed, "searches", block, svid), _DRAW_BLOCK, signals) for block in blocks]
@@ -221,8 +221,8 @@ def search_outcome(
 
 
 def outcome(
-    e1: Air,
-    e6: Air,
+    e1: BandSignals,
+    e6: BandSignals,
     draws: SearchDraws,
     *,
     shift_m: Float[np.ndarray, " n"],
@@ -315,7 +315,7 @@ def _off_tap_chips(
     return np.minimum(np.abs(chips - np.clip(np.round(2 * chips) / 2, 0, (TAPS - 1) / 4)), 1.0)
 
 
-def _found_on_e1(air: Air, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
+def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
     """Return which signals the search of E1 takes for one."""
     heard = _heard(air, Band.E1, E1_CODE_PERIOD_S)
     step_chips = E1_CODE_PERIOD_S * E1C.chip_rate_hz / _E1_PHASES
@@ -333,7 +333,7 @@ def _found_on_e1(air: Air, draws: SearchDraws, p_fa: float, periods: int) -> Boo
     return _separate(found, statistic, air.delay_m, blind_m, period_m=E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS)
 
 
-def _heard(air: Air, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
+def _heard(air: BandSignals, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
     """Return |h|² at the place of each signal; 0 where there is none."""
     apart_m = air.delay_m[:, :, None] - air.delay_m[:, None, :]
     pulse = BOC11 if band is Band.E1 else BPSK

@@ -44,7 +44,7 @@ class Accelerometers:
             if not 0 <= getattr(self, name) <= 10:
                 raise ValueError(f"{name} from 0 to 10")
 
-    def gained_mps(
+    def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
         """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run.

@@ -112,8 +112,8 @@ def counterfeit_satellites(
     forged
         Components with chips that an attacker makes up.
     """
-    own_chips = spoofer.effects(band, true.svid, np.zeros(1)).own_chips
-    for number, own in enumerate(own_chips):
+    forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
+    for number, own in enumerate(forged_chips):
         signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
         yield replace(true, components=forged if own else true.components, pseudorange=signal, propagation=signal)
 

@@ -62,7 +62,7 @@ def counterfeit_signals(
         doppler_hz = float(effects.doppler_hz[row, k])
         first, n_chips = _on_air(taken, line_of_sight, truth, row, delay_m)
         later_s = first / E6C.chip_rate_hz
-        chips = encrypted_chips(keys[int(effects.own_chips[k])], svid, sent + later_s, n_chips)
+        chips = encrypted_chips(keys[int(effects.forged_chips[k])], svid, sent + later_s, n_chips)
         direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
         strength = 10 ** (effects.power_db[row, k] / 20) * np.exp(1j * effects.phase_rad[row, k])
         turned = np.exp(2j * np.pi * ((doppler_hz * later_s) % 1.0))

@@ -33,12 +33,12 @@ from vestige.time import GalileoTime
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class SatelliteGeometry:
     """How a satellite is seen at n epochs; on a single line of sight always, with its full strength.
 
     Attributes
     ----------
-    ahead_s
+    clock_offset_s
         By how much the receiver's clock is ahead of the time at which the line of sight is to be taken.
     amplitude
         Amplitude of the line of sight over the nominal one.
@@ -48,18 +48,18 @@ class View:
         Whether it is above the elevation mask.
     """
 
-    ahead_s: Float[np.ndarray, " n"]
+    clock_offset_s: Float[np.ndarray, " n"]
     amplitude: Float[np.ndarray, " n"]
     azimuth_rad: Float[np.ndarray, " n"]
     elevation_rad: Float[np.ndarray, " n"]
     in_view: Bool[np.ndarray, " n"]
 
     @classmethod
-    def single(cls, n: int) -> View:
+    def single(cls, n: int) -> SatelliteGeometry:
         """Return that of a single line of sight."""
         unknown = np.full(n, np.nan)
         return cls(
-            ahead_s=np.zeros(n),
+            clock_offset_s=np.zeros(n),
             amplitude=np.ones(n),
             azimuth_rad=unknown,
             elevation_rad=unknown,
@@ -67,19 +67,19 @@ class View:
         )
 
 
-class Seen(NamedTuple):
+class SatelliteMotion(NamedTuple):
     """A view, with range, range rate and range acceleration."""
 
-    view: View
+    view: SatelliteGeometry
     range_m: Float[np.ndarray, " n"]
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
 
 
-def seen_alone(line_of_sight: RangeHistory, time_s: Float[np.ndarray, " n"]) -> Seen:
+def single_line_of_sight(line_of_sight: RangeHistory, time_s: Float[np.ndarray, " n"]) -> SatelliteMotion:
     """Return a single line of sight, whose range is that at times on the receiver's clock."""
-    return Seen(
-        View.single(time_s.size),
+    return SatelliteMotion(
+        SatelliteGeometry.single(time_s.size),
         line_of_sight.range_m(time_s),
         line_of_sight.rate_mps(time_s),
         line_of_sight.acceleration_mps2(time_s),
@@ -152,19 +152,19 @@ class ElevationEffects:
         """Nominal C/N0 over that at the zenith."""
         return float(self.antenna.cn0_dbhz(np.array([self.highest_rad]))[0]) - self.antenna.zenith_dbhz
 
-    def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Seen:
+    def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
         """Return how the satellite is seen at epochs on the receiver's clock, which is wrong by `clock_m`."""
-        ahead_s = clock_m / SPEED_OF_LIGHT_MPS
-        sight = self.path.sight(time_s - ahead_s)
+        clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
+        sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
-        view = View(
-            ahead_s=ahead_s,
+        view = SatelliteGeometry(
+            clock_offset_s=clock_offset_s,
             amplitude=10 ** (gain_db / 20),
             azimuth_rad=sight.azimuth_rad,
             elevation_rad=sight.elevation_rad,
             in_view=sight.elevation_rad >= np.radians(self.mask_deg),
         )
-        return Seen(
+        return SatelliteMotion(
             view,
             sight.range_m - sight.satellite_clock_m,
             sight.rate_mps - sight.satellite_clock_mps,

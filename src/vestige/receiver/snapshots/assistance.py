@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int64
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.receiver.simulation import KEY_ON_AIR, Simulation
-from vestige.receiver.snapshots.e6 import DrawnE6, SampledE6
+from vestige.receiver.snapshots.e6 import DrawnE6, SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.records import EncryptedSegment, GroupDelay
@@ -46,7 +46,7 @@ class SimulatedAssistance:
 
     def recs_of(self, snapshots: SnapshotBlock) -> SimulatedRecs:
         """Return the RECS that the satellites of a block sent, with their keys."""
-        if not isinstance(snapshots.e6, DrawnE6 | SampledE6):
+        if not isinstance(snapshots.e6, DrawnE6 | SimulatedE6Samples):
             raise TypeError("the assistance of a simulation is for its own snapshots")
         return SimulatedRecs(assistance=self, block=recs_block(snapshots.e6.of), first=snapshots.e6.of.first)
 

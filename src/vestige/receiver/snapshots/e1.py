@@ -45,7 +45,7 @@ def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarr
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return by how much the receiver's clock, and every time label with it, follows the attacker, times c."""
+    """Return by how much the receiver's clock, and every time tag with it, follows the attacker, times c."""
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 

@@ -79,7 +79,7 @@ class DrawnE6:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledE6:
+class SimulatedE6Samples:
     """E6 of the fidelity `samples`: each satellite has samples of its own, made when they are asked for and not kept.
 
     What the front end said of them is kept.
@@ -177,7 +177,7 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
     """What the front ends say, that of E6 when it is asked for."""
 
     e1: FrontEndBlock | None
-    e6: DrawnE6 | SampledE6
+    e6: DrawnE6 | SimulatedE6Samples
     _known: dict[Band, FrontEndBlock] = field(default_factory=dict)
 
     def __getitem__(self, band: Band) -> FrontEndBlock:

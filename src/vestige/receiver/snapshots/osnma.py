@@ -95,7 +95,7 @@ class OsnmaReception:
     @property
     def _true(self) -> list[Bool[np.ndarray, " n"]]:
         """Whether the data that are demodulated of each satellite are not the attacker's own."""
-        return [~one.e1.own_data for one in self.of.truth]
+        return [~one.e1.forged_nav_data for one in self.of.truth]
 
     def _received(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, "n k"]]:
         """Return for each satellite which pages are received."""

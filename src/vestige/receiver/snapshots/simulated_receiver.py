@@ -17,7 +17,7 @@ from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.snapshots.assistance import SimulatedAssistance
 from vestige.receiver.snapshots.e1 import e1_block
-from vestige.receiver.snapshots.e6 import DrawnE6, FrontEnds, SampledE6
+from vestige.receiver.snapshots.e6 import DrawnE6, FrontEnds, SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.searches import DrawnSearches
@@ -82,7 +82,7 @@ class SimulatedReceiver:
     def snapshots_of(self, of: ReceiverTruth) -> SnapshotBlock:
         """Return the same of a truth of which other quantities are wanted, too."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
-        e6 = DrawnE6(of) if self.fidelity == "correlators" else SampledE6(of)
+        e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
         time, received_s, elevation = self._times(of), self._received_s(of), self.simulations[0].elevation
         osnma = None if elevation is None else OsnmaReception(of=of)
         recs = np.zeros(of.n, np.bool_)
@@ -123,10 +123,10 @@ class SimulatedReceiver:
         """Return the velocity that accelerometers say was gained since the epoch before; nothing at the first one."""
         if self.accelerometers is None or elevation is None:
             return None
-        gained_mps = self.accelerometers.gained_mps(
+        delta_velocity_mps = self.accelerometers.delta_velocity_mps(
             elevation.path.trajectory, of.truth[0].time_s, self.interval_s, seed=of.seed, first=of.first
         )
-        rows = np.flatnonzero(np.isfinite(gained_mps[:, 0]))
+        rows = np.flatnonzero(np.isfinite(delta_velocity_mps[:, 0]))
         return VelocityIncrements(
-            epoch=rows, time=time[rows], delta_velocity_mps=gained_mps[rows], covered=np.ones(of.n, np.bool_)
+            epoch=rows, time=time[rows], delta_velocity_mps=delta_velocity_mps[rows], covered=np.ones(of.n, np.bool_)
         )

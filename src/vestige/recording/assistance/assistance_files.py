@@ -46,7 +46,7 @@ KEYS_NAME = "keys.csv"
 _HEAD_BYTES = 1 << 16
 
 
-class Kind(Enum):
+class FileKind(Enum):
     """What a file of the folder is."""
 
     RECS = "RECS"
@@ -59,14 +59,14 @@ class Kind(Enum):
     IONOSPHERE = "ionosphere"
 
 
-_BY_NAME = {KEYS_NAME: Kind.KEYS, RECEIVER_NAME: Kind.RECEIVER, IONOSPHERE_NAME: Kind.IONOSPHERE}
-_BY_SUFFIX = {".rcs": Kind.RECS, ".bgd": Kind.GROUP_DELAY, ".sbf": Kind.PAGES}
-_BY_HEAD: tuple[tuple[str, Kind, Callable[[bytes], bool]], ...] = (
-    (".bin", Kind.RECS, recs_file.has_recs_header),
-    (".csv", Kind.PAGES, lambda head: head.startswith(test_vector_csv.HEADER.encode())),
-    (".xml", Kind.MERKLE_TREE, lambda head: b"<MerkleTree" in head),
-    (".xml", Kind.PUBLIC_KEY, lambda head: b"<point>" in head),
-    (".pem", Kind.PUBLIC_KEY, lambda head: b"-----BEGIN PUBLIC KEY-----" in head),
+_BY_NAME = {KEYS_NAME: FileKind.KEYS, RECEIVER_NAME: FileKind.RECEIVER, IONOSPHERE_NAME: FileKind.IONOSPHERE}
+_BY_SUFFIX = {".rcs": FileKind.RECS, ".bgd": FileKind.GROUP_DELAY, ".sbf": FileKind.PAGES}
+_BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
+    (".bin", FileKind.RECS, recs_file.has_recs_header),
+    (".csv", FileKind.PAGES, lambda head: head.startswith(test_vector_csv.HEADER.encode())),
+    (".xml", FileKind.MERKLE_TREE, lambda head: b"<MerkleTree" in head),
+    (".xml", FileKind.PUBLIC_KEY, lambda head: b"<point>" in head),
+    (".pem", FileKind.PUBLIC_KEY, lambda head: b"-----BEGIN PUBLIC KEY-----" in head),
 )
 
 
@@ -153,7 +153,7 @@ class Contents:
     problems: tuple[VestigeError, ...] = ()
 
 
-def kind_of(path: Path) -> Kind | None:
+def kind_of(path: Path) -> FileKind | None:
     """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
 
     Raises
@@ -166,7 +166,7 @@ def kind_of(path: Path) -> Kind | None:
     if named is not None:
         return named
     if suffix == ".bin" and parse_name(path.name) is not None:
-        return Kind.RECS
+        return FileKind.RECS
     candidates = [(kind, test) for ending, kind, test in _BY_HEAD if ending == suffix]
     if not candidates:
         return None
@@ -243,13 +243,13 @@ def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
 
 
 # Trust is read before all of these, see `Trust.load`.
-READERS: Mapping[Kind, Callable[[Path, Settings], Contents]] = {
-    Kind.RECS: read_recs,
-    Kind.GROUP_DELAY: read_group_delays,
-    Kind.KEYS: read_keys,
-    Kind.PAGES: read_navigation_pages,
-    Kind.RECEIVER: read_receiver,
-    Kind.IONOSPHERE: read_ionosphere_delays,
+READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
+    FileKind.RECS: read_recs,
+    FileKind.GROUP_DELAY: read_group_delays,
+    FileKind.KEYS: read_keys,
+    FileKind.PAGES: read_navigation_pages,
+    FileKind.RECEIVER: read_receiver,
+    FileKind.IONOSPHERE: read_ionosphere_delays,
 }
 
 

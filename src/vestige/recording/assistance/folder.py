@@ -22,14 +22,14 @@ from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.recording.assistance.assistance_files import READERS, Contents, Kind, Settings, Trust, kind_of
+from vestige.recording.assistance.assistance_files import READERS, Contents, FileKind, Settings, Trust, kind_of
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
 
-Remembered = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
+FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class AssistanceFile:
     """
 
     path: Path
-    kind: Kind
+    kind: FileKind
     content: str
     signature: SignatureStatus | None = None
 
@@ -74,8 +74,8 @@ class AssistanceFolder:
     @property
     def cautions(self) -> tuple[str, ...]:
         """What the user should know before trusting a verdict: what was taken on the folder's own word."""
-        anchors = [file.path.name for file in self.files if file.kind in (Kind.PUBLIC_KEY, Kind.MERKLE_TREE)]
-        corrections = [file for file in self.files if file.kind in (Kind.RECEIVER, Kind.IONOSPHERE)]
+        anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
+        corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
         trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "
         trust += "name your own public key or Merkle tree"
         return (*([trust] if anchors else []), *(f"{file.path}: {file.content}" for file in corrections))
@@ -112,7 +112,7 @@ def read_assistance(
     reference: GalileoTime | None = None,
     window: tuple[GalileoTime, GalileoTime] | None = None,
     strict: bool = False,
-    remembered: Remembered | None = None,
+    remembered: FileCache | None = None,
 ) -> AssistanceFolder:
     """Return all usable assistance in `folder`, and what is wrong with the rest.
 
@@ -145,7 +145,10 @@ def read_assistance(
     """
     problems = _Problems(strict=strict)
     by_kind = _sorted_files(Path(folder), problems)
-    trust_files = {Kind.PUBLIC_KEY: by_kind.pop(Kind.PUBLIC_KEY), Kind.MERKLE_TREE: by_kind.pop(Kind.MERKLE_TREE)}
+    trust_files = {
+        FileKind.PUBLIC_KEY: by_kind.pop(FileKind.PUBLIC_KEY),
+        FileKind.MERKLE_TREE: by_kind.pop(FileKind.MERKLE_TREE),
+    }
     files: list[AssistanceFile] = []
     if public_key is not None or merkle_tree is not None:
         trust: Trust | None = Trust.load([public_key] if public_key else [], merkle_tree)
@@ -167,7 +170,7 @@ def read_assistance(
         window=window,
     )
     if settings.server_keys:
-        for kind in (Kind.RECEIVER, Kind.IONOSPHERE):
+        for kind in (FileKind.RECEIVER, FileKind.IONOSPHERE):
             problems.add(
                 InputFileError(path, "signature", "a correction, which nobody signs", "signed files only")
                 for path in by_kind[kind]
@@ -194,9 +197,9 @@ def read_assistance(
 
 
 def _contents(
-    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, remembered: Remembered | None
+    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, remembered: FileCache | None
 ) -> Contents:
-    if remembered is None or reader not in (READERS[Kind.RECS], READERS[Kind.GROUP_DELAY]):
+    if remembered is None or reader not in (READERS[FileKind.RECS], READERS[FileKind.GROUP_DELAY]):
         return reader(path, settings)
     state = path.stat()
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
@@ -206,13 +209,13 @@ def _contents(
     return remembered[path][1]
 
 
-def _sorted_files(folder: Path, problems: _Problems) -> dict[Kind, list[Path]]:
+def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path]]:
     """Return the files of a folder, and of the folders in it, by kind."""
     found = list(list_folder(folder))
     for path in tuple(found):
         if path.is_dir() and not path.name.startswith("."):
             found += problems.attempt(partial(list_folder, path)) or ()
-    by_kind: dict[Kind, list[Path]] = {kind: [] for kind in Kind}
+    by_kind: dict[FileKind, list[Path]] = {kind: [] for kind in FileKind}
     for path in found:
         if path.is_file() and not path.name.startswith("."):
             kind = problems.attempt(partial(kind_of, path))
@@ -221,9 +224,9 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[Kind, list[Path]]:
     return by_kind
 
 
-def _folder_trust(files: Mapping[Kind, Sequence[Path]]) -> Trust | None:
+def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> Trust | None:
     """Return what the folder itself offers to trust, or None; two Merkle trees are none."""
-    public_keys, trees = files[Kind.PUBLIC_KEY], files[Kind.MERKLE_TREE]
+    public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
         raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
     return Trust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
@@ -308,9 +311,9 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Tru
     if without:
         missing.append(f"group delays: none of {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
     kinds = {file.kind for file in files}
-    if Kind.RECEIVER not in kinds:
+    if FileKind.RECEIVER not in kinds:
         missing.append("receiver.toml: none, so the delay between the front ends is taken as 0")
-    if Kind.IONOSPHERE not in kinds:
+    if FileKind.IONOSPHERE not in kinds:
         missing.append("ionosphere.csv: none, so no ionospheric delay is predicted")
     unverified = sum(file.signature not in (None, SignatureStatus.VERIFIED) for file in files)
     if unverified:

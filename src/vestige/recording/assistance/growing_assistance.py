@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vestige.errors import VestigeError
-from vestige.recording.assistance.folder import AssistanceFolder, Remembered, read_assistance
+from vestige.recording.assistance.folder import AssistanceFolder, FileCache, read_assistance
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 
@@ -49,7 +49,7 @@ class GrowingAssistance:
         self._trust = {"public_key": public_key, "merkle_tree": merkle_tree}
         self._certificates = certificates
         self._warn = warn
-        self._remembered: Remembered = {}
+        self._remembered: FileCache = {}
         self._stamp: _Stamp | None = None
         self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # none
         self._not_before_s = 0.0

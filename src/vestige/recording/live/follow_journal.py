@@ -37,7 +37,7 @@ _Count = Annotated[int, Field(ge=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class FollowProgress:
     """How far a recording was followed.
 
     Attributes
@@ -59,7 +59,7 @@ class _State:
     settings: dict[str, str]
     n_bytes: _Count
     sha256: str  # of so many bytes
-    progress: Progress | None
+    progress: FollowProgress | None
 
 
 class FollowJournal:
@@ -89,7 +89,7 @@ class FollowJournal:
             self._lines.truncate(self._n_bytes)
             self._held = held.pop_all()
 
-    def _opened(self) -> tuple[Progress | None, int, hashlib._Hash]:
+    def _opened(self) -> tuple[FollowProgress | None, int, hashlib._Hash]:
         if not (self._folder / STATE).exists():
             if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
@@ -128,7 +128,7 @@ class FollowJournal:
                 raise InputFileError(path, name, now, f"{then}, with which this was begun")
         return state
 
-    def record(self, lines: Sequence[str], progress: Progress) -> None:
+    def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
         """Keep the lines of one epoch and how far it goes: both or neither."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):

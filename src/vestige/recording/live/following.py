@@ -42,7 +42,7 @@ from vestige.time import GalileoTime
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patience:
+class WaitLimits:
     """How long to wait for what, in s.
 
     Attributes
@@ -112,7 +112,7 @@ class Following:
     searchable: bool
     cn0_estimator: str = NOISE_FLOOR
     hardware_bias_s: float | None = None
-    patience: Patience
+    patience: WaitLimits
     index: int = 0
     after: GalileoTime | None = None
 

@@ -27,7 +27,7 @@ from vestige.records.inertial import Accelerations
 from vestige.time import GalileoTime
 
 # column -> smallest and largest value
-COLUMNS: Mapping[str, tuple[float, float]] = {
+ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
     "gst_week": (0, 99_999),
     "gst_second": (0, math.nextafter(SECONDS_PER_WEEK, 0)),
     "east_mps2": (-1e4, 1e4),
@@ -53,7 +53,7 @@ def read_accelerations(path: Path) -> Accelerations:
     for number, line in numbered_lines(path):
         table.take(number, line)
     if not table.begun:
-        check_header(path, "", COLUMNS)  # which an empty file has
+        check_header(path, "", ACCELERATION_COLUMNS)  # which an empty file has
     if table.n_rows < 2:
         raise InputFileError(path, "file", f"{table.n_rows} rows", "two or more")
     return table.accelerations()
@@ -129,10 +129,10 @@ class _Table:
     def take(self, number: int, line: str) -> None:
         """Take the next line."""
         if not self.begun:
-            check_header(self._path, line, COLUMNS)
+            check_header(self._path, line, ACCELERATION_COLUMNS)
             self.begun = True
         elif line.strip():
-            week, second, *acceleration = numeric_row(self._path, number, line, COLUMNS)
+            week, second, *acceleration = numeric_row(self._path, number, line, ACCELERATION_COLUMNS)
             if week != int(week):
                 raise InputFileError(self._path, f"line {number}: gst_week", week, "a whole number")
             if not (week, second) > self._last:

@@ -31,7 +31,7 @@ from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
 REQUIRED = ("gst_week", "gst_second", "svid", "pseudorange_m")
-COLUMNS = ("gst_week", "gst_second", "svid", *LIMITS, "cycle_slip")
+OBSERVATION_COLUMNS = ("gst_week", "gst_second", "svid", *LIMITS, "cycle_slip")
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _WHOLE = re.compile(r"\d{1,6}", re.ASCII)
@@ -113,7 +113,7 @@ class CsvParser:
 def write_csv_observations(path: Path, epochs: Iterable[ObservationEpoch]) -> None:
     """Write epochs, in time order, so that reading gives back the same bits."""
     with path.open("w", encoding="ascii", newline="\n") as stream:
-        stream.write(",".join(COLUMNS) + "\n")
+        stream.write(",".join(OBSERVATION_COLUMNS) + "\n")
         for epoch in epochs:
             for svid in sorted(epoch.observations):
                 fields = [getattr(epoch.observations[svid], name) for name in LIMITS]
@@ -130,8 +130,8 @@ def _columns(path: Path, line: str) -> list[str]:
         if name not in columns:
             raise InputFileError(path, "line 1", line, f"column names with {name}")
     for name in columns:
-        if name not in COLUMNS:
-            raise InputFileError(path, "line 1: column", name, f"one of {', '.join(COLUMNS)}")
+        if name not in OBSERVATION_COLUMNS:
+            raise InputFileError(path, "line 1: column", name, f"one of {', '.join(OBSERVATION_COLUMNS)}")
         if columns.count(name) > 1:
             raise InputFileError(path, "line 1: column", f"{name} twice", "each column once")
     return columns

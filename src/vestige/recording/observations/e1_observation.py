@@ -3,8 +3,8 @@
 `measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code.
 Satellites in view differ by less than 25 ms in travel time, so their times of transmission are placed together; the
 common multiple of 100 ms is the one that puts the median travel time nearest to that of a medium orbit. That is right
-as long as the recording's time label is within ±`LABEL_TOLERANCE_S` of the truth, or its error is known from the
-hand-over search (`label_search`). A receiver with a tracking loop reads the time of week from I/NAV instead.
+as long as the recording's time tag is within ±`TIME_TAG_TOLERANCE_S` of the truth, or its error is known from the
+hand-over search (`time_tag_search`). A receiver with a tracking loop reads the time of week from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from vestige.time import GalileoTime
 
 SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
 MEDIAN_TRAVEL_TIME_S = 0.086  # Galileo, 29,600 km orbits: 77.5 ms at the zenith, 95 ms at 5° elevation
-LABEL_TOLERANCE_S = 0.04  # half the secondary code period, less 9 ms by which a median travel time may differ from 86
+TIME_TAG_TOLERANCE_S = (
+    0.04  # half the secondary code period, less 9 ms by which a median travel time may differ from 86
+)
 MIN_SECONDARY_MARGIN_DB = 1.0  # CS25's own second-best phase is 5.6 dB down; noise eats the rest
 
 
@@ -29,7 +31,7 @@ def observe(
     batch: SampleBatch,
     svids: Iterable[int],
     *,
-    label_error_s: float = 0.0,
+    time_tag_error_s: float = 0.0,
     cn0_estimator: str = NOISE_FLOOR,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
@@ -41,8 +43,8 @@ def observe(
         E1 samples, best 100 ms.
     svids
         Satellites to look for.
-    label_error_s
-        By how much the time label of the batch is known to be late.
+    time_tag_error_s
+        By how much the time tag of the batch is known to be late.
     cn0_estimator
         As `measure_e1`.
     progress
@@ -54,7 +56,7 @@ def observe(
     kept = {one.svid: one for one in measured if one.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB}
     middle = batch.start + batch.samples.size / batch.sample_rate_hz / 2
     phases_s = {svid: (one.time.fraction - one.transmit_phase_s) for svid, one in kept.items()}
-    travel_s = place_travel_times(phases_s, MEDIAN_TRAVEL_TIME_S + label_error_s)
+    travel_s = place_travel_times(phases_s, MEDIAN_TRAVEL_TIME_S + time_tag_error_s)
     return middle, {svid: _at(one, travel_s[svid], middle) for svid, one in kept.items()}
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from vestige.errors import UnsupportedError
-from vestige.recording.adc_statistics import levels
+from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.recording.samples.sample_format import SampleFormat, encode
@@ -174,7 +174,7 @@ def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -
     paths, commands = [], []
     for band, reader in _bands(recording):
         path = folder / f"{band.value.lower()}.bin"
-        scale = _POCKETSDR_RMS / levels(reader).rms
+        scale = _POCKETSDR_RMS / adc_statistics(reader).rms
         with path.open("wb") as stream:
             for first in range(reader.first_sample, reader.end_sample, _CHUNK):
                 samples = reader.samples(first, min(_CHUNK, reader.end_sample - first))

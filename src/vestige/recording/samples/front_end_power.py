@@ -11,11 +11,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vestige.recording.samples.sample_format import Component, SampleFormat
+from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import FrontEndStatus, SampleBatch
 
 CLIPPED = 0.01  # share of numbers at the end of the scale; Gaussian noise set to a third of it has 0.3 %
-_END_OF_SCALE: Mapping[Component, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
+_END_OF_SCALE: Mapping[SampleType, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
 
 
 def front_end_status(batch: SampleBatch, form: SampleFormat) -> FrontEndStatus:

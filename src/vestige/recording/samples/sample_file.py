@@ -83,9 +83,7 @@ class SampleReader:
     def time_of(self, sample: int) -> GalileoTime:
         """Return the receiver-clock time of a sample by its number on the shared counter; raises as `start`."""
         if self.file.start is None:
-            raise InputFileError(
-                self.file.described_in, "start time", "nothing", "a time label, or a start to be given"
-            )
+            raise InputFileError(self.file.described_in, "start time", "nothing", "a time tag, or a start to be given")
         return samples_later(self.file.start, sample - self.file.first_sample, self.file.sample_rate_hz)
 
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:

@@ -16,11 +16,11 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Complex64, Num, Shaped
 
-Component = Literal["int8", "uint8", "int16", "uint16", "float32"]
+SampleType = Literal["int8", "uint8", "int16", "uint16", "float32"]
 Layout = Literal["real", "iq", "qi"]
 
 # component: (numpy type, stored value of zero, name in a SigMF datatype); unsigned samples are offset binary
-COMPONENTS: dict[Component, tuple[str, int, str]] = {
+COMPONENTS: dict[SampleType, tuple[str, int, str]] = {
     "int8": ("i1", 0, "i8"),
     "uint8": ("u1", 1 << 7, "u8"),
     "int16": ("i2", 0, "i16"),
@@ -48,7 +48,7 @@ class SampleFormat:
         Byte order of components of more than one byte.
     """
 
-    component: Component
+    component: SampleType
     layout: Layout
     big_endian: bool = False
 

@@ -17,7 +17,7 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
                                        sample in Galileo System Time. `core:datetime` says the same to a microsecond
 ======= ============================== =============================================================================
 
-Of two bands the counter rules: their time labels must agree with it. Labels that only `core:datetime` gives may be off
+Of two bands the counter rules: their time tags must agree with it. Labels that only `core:datetime` gives may be off
 by a millisecond (many recorders write no more digits) if both files state a `core:global_index`; without one, they
 must be equal, since nothing else says how the bands lie to each other.
 """
@@ -272,7 +272,7 @@ def _data_file(path: Path, top: Mapping[str, Any]) -> Path:
 
 
 def _start(path: Path, capture: Mapping[str, Any]) -> tuple[GalileoTime | None, bool]:
-    """Return the time label of a capture and whether it is exact."""
+    """Return the time tag of a capture and whether it is exact."""
     key, label = "vestige:start_gst", None
     exact, coarse = capture.get("vestige:start_gst"), capture.get("core:datetime")
     try:
@@ -317,5 +317,5 @@ def _counted(stream: _Stream, reference: _Stream) -> BandFile:
     tolerance = EXACT_AGREEMENT_S if both_exact else DATETIME_AGREEMENT_S if both_count else DATETIME_RESOLUTION_S
     if abs(file.start - counted.start) > tolerance:
         expected = f"{counted.start}, which follows from core:global_index and the other band"
-        raise InputFileError(file.described_in, "captures.0 time label", str(file.start), expected)
+        raise InputFileError(file.described_in, "captures.0 time tag", str(file.start), expected)
     return file if both_exact else counted

@@ -41,7 +41,7 @@ _ROWS = 32  # whose samples are read at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HandoverLine:
+class CandidateEpochs:
     """Where the chips may be by one signal on E1: at a known moment and every period before and after it.
 
     Attributes
@@ -85,7 +85,7 @@ class _Scale:
 
 def search_handover(
     source: SampleSource,
-    line: HandoverLine,
+    line: CandidateEpochs,
     first_start: GalileoTime,
     last_start: GalileoTime,
     threshold: float,
@@ -135,7 +135,7 @@ def search_handover(
 
 
 def positions(
-    source: SampleSource, line: HandoverLine, first_start: GalileoTime, last_start: GalileoTime
+    source: SampleSource, line: CandidateEpochs, first_start: GalileoTime, last_start: GalileoTime
 ) -> Int64[np.ndarray, " places"]:
     """Return the numbers m of the places to search: in the time uncertainty, and with all their rows in the samples."""
     scale, rows = _scale(source, line), _rows(line.chips)
@@ -150,7 +150,7 @@ def positions(
 
 
 def _squares(
-    source: SampleSource, line: HandoverLine, places: Int64[np.ndarray, " places"], taps: int
+    source: SampleSource, line: CandidateEpochs, places: Int64[np.ndarray, " places"], taps: int
 ) -> Iterator[tuple[Int64[np.ndarray, " places"], Float64[np.ndarray, "places taps"]]]:
     """Yield groups of places with the squared magnitudes of their hypotheses over the noise variance per dimension."""
     n_rows = _rows(line.chips)
@@ -191,7 +191,7 @@ class _Replica:
         return cls(code, n_quarters, tap_of, (even, odd))
 
     def products(
-        self, source: SampleSource, line: HandoverLine, first_row: int, n: int
+        self, source: SampleSource, line: CandidateEpochs, first_row: int, n: int
     ) -> tuple[Float32[np.ndarray, "parts rows quarters taps"], Float64[np.ndarray, " rows"]]:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
         products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
@@ -210,7 +210,7 @@ class _Replica:
 
 def _fill(
     source: SampleSource,
-    line: HandoverLine,
+    line: CandidateEpochs,
     first_row: int,
     replica: tuple[np.ndarray, ...],
     out: tuple[np.ndarray, ...],
@@ -240,7 +240,7 @@ def _fill(
     )
 
 
-def _handover(source: SampleSource, line: HandoverLine, place: int, tap: int) -> Handover:
+def _handover(source: SampleSource, line: CandidateEpochs, place: int, tap: int) -> Handover:
     """Return the hypothesis at a place and tap."""
     scale = _scale(source, line)
     chips = place * line.period_s * line.chips.chip_rate_hz + tap / 2
@@ -255,7 +255,7 @@ def _handover(source: SampleSource, line: HandoverLine, place: int, tap: int) ->
     )
 
 
-def _scale(source: SampleSource, line: HandoverLine) -> _Scale:
+def _scale(source: SampleSource, line: CandidateEpochs) -> _Scale:
     carrier_hz = CARRIER_HZ[source.read(source.first_sample, 1).band]
     rate = line.chips.chip_rate_hz
     return _Scale(rate * (1 + line.doppler_hz / carrier_hz), rate * line.doppler_rate_hz_per_s / carrier_hz)

@@ -31,7 +31,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class MisfitError(ValueError):
+class InconsistentSettingsError(ValueError):
     """Values that do not fit together.
 
     Parameters
@@ -141,18 +141,20 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
         raise InputFileError(path, misfit.place or "top level", misfit.found, misfit.expected) from error
 
 
-def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> MisfitError:
+def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
     """Return the first thing that is wrong with tables, in our words."""
     first = error.errors()[0]
     place = _place(raw, first["loc"])
     cause = first.get("ctx", {}).get("error")
-    if isinstance(cause, MisfitError):
-        return MisfitError(".".join(part for part in (place, cause.place) if part), cause.found, cause.expected)
+    if isinstance(cause, InconsistentSettingsError):
+        return InconsistentSettingsError(
+            ".".join(part for part in (place, cause.place) if part), cause.found, cause.expected
+        )
     if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
         place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
-        return MisfitError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
+        return InconsistentSettingsError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
     found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
-    return MisfitError(place, found, expected)
+    return InconsistentSettingsError(place, found, expected)
 
 
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"

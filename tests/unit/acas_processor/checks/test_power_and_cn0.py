@@ -1,4 +1,4 @@
-"""The three checks of a normal statistic in dB: received power, C/N0, wrong-code floor."""
+"""The three checks of a normal statistic in dB: received power, C/N0, post-correlation noise floor."""
 
 from __future__ import annotations
 

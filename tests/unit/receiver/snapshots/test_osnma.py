@@ -52,7 +52,9 @@ def test_a_subframe_that_began_before_the_run_does_not_end_in_it() -> None:
 
 
 def test_what_a_counterfeit_with_data_of_its_own_brings_differs() -> None:
-    attack = 'attack=[{kind="e1-asynchronous", start_s=60.0, power_db=20.0, delay_m=0.0, own_data=true, svids=[6]}]'
+    attack = (
+        'attack=[{kind="e1-asynchronous", start_s=60.0, power_db=20.0, delay_m=0.0, forged_nav_data=true, svids=[6]}]'
+    )
     block, osnma = _block(sky_scenario("epochs=180", attack))
     column = block.svids.index(6)
     others = [place for place in range(len(block.svids)) if place != column]

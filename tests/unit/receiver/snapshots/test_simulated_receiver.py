@@ -15,7 +15,7 @@ from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.snapshots.e6 import SampledE6
+from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band
 from vestige.records.snapshot_block import SearchRequest, SnapshotBlock
 from vestige.records.times import GalileoTimes
@@ -180,7 +180,7 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(simulation_module, "e6_samples", counted)
     (block,) = _blocks(scenario)
-    assert isinstance(block.e6, SampledE6)
+    assert isinstance(block.e6, SimulatedE6Samples)
     assert not made
 
     class Late:

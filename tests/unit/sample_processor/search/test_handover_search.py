@@ -9,7 +9,7 @@ from vestige.constants import E6_CARRIER_HZ
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import handover_search
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
-from vestige.sample_processor.search.handover_search import HandoverLine, positions, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
 from vestige.sample_processor.search.peak import shortened
 from vestige.sample_processor.search.sample_source import BatchSource
 
@@ -19,8 +19,8 @@ CHIP_S = 1 / 5.115e6
 THRESHOLD = 6.0
 
 
-def line(start_s: float, period_s: float = 4e-3, **options: float) -> HandoverLine:
-    return HandoverLine(
+def line(start_s: float, period_s: float = 4e-3, **options: float) -> CandidateEpochs:
+    return CandidateEpochs(
         svid=11,
         chips=CHIPS,
         anchor=START + start_s,
@@ -117,7 +117,7 @@ def test_with_the_secondary_code_phase_only_every_100_ms_is_tested() -> None:
 def test_a_shorter_segment_is_as_many_rows() -> None:
     chips = shortened(CHIPS, 20_460)
     source = e6_source([arrival(chips, 0.02, 50.0, DOPPLER_HZ, DOPPLER_RATE)], 0.03, 2)
-    one = HandoverLine(svid=3, chips=chips, anchor=START + 0.02, period_s=4e-3, doppler_hz=DOPPLER_HZ)
+    one = CandidateEpochs(svid=3, chips=chips, anchor=START + 0.02, period_s=4e-3, doppler_hz=DOPPLER_HZ)
     (peak,) = search_handover(source, one, START, START + 1, THRESHOLD, taps=1)
     assert peak.start_time - START == pytest.approx(0.02, abs=0.1 * CHIP_S)
 

@@ -1,4 +1,4 @@
-"""How wrong a recording's time label is, where only samples can say: the hand-over search over its uncertainty.
+"""How wrong a recording's time tag is, where only samples can say: the hand-over search over its uncertainty.
 
 E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. Which of the periods
 it is, no open code says; but the chips of a RECS come once. So each signal on E1 is handed over at all the periods that
@@ -53,7 +53,7 @@ def search_label(
     cipher_mode: CipherMode = CipherMode.CBC,
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION,
 ) -> LabelSearch:
-    """Return the error of a recording's time label from the RECS in its samples.
+    """Return the error of a recording's time tag from the RECS in its samples.
 
     Parameters
     ----------

@@ -1,0 +1,28 @@
+"""Old names of keys work for one release, with a warning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from vestige.errors import VestigeWarning
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.scenario.toml.renamed_keys import with_new_names
+
+SKY = Path(__file__).parents[3] / "scenarios" / "sky.toml"
+ATTACK = 'attack=[{{kind="e1-asynchronous", power_db=10.0, delay_m=0.0, {0}=true}}]'
+
+
+def test_an_old_name_is_read_and_warned_of() -> None:
+    with pytest.warns(VestigeWarning, match="own_data is called forged_nav_data now"):
+        old = load_scenario(SKY, [ATTACK.format("own_data")])
+    new = load_scenario(SKY, [ATTACK.format("forged_nav_data")])
+    assert isinstance(old, CampaignScenario)
+    assert old == new
+
+
+def test_both_names_are_left_for_the_reader_to_refuse() -> None:
+    both = {"own_data": True, "forged_nav_data": False}
+    assert with_new_names(both) == both
