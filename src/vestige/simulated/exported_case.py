@@ -21,8 +21,7 @@ from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, SVID, Simulation
-from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
-from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
+from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.observations.observation_epoch import ObservationEpoch
@@ -205,12 +204,8 @@ class AcasTestCase:
         phase_cycles = self._ambiguity - to_hz * phase_m
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + self.truth.e1_rate_noise_mps + self.truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
-        cn0_dbhz = estimated_cn0_dbhz(
-            tracked_cn0_dbhz(self.simulation, self.truth),
-            seed=self.simulation.seed,
-            svid=SVID,
-            first=self.first,
-        )
+        multipath_m = self.simulation.e1_multipath_m(self.truth)
+        cn0_dbhz = reported_cn0_dbhz(self.simulation, self.truth, multipath_m, first=self.first)
         return tuple(
             ObservationEpoch(
                 time=self.simulation.transmit_time(epoch) + MEDIAN_TRAVEL_TIME_S,

@@ -104,6 +104,43 @@ def e1_taps(
     return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals + noise
 
 
+def power_with_rays(
+    truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
+) -> Float[np.ndarray, " n"]:
+    """Return the mean power of the prompt correlator beside rays, over that of the undisturbed signal, without noise.
+
+    The line of sight and its rays beat with each other; what turns fast against `averaging_s` is averaged out. Rays
+    are those of the true signal: once the loop has gone with a counterfeit, they lie outside its correlator.
+
+    Parameters
+    ----------
+    truth
+        Of the satellite.
+    multipath_m
+        Error of the pseudorange by rays.
+    averaging_s
+        Time over which the receiver averages the power.
+    """
+    one, rays = np.ones((truth.time_s.size, 1)), truth.rays
+    delay_m = np.concatenate([0 * one, rays.delay_m], axis=1)
+    doppler_hz = np.concatenate([0 * one, rays.doppler_hz * _RAY_DOPPLER], axis=1)
+    chips = ((truth.e1.error_m + multipath_m)[:, None] - delay_m) * _CHIPS_A_METRE
+    overlap = autocorrelation(BOC11, chips.ravel()).reshape(chips.shape)
+    amplitude = np.concatenate([one + 0j, rays.amplitude_e1], axis=1) * overlap
+    without_rays = autocorrelation(BOC11, truth.e1.error_m * _CHIPS_A_METRE) ** 2
+    by_rays = _beating_power(amplitude, doppler_hz, averaging_s) - without_rays
+    return truth.e1.gain + by_rays / (1 + truth.e1_attack.rise(Band.E1))
+
+
+def _beating_power(
+    amplitude: Complex128[np.ndarray, "n k"], doppler_hz: Float[np.ndarray, "n k"], averaging_s: float
+) -> Float[np.ndarray, " n"]:
+    """Return the mean of |Σ a e^{j2πft}|² over a time that begins at the epoch."""
+    turns = (doppler_hz[:, :, None] - doppler_hz[:, None, :]) * averaging_s
+    beat = np.exp(1j * np.pi * turns) * np.sinc(turns)
+    return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
+
+
 def power_rise_db(
     truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float = POWER_BANDWIDTH_HZ
 ) -> Float[np.ndarray, " n"]:

@@ -4,7 +4,8 @@ A pseudorange holds geometry and receiver clock, noise, multipath and what an at
 holds the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it is common to both bands and no
 part of the range check.
 
-C/N0, correlators and power come in single precision, as results keep them.
+The C/N0 is an estimate over a second, which fades with the rays of that second (`cn0_estimate`). C/N0, correlators and
+power come in single precision, as results keep them.
 
 A satellite that is out of view, or weaker than the loop can hold, is not there. So is nothing wrong with a pseudorange
 of 0.6 million kilometres under a sky: the fix says that the receiver's clock is wrong by 2 s, and its monitor asks why.
@@ -18,13 +19,15 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
-from vestige.receiver.correlators.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db, power_with_rays
 from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.simulation import Fidelity, Simulation
-from vestige.receiver.snapshots.cn0_estimate import estimated_cn0_dbhz
+from vestige.receiver.snapshots.cn0_estimate import INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
+
+_LEAST_POWER = 1e-6  # of a prompt correlator in a deep fade
 
 
 def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -70,6 +73,11 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
     taps, front_end = _taps_and_power(of, fidelity) if with_taps else (None, None)
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
 
+    cn0_dbhz = [
+        reported_cn0_dbhz(simulation, truth, multipath_m, first=of.first)
+        for simulation, truth, multipath_m in zip(of.simulations, of.truth, of.e1_multipath_m.T, strict=True)
+    ]
+
     def seen(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         return np.where(shown, values, np.nan)
 
@@ -78,7 +86,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
         carrier_phase_cycles=seen(-to_hz * of.each(_carrier_m)),
         doppler_hz=seen(to_hz * of.each(range_rate_mps)),
         doppler_rate_hz_per_s=seen(to_hz * of.each(lambda _, truth: truth.acceleration_mps2)),
-        cn0_dbhz=seen(single(of.each(lambda simulation, truth: _estimated(simulation, truth, of.first)))),
+        cn0_dbhz=seen(single(np.stack(cn0_dbhz, axis=1))),
         taps=None
         if taps is None
         else np.where(shown[..., None], taps.astype(np.complex64), np.nan).astype(np.complex128),
@@ -102,8 +110,22 @@ def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarra
     return truth.rate_mps + truth.clock_drift_mps + truth.e1_rate_noise_mps + truth.e1.rate_error_mps
 
 
-def _estimated(simulation: Simulation, truth: TruthBlock, first: int) -> Float[np.ndarray, " n"]:
+def reported_cn0_dbhz(
+    simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
+) -> Float[np.ndarray, " n"]:
+    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with the rays.
+
+    Parameters
+    ----------
+    simulation, truth, multipath_m
+        The satellite, and the error of its pseudorange by rays.
+    first
+        Number of the first epoch.
+    """
     cn0_dbhz = tracked_cn0_dbhz(simulation, truth)
+    if simulation.models.e1_multipath:
+        power = power_with_rays(truth, multipath_m, averaging_s=PROMPTS * INTEGRATION_S)
+        cn0_dbhz = cn0_dbhz + 10 * np.log10(np.maximum(power, _LEAST_POWER) / truth.e1.gain)
     return estimated_cn0_dbhz(cn0_dbhz, seed=simulation.seed, svid=simulation.svid, first=first)
 
 
