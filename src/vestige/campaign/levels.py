@@ -175,8 +175,7 @@ def level_verdicts(
     VestigeError
         If the results hold too little for a level above 1.
     """
-    if max(levels) > 1 and "e1_taps" not in results:
-        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
+    _check_level(results, max(levels))
     processor, measured = measured_of(results)
     monitoring = replace(processor.monitoring, alarms_a_day=alarms_a_day)
     return tuple(
@@ -193,9 +192,16 @@ def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasPro
         As `level_verdicts`.
     change
         Returns the processor that judges for the one of the campaign.
+
+    Raises
+    ------
+    VestigeError
+        If the results hold too little for the level of that processor.
     """
     processor, measured = measured_of(results)
-    return _verdicts(results, change(processor), measured)
+    changed = change(processor)
+    _check_level(results, changed.level)
+    return _verdicts(results, changed, measured)
 
 
 def failures(check: CheckSeries) -> Proportion:
@@ -226,6 +232,11 @@ def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBloc
     of = Judged(scenario=scenario, processor=processor, svids=tuple(results["svid"].values.tolist()))
     epoch = np.rint(columns["time_s"] / scenario.interval_s).astype(np.int64)
     return processor, measured_block(of, epoch, columns)
+
+
+def _check_level(results: xarray.Dataset, level: int) -> None:
+    if level > 1 and "e1_taps" not in results:
+        raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
 
 
 def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:

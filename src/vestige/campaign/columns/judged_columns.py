@@ -53,6 +53,8 @@ def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:
         axes = (slice(None), None) if series.of_receiver else ()
         statistic[place], threshold[place] = series.statistic[axes], series.threshold[axes]
         result[place] = np.where(failed, 1, np.where(series.run, 0, -1))[axes]
+    for values in (statistic, threshold):  # the sign of a NaN depends on where in a vector it was computed
+        values[np.isnan(values)] = np.nan
     return {
         "status": block.status,
         "state": block.state,

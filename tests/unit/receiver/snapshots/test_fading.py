@@ -16,7 +16,8 @@ from vestige.signals.pulse import BOC11, autocorrelation
 
 AVERAGING_S = PROMPTS * INTEGRATION_S
 STRONG = (
-    'receiver.multipath={kind="lms-lite", power_db=-9.0, mean_excess_m=20.0, n_rays=3, speed_mps=0.05, mean_life_m=1.0}',
+    'receiver.multipath={kind="lms-lite", power_db=-9.0, mean_excess_m=20.0, n_rays=3, '
+    "speed_mps=0.05, mean_life_m=1.0}",
     "receiver.e1_multipath=true",
 )
 
