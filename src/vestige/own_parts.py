@@ -124,6 +124,36 @@ def require_members(kind: str, thing: object, protocol: type) -> None:
         )
 
 
+def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]) -> None:
+    """Raise if what a part of the user's returned is not numbers of a shape; nothing is asked of vestige's own.
+
+    Parameters
+    ----------
+    part
+        The part.
+    name
+        What returned the values.
+    values, shape
+        What it returned, and the shape that they need: epochs first.
+
+    Raises
+    ------
+    OwnPartError
+        If the values have another shape, or one of them is not a number. Infinities are numbers.
+    """
+    if type(part).__module__.startswith("vestige."):
+        return
+    import numpy as np  # noqa: PLC0415  (`vestige --help` needs none)
+
+    kind, found = kind_of(type(part)), np.asarray(values)
+    if found.shape != shape or not np.issubdtype(found.dtype, np.number):
+        raise OwnPartError(
+            kind, f"{found.dtype} values of shape {found.shape} from {name}", f"numbers of shape {shape}"
+        )
+    if np.isnan(found).any():
+        raise OwnPartError(kind, f"NaN among the values of {name}", "numbers")
+
+
 def digest(kind: str) -> str:
     """Return the first digits of the SHA-256 of the file of a part's module, as it was when it was imported."""
     module = kind.partition(":")[0]

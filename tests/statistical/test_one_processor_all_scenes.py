@@ -1,4 +1,4 @@
-"""Every scene of the threat table, at every level: snapshots one by one, in blocks and in campaigns get the same bits."""
+"""Every scene of the threat table, at every level: one by one, in blocks and as a campaign it has the same bits."""
 
 from __future__ import annotations
 

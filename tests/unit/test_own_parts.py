@@ -165,6 +165,57 @@ def test_a_detector_that_errs_is_one_line(folder: Path, body: str, text: str) ->
         direct_results(plan)
 
 
+COUNTERFEIT = (
+    "import numpy as np\nfrom dataclasses import dataclass\nfrom vestige.spoofer.attack import Attack\n"
+    "@dataclass(frozen=True, kw_only=True)\nclass A(Attack):\n    def noise_over_n0(self, band, times_s):\n        "
+)
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        (
+            "return np.ones(3)",
+            r"shape \(3,\) from noise_over_n0, expec",
+        ),
+        (
+            "return 0 / np.zeros(times_s.size)",
+            "NaN among the values",
+        ),
+        ("return 1 / 0", "raises ZeroDivisionError"),
+    ],
+)
+def test_an_attack_that_errs_is_one_line(folder: Path, body: str, text: str) -> None:
+    scenario = made(folder, "own_g", COUNTERFEIT + body, "[[attack]]\nkind = 'own_g:A'")
+    with pytest.raises(OwnPartError, match=f"own_g.*{text}"), np.errstate(invalid="ignore"):
+        direct_results(ScenarioPlan(scenario=scenario))
+
+
+MODEL = (
+    "import numpy as np\nfrom dataclasses import dataclass\nclass P:\n    def advance(self, times_s):\n        return {0}\n"
+    "@dataclass(frozen=True)\nclass M:\n    def process(self, streams, **_):\n        return P()\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "text"),
+    [
+        (
+            "clock",
+            "np.zeros(times_s.size)",
+            r"float64 values of shape \(10,\) from advance, expected numbers of",
+        ),
+        ("bias", "np.zeros(3)", r"float64 values of shape \(3,\) from advance, expected numbers of shape \(10,\)"),
+        ("ionosphere", "np.full(times_s.size, np.nan)", "NaN among the values of advance"),
+        ("ionosphere", "['a'] * times_s.size", "<U1 values of shape"),
+    ],
+)
+def test_an_error_model_that_errs_is_one_line(folder: Path, table: str, values: str, text: str) -> None:
+    scenario = made(folder, "own_h", MODEL.format(values), f"[receiver.{table}]\nkind = 'own_h:M'")
+    with pytest.raises(OwnPartError, match=text):
+        direct_results(ScenarioPlan(scenario=scenario))
+
+
 @pytest.mark.parametrize(
     ("extra", "body", "text"),
     [

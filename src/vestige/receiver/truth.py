@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.own_parts import require_numbers
 from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
 from vestige.receiver.errors.error_process import (
     BiasModel,
@@ -166,15 +167,20 @@ class TruthProcess:
         """Return the truth of epochs first … first + count − 1, which are the next ones."""
         times_s = (first + np.arange(count)) * self._interval_s
         zero = np.zeros(count)
-        clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
+        models = self._models
+        clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
         elevation, path = self._elevation, self._line_of_sight
         seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
         view = seen.view
-        code_m, carrier_m, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
+        code_m, carrier_m, doppler_hz = (
+            _advanced(models.e1_tracking, self._tracking, times_s, 3) if self._tracking else (zero, zero, zero)
+        )
         e1 = self._loop.advance(first, count)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
-        iono_diff_m = self._ionosphere.advance(times_s) if self._ionosphere else zero
-        rays = self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays)
+        iono_diff_m = _advanced(models.ionosphere, self._ionosphere, times_s) if self._ionosphere else zero
+        rays = (
+            _advanced(models.multipath, self._multipath, times_s) if self._multipath else _no_rays(count, models.n_rays)
+        )
         if self._elevation:
             code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
             carrier_m = carrier_m / view.amplitude
@@ -189,7 +195,7 @@ class TruthProcess:
             clock_m=clock_m,
             clock_drift_mps=drift_mps,
             iono_diff_m=iono_diff_m,
-            bias_m=self._bias.advance(times_s) if self._bias else zero,
+            bias_m=_advanced(models.bias, self._bias, times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
@@ -208,6 +214,17 @@ class TruthProcess:
             return code_m, doppler_hz
         code, doppler = noise_growth(self._models.e1_tracking, self._cn0_e1_dbhz, 20 * np.log10(view.amplitude))
         return code_m * code, doppler_hz * doppler
+
+
+def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_errors: int = 1) -> Any:
+    """Return the next values of a model's errors; of a class of the user's only what has the shape that it needs."""
+    values = process.advance(times_s)
+    if isinstance(values, RayBlock):
+        for field in fields(values):
+            require_numbers(model, f"advance.{field.name}", getattr(values, field.name), (times_s.size, model.n_rays))
+    else:
+        require_numbers(model, "advance", values, (n_errors, times_s.size)[n_errors == 1 :])
+    return values
 
 
 def _rows(record: Any, rows: slice) -> Any:

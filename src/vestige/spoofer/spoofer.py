@@ -22,6 +22,7 @@ from math import inf
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
 
+from vestige.own_parts import require_numbers
 from vestige.records import Band
 from vestige.signals.definitions import E1C, E6C
 from vestige.spoofer.attack import Attack, Counterfeit, Jamming
@@ -38,6 +39,8 @@ from vestige.spoofer.repeaters import (
     Scer,
     TimePush,
 )
+
+_OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `Counterfeit`
 
 ALL_ATTACKS = (
     E1Asynchronous,
@@ -96,7 +99,7 @@ class BandEffects:
 
     def part(self, rows: slice) -> BandEffects:
         """Return those of some of the epochs."""
-        names = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz", "white")
+        names = (*_OF_EPOCHS, "white")
         return replace(
             self,
             **{name: getattr(self, name)[rows] for name in names},
@@ -138,24 +141,26 @@ class Spoofer:
         times_s
             Epochs in s after the scenario's start.
         """
-        found = [
-            (attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None)
-            or _nothing(times_s.size)
-            for attack in self.attacks
-        ]
+        found = []
+        for attack in self.attacks:
+            made = attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None
+            found.append(made or _nothing(times_s.size))
+            for name in _OF_EPOCHS if made else ():
+                require_numbers(attack, f"counterfeit.{name}", getattr(made, name), times_s.shape)
         white, jammers = np.zeros(times_s.size), []
         for attack in self.attacks:
-            white += attack.noise_over_n0(band, times_s)
+            noise = attack.noise_over_n0(band, times_s)
+            require_numbers(attack, "noise_over_n0", noise, times_s.shape)
+            white += noise
             jamming = attack.jamming(band, times_s)
+            if jamming is not None:
+                require_numbers(attack, "jamming.j_over_n", jamming.j_over_n, times_s.shape)
             if jamming is not None and isinstance(jamming.waveform, Wideband):
                 white += jamming.j_over_n
             elif jamming is not None:
                 jammers.append(jamming)
         shape = (times_s.size, len(found))
-        columns = {
-            name: np.array([getattr(one, name) for one in found]).reshape(shape[::-1]).T
-            for name in ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")
-        }
+        columns = {name: np.array([getattr(one, name) for one in found]).reshape(shape[::-1]).T for name in _OF_EPOCHS}
         own = {
             name: np.array([getattr(one, name) for one in found], dtype=bool)
             for name in ("forged_chips", "forged_nav_data")
