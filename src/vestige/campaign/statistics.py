@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -174,15 +174,15 @@ def summarise(
     ValueError
         If the results do not have this detector.
     """
-    if detector not in results["detector"].values:
-        raise ValueError(f"detector {detector!r}: the results have {list(results['detector'].values)}")
-    chosen = results[["tap_index", "range_offset_m", "noise_power"]].sel(detector=detector)
+    if detector not in (names := detectors_of(results)):
+        raise ValueError(f"detector {detector!r}: the results have {list(names)}")
+    place = names.index(detector)
     decisions, offsets = 0, []
-    for block in _blocks(chosen):
+    for block in _blocks(results[["tap_index", "range_offset_m", "noise_power"]]):
         correlated = ~np.isnan(block["noise_power"].values)
-        detected = (block["tap_index"].values >= 0) & correlated
+        detected = (block["tap_index"].values[place] >= 0) & correlated
         decisions += int(np.count_nonzero(correlated))
-        offsets.append(block["range_offset_m"].values[detected])
+        offsets.append(block["range_offset_m"].values[place][detected])
     offset_m: Float[np.ndarray, " n"] = np.concatenate(offsets or [np.zeros(0)]).astype(np.float64)
     detections = offset_m.size
     in_cluster = int(np.count_nonzero((offset_m >= cluster_m[0]) & (offset_m <= cluster_m[1])))
@@ -212,14 +212,19 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
         With `taps` over (epoch, satellite, tap) and `noise_power` over (epoch, satellite); NaN where nothing was
         correlated, which is no trial.
     """
-    threshold_sigma = float(results.attrs["threshold_sigma"])
     exceeding = trials = 0
     for block in _blocks(results[["taps", "noise_power"]]):
-        sigma = np.sqrt(block["noise_power"].values.astype(np.float64) / 2)[..., None]
-        magnitude_sigma = np.abs(block["taps"].values.astype(np.complex128)) / sigma
-        exceeding += int(np.count_nonzero(magnitude_sigma > threshold_sigma))
-        trials += int(np.count_nonzero(~np.isnan(magnitude_sigma)))
+        one = _exceedances(block, block["taps"].values)
+        exceeding, trials = exceeding + one[0], trials + one[1]
     return proportion(exceeding, trials, confidence=confidence)
+
+
+def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
+    """Return how many taps exceed the threshold, of how many that are not NaN."""
+    sigma = np.sqrt(block["noise_power"].values.astype(np.float64) / 2)[..., None]
+    magnitude_sigma = np.abs(taps.astype(np.complex128)) / sigma
+    exceeding = np.count_nonzero(magnitude_sigma > float(block.attrs["threshold_sigma"]))
+    return int(exceeding), int(np.count_nonzero(~np.isnan(magnitude_sigma)))
 
 
 def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
@@ -237,11 +242,14 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     """
     apart = CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
+    offset_m = independent["tap_offset_m"].values
     exceeding = trials = 0
     for block in _blocks(independent):
-        silent = (block["tap_offset_m"] < _first_arrival_m(block) - CHIP_M) | (not results.attrs["signal"])
-        found = tap_exceedances(block.assign(taps=block["taps"].where(silent)))
-        exceeding, trials = exceeding + found.successes, trials + found.trials
+        taps = block["taps"].values
+        if results.attrs["signal"]:
+            taps = np.where(offset_m < _first_arrival_m(block)[..., None] - CHIP_M, taps, np.nan)
+        one = _exceedances(block, taps)
+        exceeding, trials = exceeding + one[0], trials + one[1]
     return proportion(exceeding, trials, confidence=confidence)
 
 
@@ -249,14 +257,18 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
 _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
-def _first_arrival_m(block: xarray.Dataset) -> xarray.DataArray:
+def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
     """Return how much later than predicted the first signal arrives: the line of sight, or a counterfeit before it."""
     if "truth_spoofer_offset_m" not in block:
-        terms = [sign * block[f"truth_{name}_m"] for name, sign in _LATE]
-        return sum(terms[1:], terms[0])
-    on_air = (block["truth_spoofer_power_db"] > -np.inf) & ~block["forged"]
-    first_m = block["truth_spoofer_offset_m"].where(on_air, 0.0).min("attack")
-    return block["truth_prediction_error_m"] + first_m.clip(max=0.0)
+        return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
+    forged = block["forged"].values[:, None, None]
+    power_db, offset_m = (
+        block[name].transpose("attack", "epoch", "satellite").values
+        for name in ("truth_spoofer_power_db", "truth_spoofer_offset_m")
+    )
+    first_m = np.where((power_db > -np.inf) & ~forged, offset_m, 0.0).min(axis=0)
+    error_m: Float[np.ndarray, "epochs satellites"] = block["truth_prediction_error_m"].values
+    return error_m + np.minimum(first_m, 0.0)
 
 
 def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:
