@@ -23,7 +23,7 @@ from pathlib import Path
 
 from vestige.campaign.check_detection import check_detection
 from vestige.campaign.statistics import Proportion
-from vestige.plots.curves import check_curves, write
+from vestige.plots import check_curves, write
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
