@@ -37,12 +37,12 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.recording.recording import open_recording
 from vestige.records import Band, ChipSequence, SampleBatch
 from vestige.sample_processor.search.e1_search import search_e1
-from vestige.sample_processor.search.engine import GRIDS, SIGMA
+from vestige.sample_processor.search.engines.engine import GRIDS, SIGMA
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
+from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.fft_engine import FftEngine
 from vestige.sample_processor.search.handover_search import HandoverLine, positions, search_handover
 from vestige.sample_processor.search.sample_source import BatchSource
-from vestige.sample_processor.search.segment_engine import SegmentEngine
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize

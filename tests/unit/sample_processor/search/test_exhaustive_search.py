@@ -11,7 +11,7 @@ from builders import START, handover_at, random_chips
 from search_builder import arrival, e6_source
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
 from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak, separated

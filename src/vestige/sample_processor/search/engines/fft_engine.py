@@ -12,7 +12,7 @@ from jaxtyping import Complex64, Float32, Int8, Int16
 from numba import njit
 from scipy import fft
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 
 _TOGETHER = 4  # transforms at once: scipy puts one into each lane of a vector, four times as fast as one by one
 _LENGTH_OVER_CODE = 4.2  # the next power of two above is 6.4

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
-from vestige.sample_processor.search.fft_engine import FftEngine
-from vestige.sample_processor.search.segment_engine import SegmentEngine
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
+from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 
 MILLISECONDS = (1, 2, 4, 8, 16)
 N_OFFSETS = 600  # more than one vector block, and not a multiple of it

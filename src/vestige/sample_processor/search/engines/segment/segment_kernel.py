@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vestige.sample_processor.search.vector_ir import (
+from vestige.sample_processor.search.engines.segment.vector_ir import (
     LANES,
     POINTS,
     SUM_WIDTH,

@@ -33,8 +33,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
-from vestige.sample_processor.search.segment_kernel import (
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.segment.segment_kernel import (
     CHIPS_IN_GROUP,
     PATTERNS,
     SEGMENTS,
@@ -43,7 +43,7 @@ from vestige.sample_processor.search.segment_kernel import (
     fill_sign_table,
     scan,
 )
-from vestige.sample_processor.search.vector_ir import POINTS, SUM_WIDTH
+from vestige.sample_processor.search.engines.segment.vector_ir import POINTS, SUM_WIDTH
 
 _TABLE_OFFSETS = 16_384  # that share one set of tables
 
