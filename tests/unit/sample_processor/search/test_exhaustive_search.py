@@ -11,9 +11,10 @@ from builders import START, handover_at, random_chips
 from search_builder import arrival, e6_source
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
+from vestige.sample_processor.search.engines.choice import make_engine
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
-from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch, searchable
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import BatchSource
 
@@ -210,7 +211,7 @@ def test_a_weaker_peak_within_a_chip_belongs_to_the_stronger() -> None:
 def test_an_interrupt_loses_no_block_that_was_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     """The signal is in the second block, the interrupt comes while the first is awaited."""
     chips = random_chips(np.random.default_rng(8), 5115)
-    block = ENGINES["segment"](chips.chips[None, :]).block
+    block = make_engine("fft", chips.chips[None, :]).block
     source = e6_source([arrival(chips, 1.5 * block / 5.115e6, 60.0)], 2.2 * block / 5.115e6 + 1e-3, 3)
     search = ExhaustiveSearch(integration_s=1e-3, workers=2)
     waited = Future.result
