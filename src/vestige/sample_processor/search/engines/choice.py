@@ -70,7 +70,7 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     return _MAKE[choose_engine(name).name](codes)
 
 
-# each is imported when it is used: two compile at length, one needs CuPy
+# each is imported when it is used: two compile, one asks for a GPU
 
 
 def _make_cuda(codes: np.ndarray) -> Engine:
@@ -92,9 +92,9 @@ def _make_fft(codes: np.ndarray) -> Engine:
 
 
 def _where_cuda() -> str:
-    from vestige.sample_processor.search.engines.cuda_device import cuda_device  # noqa: PLC0415
+    from vestige.sample_processor.search.engines.cuda_engine import checked_gpu  # noqa: PLC0415
 
-    return cuda_device().name
+    return checked_gpu()
 
 
 def _where_segment() -> str:

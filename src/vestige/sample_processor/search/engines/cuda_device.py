@@ -63,9 +63,9 @@ class CudaDevice:
         try:
             self.xp: Any = import_module("cupy")
             self._cupyx: Any = import_module("cupyx")
-            self._cufft: Any = import_module("cupy.cuda.cufft")
+            self._cufft: Any = self.xp.cuda.cufft  # loads the library, wherever it is
         except ImportError as error:
-            found = f"CuPy cannot be imported ({_first_line(error)})"
+            found = f"CuPy cannot be imported ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "pip install 'vestige[cuda]'") from error
         try:
             number = self.xp.cuda.Device().id
@@ -75,7 +75,7 @@ class CudaDevice:
             self.forward(self.xp.zeros(_THREADS, np.complex64))
             self.xp.cuda.get_current_stream().synchronize()
         except Exception as error:  # CUDA's errors have no class in common but this one
-            found = f"CuPy {self.xp.__version__} finds no GPU that it can use ({_first_line(error)})"
+            found = f"CuPy {self.xp.__version__} finds no GPU that it can use ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "see what nvidia-smi says") from error
 
     def stream(self) -> Any:
@@ -135,6 +135,7 @@ def cuda_device() -> CudaDevice:
     return CudaDevice()
 
 
-def _first_line(error: BaseException) -> str:
+def first_line(error: BaseException) -> str:
+    """Return the first line of an error's message that is not empty, or its class."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

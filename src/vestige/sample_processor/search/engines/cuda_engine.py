@@ -14,17 +14,22 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from queue import SimpleQueue
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Int8, Int16
 
+from vestige.sample_processor.search.engines.cuda_device import cuda_device, first_line
+from vestige.sample_processor.search.engines.engine import EngineUnavailableError
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _LANES = 2
 _BATCH_BYTES = 1 << 28  # of the inverse transforms of a lane; cuFFT takes as much again
 _BLOCK = 1 << 20  # about so many code offsets in a call
+_CHECKED = 100  # code offsets whose powers a GPU must get right before it is used
 
 
 @runtime_checkable
@@ -97,27 +102,29 @@ class CudaEngine:
     Raises
     ------
     EngineUnavailableError
-        If CuPy or a GPU is missing.
+        If CuPy or a GPU is missing, or memory on the GPU.
     """
 
     uses_cores = False
 
     def __init__(self, codes: Int8[np.ndarray, "codes chips"], device: Device | None = None) -> None:
         if device is None:
-            from vestige.sample_processor.search.engines.cuda_device import cuda_device  # noqa: PLC0415  (needs CuPy)
-
             device = cuda_device()
         self._device, self._cut = device, OverlapSave.of(codes.shape[1])
         self.loss_db = self._cut.loss_db
         blocks_in_call = max(1, _BLOCK // self._cut.offsets)
         self.block = blocks_in_call * self._cut.offsets
-        self._spectra = device.constant(self._cut.spectra(codes))
-        self._shifts = device.constant(self._cut.shifts.astype(np.int32))
-        shape = _batch(self._cut, 2 * blocks_in_call)
+        shape = (*_batch(self._cut, 2 * blocks_in_call), self._cut.length)
         self._lanes: SimpleQueue[_Lane] = SimpleQueue()
-        for _ in range(_LANES):
-            rows = device.xp.empty((*shape, self._cut.length), np.complex64)
-            self._lanes.put(_Lane(device.stream(), rows, device.plan(rows)))
+        try:
+            self._spectra = device.constant(self._cut.spectra(codes))
+            self._shifts = device.constant(self._cut.shifts.astype(np.int32))
+            for _ in range(_LANES):
+                rows = device.xp.empty(shape, np.complex64)
+                self._lanes.put(_Lane(device.stream(), rows, device.plan(rows)))
+        except MemoryError as error:
+            found = f"the GPU has too little free memory ({first_line(error)})"
+            raise EngineUnavailableError("cuda", found, "close what else uses the GPU") from error
 
     def powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
@@ -174,3 +181,30 @@ def _batch(cut: OverlapSave, n_blocks: int) -> tuple[int, int]:
         parts = -(-n_blocks // min(transforms // n_bins, n_blocks))
         return -(-n_blocks // parts), n_bins
     return 1, -(-n_bins // -(-n_bins // transforms))
+
+
+@cache
+def checked_gpu() -> str:
+    """Return the name of the current GPU, once it has computed what the engine `fft` computes.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If CuPy or a GPU is missing, or if the GPU fails or computes something else.
+    """
+    device = cuda_device()
+    rng = np.random.default_rng(1)
+    codes = (1 - 2 * rng.integers(0, 2, (1, 5115))).astype(np.int8)
+    chips = rng.integers(-20, 21, (1, 2, 5115 + _CHECKED), dtype=np.int16)
+    expected = FftEngine(codes).powers(chips, _CHECKED)
+    try:
+        powers = CudaEngine(codes, device).powers(chips, _CHECKED)
+    except EngineUnavailableError:
+        raise
+    except Exception as error:  # CUDA's errors have no class in common but this one
+        found = f"{device.name} fails in a short check ({first_line(error)})"
+        raise EngineUnavailableError("cuda", found, "check the versions of CuPy and the driver") from error
+    if not np.allclose(powers, expected, rtol=0, atol=1e-4 * expected.max()):
+        found = f"{device.name} computes other powers than the engine fft in a short check"
+        raise EngineUnavailableError("cuda", found, "report it with the versions of CuPy and the driver")
+    return device.name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from builders import START, random_chips
+from cupy_stand_in import cupy_stand_in
 from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engine_vector
 from numpy_device import NumpyDevice
 from search_builder import arrival, e6_source
@@ -22,20 +24,34 @@ from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.speed import expected_seconds
 
 
-def _gpu() -> CudaDevice:
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Device:
+    """CuPy's side of the engine with a stand-in for CuPy, which runs the kernels on the processor."""
+    compiler = shutil.which("c++")
+    if compiler is None:
+        pytest.skip("needs a C++ compiler (c++) for the kernels")
+    with pytest.MonkeyPatch.context() as patch:
+        for name, module in cupy_stand_in(compiler, tmp_path_factory.mktemp("kernels")).items():
+            patch.setitem(sys.modules, name, module)
+        return CudaDevice()
+
+
+@pytest.fixture(params=["numpy", "compiled", "gpu"])
+def device(request: pytest.FixtureRequest) -> Device:
+    if request.param == "numpy":
+        return NumpyDevice()
+    if request.param == "compiled":
+        return request.getfixturevalue("compiled")
     try:
         return cuda_device()
     except EngineUnavailableError as error:
         pytest.skip(f"needs a GPU: {error.found}")
 
 
-@pytest.fixture(params=["numpy", "gpu"])
-def device(request: pytest.FixtureRequest) -> Device:
-    return NumpyDevice() if request.param == "numpy" else _gpu()
-
-
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_cuda_engine_is_the_direct_sum(ms: int, device: Device) -> None:
+    if ms > 4 and isinstance(device, CudaDevice) and device.name == "a stand-in":
+        pytest.skip("kernels on the processor are slow; 8 and 16 ms differ in numbers only")
     codes, x = engine_vector(ms)
     n = codes.shape[1]
     engine = CudaEngine(codes, device)
@@ -89,7 +105,7 @@ def test_calls_from_several_threads_do_not_mix(device: Device, monkeypatch: pyte
 @pytest.mark.parametrize("ms", [1, 4])
 def test_a_search_finds_the_same_bits_as_with_fft(ms: int, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exact cells decide: peaks are equal, not just near."""
-    monkeypatch.setattr("vestige.sample_processor.search.engines.cuda_device.cuda_device", lambda: device)
+    monkeypatch.setattr(cuda_engine, "cuda_device", lambda: device)
     monkeypatch.setitem(choice._WHERE, "cuda", lambda: "a test")
     chips = random_chips(np.random.default_rng(8), 81_840)
     signals = [arrival(chips, 0.0011, 55.0, 4930.0), arrival(chips, 0.0032, 58.0, -4960.0, phase=2.0)]
@@ -117,9 +133,8 @@ def test_without_a_gpu_the_error_says_what_was_found(monkeypatch: pytest.MonkeyP
     def no_device() -> None:
         raise RuntimeError("cudaErrorNoDevice: no CUDA-capable device is detected\nmore")
 
-    cupy = SimpleNamespace(__version__="14.2.0", cuda=SimpleNamespace(Device=no_device))
-    modules = {"cupy": cupy, "cupyx": SimpleNamespace(), "cupy.cuda": cupy.cuda, "cupy.cuda.cufft": SimpleNamespace()}
-    for name, module in modules.items():
+    cupy = SimpleNamespace(__version__="14.2.0", cuda=SimpleNamespace(Device=no_device, cufft=None))
+    for name, module in {"cupy": cupy, "cupyx": SimpleNamespace()}.items():
         monkeypatch.setitem(sys.modules, name, module)
     with pytest.raises(EngineUnavailableError) as error:
         CudaDevice()
@@ -127,3 +142,40 @@ def test_without_a_gpu_the_error_says_what_was_found(monkeypatch: pytest.MonkeyP
         "engine cuda: CuPy 14.2.0 finds no GPU that it can use "
         "(cudaErrorNoDevice: no CUDA-capable device is detected): see what nvidia-smi says, or take --engine auto"
     )
+
+
+class _Named(NumpyDevice):
+    name = "a test"
+
+
+class _Wrong(_Named):
+    def raise_to_powers(self, rows: np.ndarray, n_bins: int, best: np.ndarray) -> None:
+        super().raise_to_powers(rows, n_bins - 1, best)
+
+
+class _Failing(_Named):
+    def inverse(self, rows: np.ndarray, plan: tuple[int, ...]) -> None:
+        raise RuntimeError("CUFFT_INTERNAL_ERROR\nmore")
+
+
+class _Full(_Named):
+    def plan(self, rows: np.ndarray) -> tuple[int, ...]:
+        raise MemoryError("Out of memory allocating 1 byte")
+
+
+def test_a_gpu_is_used_once_it_has_computed_what_the_fft_engine_computes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def check(device: Device) -> str:
+        monkeypatch.setattr(cuda_engine, "cuda_device", lambda: device)
+        cuda_engine.checked_gpu.cache_clear()
+        return cuda_engine.checked_gpu()
+
+    try:
+        assert check(_Named()) == "a test"
+        with pytest.raises(EngineUnavailableError, match="a test computes other powers than the engine fft"):
+            check(_Wrong())
+        with pytest.raises(EngineUnavailableError, match=r"a test fails in a short check \(CUFFT_INTERNAL_ERROR\): "):
+            check(_Failing())
+        with pytest.raises(EngineUnavailableError, match=r"too little free memory \(Out of memory allocating 1 byte\)"):
+            check(_Full())
+    finally:
+        cuda_engine.checked_gpu.cache_clear()
