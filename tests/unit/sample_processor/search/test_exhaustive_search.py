@@ -117,7 +117,7 @@ def test_blocks_go_in_order_of_time_and_a_search_goes_on_where_it_stopped() -> N
     """16 ms have three passes; a signal early and one late, at both ends of the band."""
     signals = [arrival(CHIPS, 0.003, 46.0, 4800.0), arrival(CHIPS, 0.085, 46.0, -4800.0)]
     source = e6_source(signals, 0.11, 4)
-    search = ExhaustiveSearch(integration_s=16e-3)
+    search = ExhaustiveSearch(integration_s=16e-3, engine="segment")
     states = list(search.run(source, [CHIPS], START, START + 1, 7.5))
     starts = [state.block_start - START for state in states]
     assert len(search.passes_hz) == 3

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Int8
-from numba import config
 
 from vestige.sample_processor.search.engines.engine import Engine, EngineUnavailableError
 
@@ -70,7 +69,7 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     return _MAKE[choose_engine(name).name](codes)
 
 
-# each is imported when it is used: two compile, one asks for a GPU
+# each is imported when it is used: some compile, one asks for a GPU
 
 
 def _make_cuda(codes: np.ndarray) -> Engine:
@@ -98,6 +97,8 @@ def _where_cuda() -> str:
 
 
 def _where_segment() -> str:
+    from numba import config  # noqa: PLC0415
+
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         raise EngineUnavailableError("segment", "numba does not compile", "unset NUMBA_DISABLE_JIT")
     if sys.byteorder != "little":
