@@ -1,6 +1,6 @@
 """The engine for a GPU: the same overlap-save correlation as `fft`, in batches of many blocks and Doppler bins.
 
-A call takes half a second of samples or so. The samples go to the GPU as int16 and become overlapping blocks of
+A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of
 complex64, whose spectra are multiplied with those of the codes at the shift of every bin. One batched inverse FFT
 follows, and the largest power over the bins of each code offset. Only that comes back: 4 bytes for each code, grid and
 offset. How blocks are cut and how a bin becomes a shift: `overlap_save`.

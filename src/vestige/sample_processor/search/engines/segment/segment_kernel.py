@@ -1,4 +1,4 @@
-"""The compiled loops of the segment engine; see `segment_engine` for what they compute and why."""
+"""The compiled loops of the segment engine; the package says what they compute and why."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
 
