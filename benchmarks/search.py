@@ -9,7 +9,12 @@ Times are CPU times of one thread; rounds interleave all sides, a ratio is forme
 taken. With --full FOLDER a recording of 30 s at 10 MHz (600 MB, int8) is made there and searched end to end on all
 cores.
 
-    python benchmarks/search.py [--json FILE] [--rounds 7] [--full FOLDER [--integration-ms 4]]
+With --engine cuda the GPU is measured, too. Its times are wall times, transfers between processor and GPU included. The
+full search is made twice: the first one imports CuPy and compiles, the bar is on the second one. --satellites searches
+for so many RECS at once; one of them is in the samples.
+
+    python benchmarks/search.py [--json FILE] [--rounds 7] [--engine cuda]
+                                [--full FOLDER [--integration-ms 4] [--satellites 1]]
 
 Exit status 1 if a bar is missed.
 """
@@ -37,12 +42,13 @@ from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.recording.recording import open_recording
 from vestige.records import Band, ChipSequence, SampleBatch
 from vestige.sample_processor.search.e1_search import search_e1
-from vestige.sample_processor.search.engine import GRIDS, SIGMA
+from vestige.sample_processor.search.engines.choice import EngineName, choose_engine, make_engine
+from vestige.sample_processor.search.engines.engine import GRIDS, SIGMA, EngineUnavailableError
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
+from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.fft_engine import FftEngine
 from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
 from vestige.sample_processor.search.sample_source import BatchSource
-from vestige.sample_processor.search.segment_engine import SegmentEngine
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
@@ -56,7 +62,16 @@ CHIP_RATE = 5.115e6
 SEARCHED_S, KEPT_S = 30.0, 2.0  # of E6 for the hand-over
 PLACES = 7500
 NEVER = 1e3  # a threshold: the signal would come again and again
-BARS = {"fft": 2.0, "segment": 10.0, "handover_s": 0.6, "e1_s": 0.06, "full_4_s": 60.0, "full_16_s": 300.0}
+BARS = {
+    "fft": 2.0,
+    "segment": 10.0,
+    "cuda": 100.0,
+    "handover_s": 0.6,
+    "e1_s": 0.06,
+    "full_4_s": 60.0,
+    "full_16_s": 300.0,
+    "full_cuda_s": 5.0,
+}
 FULL_SIGNALS = ((19.3087654321, 42.0, -3312.5), (23.456789, 48.0, -3310.0))  # start in s, C/N0, Doppler
 
 
@@ -117,8 +132,14 @@ def seconds(work: Callable[[], object]) -> float:
     return time.thread_time() - begin
 
 
-def measure(rounds: int) -> dict[str, list[float]]:
-    """Return hypotheses a second, or seconds, for each round."""
+def wall_seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
+    """Return hypotheses a second, or seconds, for each round; of the engine cuda only if it is asked for."""
     rng = np.random.default_rng(1)
     chips = encrypted_chips(encryption_key(1), 11, START, 81_840)
     n = 20_460
@@ -157,6 +178,10 @@ def measure(rounds: int) -> dict[str, list[float]]:
         "handover, 5 taps": lambda: handed_over(5),
         "e1": lambda: _process_seconds(lambda: search_e1(e1, [11], signals=(E1C,), periods=1)),
     }
+    if engine == "cuda":
+        gpu = make_engine("cuda", code)
+        more = np.rint(SIGMA * rng.standard_normal((2, 2, n + gpu.block))).clip(-100, 100).astype(np.int16)
+        jobs["cuda"] = lambda: 2 * bins * gpu.block / wall_seconds(lambda: gpu.powers(more, gpu.block))
     for job in jobs.values():
         job()
     results: dict[str, list[float]] = {name: [] for name in jobs}
@@ -197,18 +222,18 @@ def make_recording(folder: Path, chips: ChipSequence) -> None:
     )
 
 
-def full_search(folder: Path, integration_ms: float) -> dict[str, float]:
+def full_search(folder: Path, integration_ms: float, engine: EngineName, satellites: int) -> dict[str, float]:
     """Search 30 s end to end; print what is found; return times and memory."""
-    chips = encrypted_chips(encryption_key(1), 11, START, 81_840)
+    chips = [encrypted_chips(encryption_key(1), 11 + k, START, 81_840) for k in range(satellites)]
     if not (folder / "e6.bin").exists():
-        make_recording(folder, chips)
+        make_recording(folder, chips[0])
     reader = open_recording(folder).e6
     assert reader is not None
-    search = ExhaustiveSearch(integration_s=integration_ms * 1e-3)
-    hypotheses = search.hypotheses(30.0)
+    search = ExhaustiveSearch(integration_s=integration_ms * 1e-3, engine=engine)
+    hypotheses = search.hypotheses(30.0, satellites)
     budget = search_budget(hypotheses, search.integration_s)
     wall, cpu = time.perf_counter(), time.process_time()
-    *_, state = search.run(reader, [chips], reader.start, reader.start + 30.0, budget.threshold)
+    *_, state = search.run(reader, chips, reader.start, reader.start + 30.0, budget.threshold)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     assert [round((one.start_time - START) * CHIP_RATE) for one in state.peaks] == [
         round(start_s * CHIP_RATE) for start_s, _, _ in FULL_SIGNALS
@@ -216,8 +241,27 @@ def full_search(folder: Path, integration_ms: float) -> dict[str, float]:
     for one in state.peaks:
         print(f"found at {one.start_time - START:.9f} s, {one.doppler_hz:.1f} Hz, {one.magnitude:.2f} σ")
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"{hypotheses:.4g} hypotheses of {integration_ms:g} ms: {wall:.1f} s, CPU {cpu:.1f} s, {memory:.2f} GB")
+    print(
+        f"{choose_engine(engine)}: {hypotheses:.4g} hypotheses of {integration_ms:g} ms: {wall:.2f} s, "
+        f"CPU {cpu:.1f} s, {memory:.2f} GB"
+    )
     return {"wall_s": wall, "cpu_s": cpu, "cpu_per_core_s": cpu / (os.cpu_count() or 1), "memory_gb": memory}
+
+
+def report_full(arguments: argparse.Namespace) -> bool:
+    """Make the full search; print its bar and return whether it is held."""
+    of = (arguments.full, arguments.integration_ms, arguments.engine, arguments.satellites)
+    if arguments.engine == "cuda":
+        full_search(*of)
+        found, bar = full_search(*of)["wall_s"], BARS["full_cuda_s"] * arguments.satellites
+        held = found <= bar
+        print(f"wall time {found:.2f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
+        return held
+    result = full_search(*of)
+    found, bar = result["cpu_per_core_s"], BARS["full_16_s" if arguments.integration_ms > 4 else "full_4_s"]
+    held = found <= bar and result["memory_gb"] <= 1.5
+    print(f"CPU time a core {found:.1f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
+    return held
 
 
 def main() -> int:
@@ -227,24 +271,25 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--full", type=Path, help="folder for a recording of 30 s that is searched end to end")
     parser.add_argument("--integration-ms", type=float, default=4.0)
+    parser.add_argument("--engine", choices=("segment", "fft", "cuda"), default="segment")
+    parser.add_argument("--satellites", type=int, default=1)
     arguments = parser.parse_args()
+    try:
+        choose_engine(arguments.engine)
+    except EngineUnavailableError as error:
+        parser.error(str(error))
     if arguments.full:
-        result = full_search(arguments.full, arguments.integration_ms)
-        bar = BARS["full_16_s" if arguments.integration_ms > 4 else "full_4_s"]
-        held = result["cpu_per_core_s"] <= bar and result["memory_gb"] <= 1.5
-        print(f"CPU time a core {result['cpu_per_core_s']:.1f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
-        return int(not held)
+        return int(not report_full(arguments))
 
-    results = measure(arguments.rounds)
+    results = measure(arguments.rounds, arguments.engine)
     medians = {name: float(np.median(values)) for name, values in results.items()}
     held = True
-    for name in ("straightforward", "fft", "segment"):
+    engines = ["fft", "segment", *(["cuda"] if "cuda" in results else [])]
+    for name in ("straightforward", *engines):
         print(f"{name:24s}{medians[name] / 1e6:10.1f} million hypotheses/s")
     for name in ("straightforward place", "handover", "handover, 5 taps", "e1"):
         print(f"{name:24s}{medians[name]:10.3f} s")
-    ratios = {
-        name: float(np.median(np.divide(results[name], results["straightforward"]))) for name in ("fft", "segment")
-    }
+    ratios = {name: float(np.median(np.divide(results[name], results["straightforward"]))) for name in engines}
     for name, ratio in ratios.items():
         held &= ratio >= BARS[name]
         print(f"{name}: {ratio:.1f} x, bar {BARS[name]:.0f} x: {'held' if ratio >= BARS[name] else 'MISSED'}")

@@ -13,6 +13,7 @@ from hypothesis import settings
 SOURCE = Path(__file__).resolve().parents[1] / "src"
 # Tests of whole commands and campaigns: the arrays of the parts are checked in the tests of the parts.
 WHOLE = tuple(Path(__file__).parent / folder for folder in ("cli", "unit/campaign", "unit/threats", "unit/report"))
+UNIT = Path(__file__).parent / "unit"
 UNCHECKED = ("cli", "scenario", "spoofer")  # no arrays in the first; pydantic checks the fields of the others
 
 
@@ -36,7 +37,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs or runs commands."""
+    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs or runs commands.
+
+    Searches of a unit test use the reference engine where they name none; those of longer tests a faster one. No test
+    asks for a GPU but those of its engine.
+    """
+    from vestige.sample_processor.search.engines import choice
+
+    choice.FASTEST_FIRST = ("fft",) if UNIT in item.path.parents else ("segment", "fft")
     many = item.get_closest_marker("many_epochs") is not None
     jaxtyping.config.update("jaxtyping_disable", many or item.path.parent in WHOLE)
     return (yield)

@@ -18,6 +18,8 @@ from vestige.cli.recordings.search import command as search
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.recs_make import command as recs_make
 from vestige.errors import InputFileError, VestigeError
+from vestige.sample_processor.search.engines import choice
+from vestige.sample_processor.search.engines.engine import EngineUnavailableError
 
 
 def _json(*arguments: object) -> dict:
@@ -85,6 +87,23 @@ def test_exhaustive_finds_what_the_handover_finds(night: Path) -> None:
     assert strongest["doppler_hz"] == pytest.approx(handed["doppler_hz"], abs=10)
     for line in ("hypotheses", "P_FA of all", "threshold", "C/N0 for P_d 0.9", "expected run time"):
         assert line in result.stderr
+    assert re.search(r"^engine +segment \(processor\)$", result.stderr, re.MULTILINE)
+
+
+def test_a_search_says_which_engine_it_took_and_refuses_one_that_does_not_run(
+    night: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_gpu() -> str:
+        raise EngineUnavailableError("cuda", "CuPy cannot be imported", "pip install 'vestige[cuda]'")
+
+    monkeypatch.setattr(choice, "FASTEST_FIRST", ("cuda", "fft"))
+    monkeypatch.setitem(choice._WHERE, "cuda", no_gpu)
+    command = ("exhaustive", night, "--svids", "8", "--uncertainty-s", "0.001", "--integration-ms", "1")
+    told = invoke(search, *command).stderr
+    assert re.search(r"^engine +fft \(processor\); no cuda: CuPy cannot be imported$", told, re.MULTILINE)
+    refused = invoke(search, *command, "--engine", "cuda").exception
+    assert isinstance(refused, VestigeError)
+    assert str(refused) == ("engine cuda: CuPy cannot be imported: pip install 'vestige[cuda]', or take --engine auto")
 
 
 def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -192,7 +192,8 @@ def test_an_attack_that_errs_is_one_line(folder: Path, body: str, text: str) -> 
 
 
 MODEL = (
-    "import numpy as np\nfrom dataclasses import dataclass\nclass P:\n    def advance(self, times_s):\n        return {0}\n"
+    "import numpy as np\nfrom dataclasses import dataclass\n"
+    "class P:\n    def advance(self, times_s):\n        return {0}\n"
     "@dataclass(frozen=True)\nclass M:\n    def process(self, streams, **_):\n        return P()\n"
 )
 

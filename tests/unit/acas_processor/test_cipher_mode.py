@@ -24,7 +24,9 @@ from vestige.simulated.exported_case_folder import simulated
 SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 SETTINGS = ("receiver.sample_rate_hz=6.2e6", "receiver.cn0_dbhz=43", "attack=none")
 SVID = 11
-EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0), around_s=1e-3)
+EXHAUSTIVE = E6ExhaustiveSearch(
+    how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0, engine="segment"), around_s=1e-3
+)
 OPPOSITE = GroupDelayConvention(sign=-1)
 
 

@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 DELAY_S = 0.0237
 FROM_S, TO_S = 0.07, 0.13
-EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0))
+EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0, engine="segment"))
 
 
 @pytest.fixture(scope="module", autouse=True)

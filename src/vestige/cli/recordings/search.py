@@ -193,7 +193,13 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @cipher_mode_option
 @click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
 @click.option("--doppler-span-hz", type=FiniteRange(100, 50_000), default=5000.0, show_default=True, help="±.")
-@click.option("--engine", type=click.Choice(["segment", "fft"]), default="segment", show_default=True)
+@click.option(
+    "--engine",
+    type=click.Choice(["auto", "cuda", "segment", "fft"]),
+    default="auto",
+    show_default=True,
+    help="What computes the screen; auto: the fastest that this machine runs.",
+)
 @click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
 @click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
 @click.option("-o", "--output", type=_path, help="Keep in a file what was done and found; go on if it is there.")
@@ -209,6 +215,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.cli.recordings.search_figure import SearchFigure
     from vestige.cli.recordings.search_report import Answer, follow, print_answers, print_budget
     from vestige.records import Band
+    from vestige.sample_processor.search.engines.choice import choose_engine
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
     from vestige.theory.search_budget import search_budget
 
@@ -218,10 +225,11 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     e6 = _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
     codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
+    engine = choose_engine(options["engine"])
     search = ExhaustiveSearch(
         integration_s=float(options["integration_ms"]) * 1e-3,
         doppler_span_hz=options["doppler_span_hz"],
-        engine=options["engine"],
+        engine=engine.name,
         workers=options["workers"],
     )
     figure = SearchFigure(options["plot"], codes, "E6, exhaustive")
@@ -237,7 +245,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
             overall_pfa=options["p_fa_overall"],
             correlated_neighbours=options["correlated_neighbours"],
         )
-        print_budget(budget, search)
+        print_budget(budget, search, engine)
         name = str(group[0].transmit_time)
         before = None if log is None else log.states.get(name)
         peaks, unsearched = follow(

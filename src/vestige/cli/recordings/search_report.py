@@ -13,6 +13,7 @@ from vestige.cli.terminal import echo
 if TYPE_CHECKING:
     from vestige.acas_processor.searches.vestigial import VestigialDecision
     from vestige.crypto.osnma.disclosure import ReceptionProof
+    from vestige.sample_processor.search.engines.choice import EngineChoice
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
     from vestige.sample_processor.search.peak import Peak
     from vestige.theory.search_budget import SearchBudget
@@ -37,8 +38,8 @@ class Answer:
     proof: ReceptionProof
 
 
-def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
-    """Say before a long search what it costs."""
+def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:
+    """Say before a long search what it costs, and which engine makes it."""
     from vestige.sample_processor.search.speed import expected_seconds
 
     lines = (
@@ -49,6 +50,7 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:
             "C/N0 for P_d 0.9",
             f"{budget.required_cn0_dbhz:.2f} dBHz on the grid, {budget.grid_loss_db:.2f} dB more between",
         ),
+        ("engine", str(engine)),
         ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
     )
     for name, value in lines:

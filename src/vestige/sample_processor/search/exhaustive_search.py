@@ -25,19 +25,17 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int16
 
 from vestige.records import ChipSequence
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA, Engine
+from vestige.sample_processor.search.engines.choice import EngineName, make_engine
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA, Engine
 from vestige.sample_processor.search.exact_cell import Cell, exact_peak
-from vestige.sample_processor.search.fft_engine import FftEngine
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, separated, shortened
 from vestige.sample_processor.search.sample_source import SampleSource
-from vestige.sample_processor.search.segment_engine import SegmentEngine
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -46,8 +44,6 @@ _CLUSTER_CHIPS = 2.0  # offsets over the screen that are nearer belong together
 _CELLS_OF_CLUSTER = 4  # that are tried: the strongest may be one that the exact sum puts just below the threshold
 _TRIANGLE_CHIPS = 1.25  # beyond a cell the signal next to it is over: ¼ chip off, and a chip wide
 _AHEAD = 2  # blocks for each worker that are read before they are asked for
-
-ENGINES: dict[str, type[SegmentEngine] | type[FftEngine]] = {"segment": SegmentEngine, "fft": FftEngine}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,14 +83,15 @@ class ExhaustiveSearch:
     doppler_span_hz
         Searched from −span to +span.
     engine
-        `segment` is fast, `fft` is the reference.
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. What is
+        found does not depend on it: exact cells decide.
     workers
         Threads; None for all cores. What is found does not depend on it.
     """
 
     integration_s: float = 4e-3
     doppler_span_hz: float = 5000.0
-    engine: Literal["segment", "fft"] = "segment"
+    engine: EngineName = "auto"
     workers: int | None = None
 
     def __post_init__(self) -> None:
@@ -157,6 +154,8 @@ class ExhaustiveSearch:
         ------
         ValueError
             If a code is too short.
+        EngineUnavailableError
+            If this machine does not run the engine.
         """
         chips = tuple(shortened(one, self.n_chips) for one in codes)
         if any(one.chips.size < self.n_chips for one in chips):
@@ -166,7 +165,7 @@ class ExhaustiveSearch:
         if total <= 0 or not chips:
             yield SearchState(done=0.0, total=0.0, peaks=(), block_start=begin)
             return
-        engine: Engine = ENGINES[self.engine](np.stack([one.chips for one in chips]))
+        engine = make_engine(self.engine, np.stack([one.chips for one in chips]))
         n = int(uncertainty_s * CHIP_RATE_HZ) + 1
         blocks = [
             _Block(search=self, middle_hz=middle_hz, begin=begin, first=first, count=min(engine.block, n - first))

@@ -7,20 +7,24 @@ import time
 
 import numpy as np
 
-from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch
-
-_OFFSETS = 16_384  # that are timed: 5 to 60 ms
+from vestige.sample_processor.search.engines.choice import make_engine
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 
 
 def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
-    """Return the run time in s of so many hypotheses with the engine and workers of a search."""
+    """Return the run time in s of so many hypotheses with the engine and workers of a search.
+
+    One block of one grid is timed, 5 to 200 ms. It is CPU time if the engine runs on every core, and wall time if all
+    workers share one GPU.
+    """
     rng = np.random.default_rng(1)
     codes = (1 - 2 * rng.integers(0, 2, (1, search.n_chips))).astype(np.int8)
-    chips = rng.integers(-20, 21, (2, 2, search.n_chips + _OFFSETS)).astype(np.int16)
-    engine = ENGINES[search.engine](codes)
+    engine = make_engine(search.engine, codes)
+    chips = rng.integers(-20, 21, (1, 2, search.n_chips + engine.block), dtype=np.int16)
     engine.powers(chips[:, :, : search.n_chips + 1], 1)  # compiles
-    begin = time.thread_time()
-    engine.powers(chips, _OFFSETS)
-    spent_s = time.thread_time() - begin
-    rate = 2 * _OFFSETS * search.bins_hz.size / max(spent_s, 1e-6)
-    return hypotheses / rate / (search.workers or os.cpu_count() or 1)
+    clock = time.thread_time if engine.uses_cores else time.perf_counter
+    begin = clock()
+    engine.powers(chips, engine.block)
+    rate = engine.block * search.bins_hz.size / max(clock() - begin, 1e-6)
+    cores = (search.workers or os.cpu_count() or 1) if engine.uses_cores else 1
+    return hypotheses / rate / cores

@@ -11,9 +11,10 @@ from builders import START, handover_at, random_chips
 from search_builder import arrival, e6_source
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.choice import make_engine
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
-from vestige.sample_processor.search.exhaustive_search import ENGINES, ExhaustiveSearch, searchable
+from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import BatchSource
 
@@ -116,7 +117,7 @@ def test_blocks_go_in_order_of_time_and_a_search_goes_on_where_it_stopped() -> N
     """16 ms have three passes; a signal early and one late, at both ends of the band."""
     signals = [arrival(CHIPS, 0.003, 46.0, 4800.0), arrival(CHIPS, 0.085, 46.0, -4800.0)]
     source = e6_source(signals, 0.11, 4)
-    search = ExhaustiveSearch(integration_s=16e-3)
+    search = ExhaustiveSearch(integration_s=16e-3, engine="segment")
     states = list(search.run(source, [CHIPS], START, START + 1, 7.5))
     starts = [state.block_start - START for state in states]
     assert len(search.passes_hz) == 3
@@ -210,7 +211,7 @@ def test_a_weaker_peak_within_a_chip_belongs_to_the_stronger() -> None:
 def test_an_interrupt_loses_no_block_that_was_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     """The signal is in the second block, the interrupt comes while the first is awaited."""
     chips = random_chips(np.random.default_rng(8), 5115)
-    block = ENGINES["segment"](chips.chips[None, :]).block
+    block = make_engine("fft", chips.chips[None, :]).block
     source = e6_source([arrival(chips, 1.5 * block / 5.115e6, 60.0)], 2.2 * block / 5.115e6 + 1e-3, 3)
     search = ExhaustiveSearch(integration_s=1e-3, workers=2)
     waited = Future.result

@@ -1,39 +1,14 @@
-"""Both engines against sums written out in complex128: the segment engine's own segmented sum, and the direct one."""
+"""`fft` and `segment` against sums written out in complex128: the direct sum, and the segmented one."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
-from vestige.sample_processor.search.fft_engine import FftEngine
-from vestige.sample_processor.search.segment_engine import SegmentEngine
-
-MILLISECONDS = (1, 2, 4, 8, 16)
-N_OFFSETS = 600  # more than one vector block, and not a multiple of it
-CHECKED = (0, 1, 17, 333, 511, 512, 599)
-
-
-def _vector(ms: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Return two codes, and noise with the second code near an edge of the band at offset 333 of grid 1."""
-    rng = np.random.default_rng(seed)
-    n = 5115 * ms
-    codes = (1 - 2 * rng.integers(0, 2, (2, n))).astype(np.int8)
-    x = SIGMA * rng.standard_normal((2, 2, n + N_OFFSETS))
-    f = GRIDS[n].bins_hz[1] + 0.1 / (n / CHIP_RATE_HZ)
-    signal = 12 * SIGMA * np.sqrt(2 / n) * codes[1] * np.exp(2j * np.pi * f * np.arange(n) / CHIP_RATE_HZ + 1j)
-    x[1, 0, 333 : 333 + n] += signal.real
-    x[1, 1, 333 : 333 + n] += signal.imag
-    return codes, np.clip(np.rint(x), -CLIP, CLIP).astype(np.int16)
-
-
-def _direct(codes: np.ndarray, x: np.ndarray, phases: np.ndarray) -> np.ndarray:
-    """Return the largest power at the checked offsets; `phases` is bins by chips, in cycles."""
-    table = np.exp(-2j * np.pi * phases)
-    z = x[:, 0] + 1j * x[:, 1]
-    n = codes.shape[1]
-    wiped = np.array([[[grid[o : o + n] * code for o in CHECKED] for grid in z] for code in codes])
-    return np.max(np.abs(wiped.reshape(-1, n) @ table.T) ** 2, axis=1).reshape(2, 2, len(CHECKED))
+from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engine_vector
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
+from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 
 
 def _rounded(codes: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -65,7 +40,7 @@ def _segmented_phases(n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_segment_engine_is_the_segmented_sum_of_rounded_rows(ms: int) -> None:
-    codes, x = _vector(ms)
+    codes, x = engine_vector(ms)
     n = codes.shape[1]
     segment_chips = GRIDS[n].segment_chips
     powers = SegmentEngine(codes).powers(x, N_OFFSETS)
@@ -83,9 +58,9 @@ def test_segment_engine_is_the_segmented_sum_of_rounded_rows(ms: int) -> None:
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_rounding_rows_moves_a_magnitude_by_a_thirtieth_of_the_noise(ms: int) -> None:
     """σ of a row is 13.4 steps: 1/√12 of one is 0.022 σ in each dimension."""
-    codes, x = _vector(ms)
+    codes, x = engine_vector(ms)
     n = codes.shape[1]
-    exact = np.sqrt(_direct(codes, x, _segmented_phases(n)))
+    exact = np.sqrt(direct_powers(codes, x, _segmented_phases(n)))
     moved = np.sqrt(SegmentEngine(codes).powers(x, N_OFFSETS)[:, :, CHECKED]) - exact
     noise = SIGMA * np.sqrt(n)
     assert np.max(np.abs(moved)) < 0.1 * noise
@@ -94,13 +69,13 @@ def test_rounding_rows_moves_a_magnitude_by_a_thirtieth_of_the_noise(ms: int) ->
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_fft_engine_is_the_direct_sum(ms: int) -> None:
-    codes, x = _vector(ms)
+    codes, x = engine_vector(ms)
     n = codes.shape[1]
     engine = FftEngine(codes)
     powers = engine.powers(x, N_OFFSETS)
     step = CHIP_RATE_HZ / (engine.block + n - 1)
     rounded = np.rint(GRIDS[n].bins_hz / step) * step
-    expected = _direct(codes, x, np.outer(rounded, np.arange(n) / CHIP_RATE_HZ))
+    expected = direct_powers(codes, x, np.outer(rounded, np.arange(n) / CHIP_RATE_HZ))
     assert np.max(np.abs(powers[:, :, CHECKED] - expected)) < 1e-5 * expected.max()
     assert np.unravel_index(np.argmax(powers), powers.shape) == (1, 1, 333)
 

@@ -1,4 +1,4 @@
-"""The compiled loops of the segment engine; see `segment_engine` for what they compute and why."""
+"""The compiled loops of the segment engine; the package says what they compute and why."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
 
@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vestige.sample_processor.search.vector_ir import (
+from vestige.sample_processor.search.engines.segment.vector_ir import (
     LANES,
     POINTS,
     SUM_WIDTH,

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float32, Float64, Int16
 
+from vestige.errors import UnsupportedError
 from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
@@ -84,10 +85,13 @@ class Engine(Protocol):
         The most that the power of a tested cell may be below its exact value.
     block
         Code offsets that are best computed at once.
+    uses_cores
+        Whether calls from several threads run side by side, each on a core of the processor.
     """
 
     loss_db: float
     block: int
+    uses_cores: bool
 
     def powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
@@ -100,3 +104,25 @@ class Engine(Protocol):
             Chips of the samples, real and imaginary parts: `n_offsets` and the length of the codes.
         """
         ...
+
+
+class EngineUnavailableError(UnsupportedError):
+    """An engine does not run on this machine.
+
+    Parameters
+    ----------
+    engine
+        Its name.
+    found
+        What is missing.
+    remedy
+        What to do now.
+    """
+
+    def __init__(self, engine: str, found: str, remedy: str) -> None:
+        super().__init__(f"engine {engine}: {found}: {remedy}, or take --engine auto")
+        self.engine, self.found, self.remedy = engine, found, remedy
+
+    def __reduce__(self) -> tuple[type[EngineUnavailableError], tuple[str, str, str]]:
+        """Return what makes it again: a worker process hands its errors back pickled."""
+        return type(self), (self.engine, self.found, self.remedy)

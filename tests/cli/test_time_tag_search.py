@@ -56,7 +56,7 @@ def test_a_right_label_is_left_alone(clear: Path) -> None:
     assert "late by the RECS" not in result.stderr
 
 
-def test_the_label_search_takes_the_cipher_mode_of_the_command(clear: Path) -> None:
+def test_the_time_tag_search_takes_the_cipher_mode_of_the_command(clear: Path) -> None:
     """The RECS are encrypted in CBC: decrypted in CTR they are noise, and tell no time."""
     result = _process(clear, "--start", "2026-11-21T12:00:03.300 GST", "--cipher-mode", "ctr")
     assert "no RECS was found within the time tag's" in result.stderr

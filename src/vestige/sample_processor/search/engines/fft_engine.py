@@ -1,8 +1,7 @@
 """The plain engine, the reference: overlap-save correlation by FFT, one inverse transform for every Doppler bin.
 
-One transform of a stretch of samples serves all codes and bins: Doppler is a shift of the code's spectrum against it,
-in steps of R_c / L, to the nearest of which the bins are rounded. L about 6.4 times the code's length is best; the
-textbook's 2 costs a third more. The code's spectrum is kept three times in a row, so that a shift is a slice.
+How blocks are cut and how a bin becomes a shift: `overlap_save`. The code's spectrum is kept three times in a row, so
+that a shift is a slice.
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from jaxtyping import Complex64, Float32, Int8, Int16
 from numba import njit
 from scipy import fft
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _TOGETHER = 4  # transforms at once: scipy puts one into each lane of a vector, four times as fast as one by one
-_LENGTH_OVER_CODE = 4.2  # the next power of two above is 6.4
 
 
 class FftEngine:
@@ -27,18 +25,14 @@ class FftEngine:
         ±1; 1, 2, 4, 8 or 16 ms of chips each.
     """
 
+    uses_cores = True
+
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
-        n_chips = codes.shape[1]
-        self._length = 1 << int(np.ceil(np.log2(_LENGTH_OVER_CODE * n_chips)))
-        self.block = self._length - n_chips + 1
-        bins = GRIDS[n_chips].bins_hz
-        self._shifts = np.rint(bins / CHIP_RATE_HZ * self._length).astype(int)
-        spectra = np.conj(fft.fft(codes.astype(np.complex64), self._length, axis=1)) / self._length
-        self._spectra = np.tile(spectra.astype(np.complex64), 3)
-        # 1.5 bins' rounding at the most moves a cell's power by less than the loss half a step off the grid
-        step_error = 0.5 * CHIP_RATE_HZ / self._length * n_chips / CHIP_RATE_HZ
-        slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))  # a quarter of a cycle: the grid's worst
-        self.loss_db = float(slope_db) + 0.01
+        blocks = OverlapSave.of(codes.shape[1])
+        self._length, self._shifts = blocks.length, blocks.shifts
+        self.block = blocks.offsets
+        self.loss_db = blocks.loss_db
+        self._spectra = np.tile(blocks.spectra(codes), 3)
 
     def powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int

@@ -1,30 +1,4 @@
-"""The fast engine: sums over short segments of chips from tables of signs, then a short Doppler transform of them.
-
-Theory of operation
--------------------
-A sum over T with carrier f is cut into segments of M = 160 chips (320 for 8 and 16 ms); within a segment the carrier is
-left in, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. One code offset τ then needs
-
-    P_k(τ) = Σ_n x(τ + M k + n) c(M k + n)          Z_m(τ) = Σ_k P_k(τ) e^{−j2π k m / 256}
-
-**Sign tables.** Five chips have 16 sign patterns but for a common sign. So every x(n) ± x(n+1) ± … ± x(n+4) is computed
-once, for all segments, offsets and codes, and a P_k is a sum of 32 or 64 table rows, added or subtracted after the sign
-of the group's first chip. Rows are read at 512 consecutive offsets, without a multiplication, a branch or a look-up by
-sample. They are bytes, half of a sum and 64: two of them are added in one byte, and only that is widened to int16. So
-less is read and added, and the tables of 4 ms, 1 MB for both parts, stay in the cache. At σ = 12 the halving adds noise
-33 dB below that of the samples, and a sum beyond 4.7 σ is cut; from the table rows on all is exact.
-
-**Doppler transform.** 256 points in two steps of 16: input k = b + 16 j, output m = r + 16 g,
-
-    y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 16}        Z_{r+16g} = Σ_b (y_b[r] e^{−j2π b r / 256}) e^{−j2π b g / 16}
-
-in float32 with one lane for each offset; the upper half of the inputs is zero, and only wanted outputs are made.
-
-**1 and 2 ms** fill an eighth or a quarter of the inputs and want every fourth or second output. **16 ms** are two
-groups of 128 segments; the Z of each, 62.4 Hz apart, are joined coherently at f ± δ, two sub-bins to a bin. Within a
-group δ is left in: sinc²(δ · 8 ms), 0.22 dB. A group lasts half a cycle of the bins' distance, so the join needs signs
-and two constants only.
-"""
+"""The fast engine of a processor; the package says how it works and why."""
 
 from __future__ import annotations
 
@@ -33,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
-from vestige.sample_processor.search.engine import CHIP_RATE_HZ, GRIDS
-from vestige.sample_processor.search.segment_kernel import (
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.segment.segment_kernel import (
     CHIPS_IN_GROUP,
     PATTERNS,
     SEGMENTS,
@@ -43,7 +17,7 @@ from vestige.sample_processor.search.segment_kernel import (
     fill_sign_table,
     scan,
 )
-from vestige.sample_processor.search.vector_ir import POINTS, SUM_WIDTH
+from vestige.sample_processor.search.engines.segment.vector_ir import POINTS, SUM_WIDTH
 
 _TABLE_OFFSETS = 16_384  # that share one set of tables
 
@@ -63,7 +37,7 @@ class _Plan:
 
 
 class SegmentEngine:
-    """Powers of codes of equal length by sign tables and a Doppler transform; see the module.
+    """Powers of codes of equal length by sign tables and a Doppler transform; see the package.
 
     Parameters
     ----------
@@ -72,6 +46,7 @@ class SegmentEngine:
     """
 
     block = 8 * _TABLE_OFFSETS
+    uses_cores = True
 
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
         grid = GRIDS[codes.shape[1]]

@@ -1,0 +1,1 @@
+"""Engines of the exhaustive search: ways to compute the powers that are screened."""

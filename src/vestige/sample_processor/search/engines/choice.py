@@ -1,0 +1,110 @@
+"""Which engine a search uses: the one it names, or the fastest that this machine runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Int8
+
+from vestige.sample_processor.search.engines.engine import Engine, EngineUnavailableError
+
+EngineName = Literal["auto", "cuda", "segment", "fft"]
+FASTEST_FIRST: tuple[EngineName, ...] = ("cuda", "segment", "fft")  # in which `auto` tries them
+
+
+@dataclass(frozen=True, slots=True)
+class EngineChoice:
+    """An engine that this machine runs.
+
+    Attributes
+    ----------
+    name
+        `cuda`, `segment` or `fft`.
+    where
+        What it runs on: the name of the GPU, or "processor".
+    passed_over
+        Why `auto` did not take the faster ones, a line for each.
+    """
+
+    name: EngineName
+    where: str
+    passed_over: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        why = f"; {'; '.join(self.passed_over)}" if self.passed_over else ""
+        return f"{self.name} ({self.where}){why}"
+
+
+def choose_engine(name: EngineName) -> EngineChoice:
+    """Return the engine of a name; for `auto` the fastest that this machine runs.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If an engine is named that this machine does not run: which, what was found, what to do.
+    """
+    if name != "auto":
+        return EngineChoice(name, _WHERE[name]())
+    passed_over: list[str] = []
+    for one in FASTEST_FIRST:
+        try:
+            return EngineChoice(one, _WHERE[one](), tuple(passed_over))
+        except EngineUnavailableError as error:
+            passed_over.append(f"no {error.engine}: {error.found}")
+    raise AssertionError("fft runs everywhere")
+
+
+def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Engine:
+    """Return the engine of a name for codes of equal length, ±1; for `auto` the fastest that this machine runs.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If an engine is named that this machine does not run.
+    """
+    return _MAKE[choose_engine(name).name](codes)
+
+
+# each is imported when it is used: some compile, one asks for a GPU
+
+
+def _make_cuda(codes: np.ndarray) -> Engine:
+    from vestige.sample_processor.search.engines.cuda_engine import CudaEngine  # noqa: PLC0415
+
+    return CudaEngine(codes)
+
+
+def _make_segment(codes: np.ndarray) -> Engine:
+    from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine  # noqa: PLC0415
+
+    return SegmentEngine(codes)
+
+
+def _make_fft(codes: np.ndarray) -> Engine:
+    from vestige.sample_processor.search.engines.fft_engine import FftEngine  # noqa: PLC0415
+
+    return FftEngine(codes)
+
+
+def _where_cuda() -> str:
+    from vestige.sample_processor.search.engines.cuda_engine import checked_gpu  # noqa: PLC0415
+
+    return checked_gpu()
+
+
+def _where_segment() -> str:
+    from numba import config  # noqa: PLC0415
+
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        raise EngineUnavailableError("segment", "numba does not compile", "unset NUMBA_DISABLE_JIT")
+    if sys.byteorder != "little":
+        raise EngineUnavailableError("segment", "the processor is big-endian", "take fft")
+    return "processor"
+
+
+_MAKE: dict[str, Callable[[np.ndarray], Engine]] = {"cuda": _make_cuda, "segment": _make_segment, "fft": _make_fft}
+_WHERE: dict[str, Callable[[], str]] = {"cuda": _where_cuda, "segment": _where_segment, "fft": lambda: "processor"}

@@ -1,0 +1,141 @@
+"""What the CUDA engine needs of a GPU: FFTs by cuFFT and two kernels, through CuPy, which is imported here alone.
+
+The product is written once and read once by the inverse FFT, whose result is read once by the maximum: so the memory
+of the GPU sets the time, 4 to 6 passes over 8 bytes for each number.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32
+
+from vestige.sample_processor.search.engines.engine import EngineUnavailableError
+
+_THREADS = 256  # of a block of the GPU; divides every transform's length
+_KERNELS = r"""
+extern "C" __global__ void multiply(
+    const float2* spectra, const float2* code, const int* shifts, float2* rows, int stride, int length)
+{
+    const int k = blockIdx.x * blockDim.x + threadIdx.x;
+    const int bin = blockIdx.y, block = blockIdx.z;
+    const float2 s = spectra[(size_t)block * length + k];
+    const float2 c = code[(k - shifts[bin]) & (length - 1)];
+    rows[((size_t)block * stride + bin) * length + k] = make_float2(s.x * c.x - s.y * c.y, s.x * c.y + s.y * c.x);
+}
+
+extern "C" __global__ void raise_to_powers(
+    const float2* rows, float* best, int bins, int stride, int length, int offsets)
+{
+    const int i = blockIdx.x * blockDim.x + threadIdx.x;
+    const int block = blockIdx.y;
+    if (i >= offsets) return;
+    float most = best[(size_t)block * offsets + i];
+    for (int bin = 0; bin < bins; ++bin) {
+        const float2 y = rows[((size_t)block * stride + bin) * length + i];
+        most = fmaxf(most, y.x * y.x + y.y * y.y);
+    }
+    best[(size_t)block * offsets + i] = most;
+}
+"""
+
+
+class CudaDevice:
+    """The current GPU, through CuPy; a `Device` of the engine.
+
+    Attributes
+    ----------
+    xp
+        The module cupy.
+    name
+        Of the GPU.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If CuPy is not installed, finds no GPU, or cannot compile for it.
+    """
+
+    def __init__(self) -> None:
+        try:
+            self.xp: Any = import_module("cupy")
+            self._cupyx: Any = import_module("cupyx")
+            self._cufft: Any = self.xp.cuda.cufft  # loads the library, wherever it is
+        except ImportError as error:
+            found = f"CuPy cannot be imported ({first_line(error)})"
+            raise EngineUnavailableError("cuda", found, "pip install 'vestige[cuda]'") from error
+        try:
+            number = self.xp.cuda.Device().id
+            self.name = str(self.xp.cuda.runtime.getDeviceProperties(number)["name"].decode())
+            kernels = self.xp.RawModule(code=_KERNELS)
+            self._multiply, self._raise = kernels.get_function("multiply"), kernels.get_function("raise_to_powers")
+            self.forward(self.xp.zeros(_THREADS, np.complex64))
+            self.xp.cuda.get_current_stream().synchronize()
+        except Exception as error:  # CUDA's errors have no class in common but this one
+            found = f"CuPy {self.xp.__version__} finds no GPU that it can use ({first_line(error)})"
+            raise EngineUnavailableError("cuda", found, "see what nvidia-smi says") from error
+
+    def stream(self) -> Any:
+        """Return a stream that does not wait for others."""
+        return self.xp.cuda.Stream(non_blocking=True)
+
+    def constant(self, values: np.ndarray) -> Any:
+        """Return values on the GPU, there for every stream."""
+        there = self.xp.asarray(values)
+        self.xp.cuda.get_current_stream().synchronize()
+        return there
+
+    def plan(self, rows: Any) -> Any:
+        """Return cuFFT's plan for the inverse transforms of an array, work area included."""
+        n_blocks, n_bins, length = rows.shape
+        return self._cufft.Plan1d(length, self._cufft.CUFFT_C2C, n_blocks * n_bins)
+
+    def forward(self, blocks: Any) -> Any:
+        """Return the FFT over the last axis."""
+        return self.xp.fft.fft(blocks, axis=-1)
+
+    def multiply(self, spectra: Any, code: Any, shifts: Any, rows: Any) -> None:
+        """Fill rows[block, bin, k] with spectra[block, k] · code[k − shifts[bin]], modulo the length."""
+        n_blocks, stride, length = rows.shape
+        numbers = (np.int32(stride), np.int32(length))
+        self._multiply(
+            (length // _THREADS, shifts.size, n_blocks), (_THREADS,), (spectra, code, shifts, rows, *numbers)
+        )
+
+    def inverse(self, rows: Any, plan: Any) -> None:
+        """Replace rows by their inverse FFT, without a factor."""
+        plan.fft(rows, rows, self._cufft.CUFFT_INVERSE)
+
+    def raise_to_powers(self, rows: Any, n_bins: int, best: Any) -> None:
+        """Raise best[block, offset] to the largest |rows[block, bin, offset]|² over `n_bins` bins, if it is larger."""
+        n_blocks, stride, length = rows.shape
+        offsets = best.shape[-1]
+        numbers = (np.int32(n_bins), np.int32(stride), np.int32(length), np.int32(offsets))
+        self._raise((-(-offsets // _THREADS), n_blocks), (_THREADS,), (rows, best, *numbers))
+
+    def download(self, values: Any) -> Float32[np.ndarray, "..."]:
+        """Return the values in page-locked memory, which the GPU writes by itself."""
+        out: np.ndarray = self._cupyx.empty_pinned(values.shape, np.float32)
+        values.get(out=out)
+        return out
+
+
+@cache
+def cuda_device() -> CudaDevice:
+    """Return the current GPU; its kernels are compiled once in a process.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If CuPy is not installed, finds no GPU, or cannot compile for it.
+    """
+    return CudaDevice()
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of an error's message that is not empty, or its class."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__

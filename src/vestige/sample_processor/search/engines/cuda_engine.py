@@ -1,0 +1,210 @@
+"""The engine for a GPU: the same overlap-save correlation as `fft`, in batches of many blocks and Doppler bins.
+
+A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of
+complex64, whose spectra are multiplied with those of the codes at the shift of every bin. One batched inverse FFT
+follows, and the largest power over the bins of each code offset. Only that comes back: 4 bytes for each code, grid and
+offset. How blocks are cut and how a bin becomes a shift: `overlap_save`.
+
+Calls may come from several threads. Each takes one of `_LANES` lanes, which have a stream and a batch of their own: so
+one call computes while another one sends or receives. All arithmetic beyond that of arrays is in `Device`:
+`cuda_device.CudaDevice` has it for CuPy; the tests have a stand-in of numpy, so they check this file without a GPU.
+"""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from queue import SimpleQueue
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float32, Int8, Int16
+
+from vestige.sample_processor.search.engines.cuda_device import cuda_device, first_line
+from vestige.sample_processor.search.engines.engine import EngineUnavailableError
+from vestige.sample_processor.search.engines.fft_engine import FftEngine
+from vestige.sample_processor.search.engines.overlap_save import OverlapSave
+
+_LANES = 2
+_BATCH_BYTES = 1 << 28  # of the inverse transforms of a lane; cuFFT takes as much again
+_BLOCK = 1 << 20  # about so many code offsets in a call
+_CHECKED = 100  # code offsets whose powers a GPU must get right before it is used
+
+
+@runtime_checkable
+class Device(Protocol):
+    """Arrays on a GPU and what is done with them; an array is whatever `xp` makes.
+
+    Attributes
+    ----------
+    xp
+        The array module: cupy, or what stands in for it.
+    """
+
+    xp: Any
+
+    def stream(self) -> AbstractContextManager[object]:
+        """Return a context in which work runs in an order of its own."""
+        ...
+
+    def constant(self, values: np.ndarray) -> Any:
+        """Return values as an array that every stream may read."""
+        ...
+
+    def plan(self, rows: Any) -> Any:
+        """Return what `inverse` needs for arrays of the shape of `rows`."""
+        ...
+
+    def forward(self, blocks: Any) -> Any:
+        """Return the FFT of complex64[…, length] over its last axis."""
+        ...
+
+    def multiply(self, spectra: Any, code: Any, shifts: Any, rows: Any) -> None:
+        """Fill rows[block, bin, k] with spectra[block, k] · code[k − shifts[bin]], modulo the length.
+
+        `rows` may have more bins than there are shifts; these stay as they are.
+        """
+        ...
+
+    def inverse(self, rows: Any, plan: Any) -> None:
+        """Replace complex64[blocks, bins, length] by its inverse FFT over the last axis, times the length."""
+        ...
+
+    def raise_to_powers(self, rows: Any, n_bins: int, best: Any) -> None:
+        """Raise best[block, offset] to the largest |rows[block, bin, offset]|² over `n_bins` bins, if it is larger."""
+        ...
+
+    def download(self, values: Any) -> Float32[np.ndarray, "..."]:
+        """Return float32 values as a numpy array, after everything before it in the stream."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """A stream, a batch complex64[blocks, bins, length] for inverse transforms, and the plan for them."""
+
+    stream: AbstractContextManager[object]
+    rows: Any
+    plan: Any
+
+
+class CudaEngine:
+    """Powers of codes of equal length on a GPU; see the module.
+
+    Parameters
+    ----------
+    codes
+        ±1; 1, 2, 4, 8 or 16 ms of chips each.
+    device
+        The GPU; None for the current one.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If CuPy or a GPU is missing, or memory on the GPU.
+    """
+
+    uses_cores = False
+
+    def __init__(self, codes: Int8[np.ndarray, "codes chips"], device: Device | None = None) -> None:
+        if device is None:
+            device = cuda_device()
+        self._device, self._cut = device, OverlapSave.of(codes.shape[1])
+        self.loss_db = self._cut.loss_db
+        blocks_in_call = max(1, _BLOCK // self._cut.offsets)
+        self.block = blocks_in_call * self._cut.offsets
+        shape = (*_batch(self._cut, 2 * blocks_in_call), self._cut.length)
+        self._lanes: SimpleQueue[_Lane] = SimpleQueue()
+        try:
+            self._spectra = device.constant(self._cut.spectra(codes))
+            self._shifts = device.constant(self._cut.shifts.astype(np.int32))
+            for _ in range(_LANES):
+                rows = device.xp.empty(shape, np.complex64)
+                self._lanes.put(_Lane(device.stream(), rows, device.plan(rows)))
+        except MemoryError as error:
+            found = f"the GPU has too little free memory ({first_line(error)})"
+            raise EngineUnavailableError("cuda", found, "close what else uses the GPU") from error
+
+    def powers(
+        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+    ) -> Float32[np.ndarray, "codes grids n_offsets"]:
+        """Return the largest power over the bins, for every code, grid and offset."""
+        lane = self._lanes.get()
+        try:
+            with lane.stream:
+                return self._powers(chips, n_offsets, lane)
+        finally:
+            self._lanes.put(lane)
+
+    def _powers(
+        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, lane: _Lane
+    ) -> Float32[np.ndarray, "codes grids n_offsets"]:
+        """Return the powers, computed in one lane."""
+        xp, n_grids = self._device.xp, chips.shape[0]
+        in_grid = -(-n_offsets // self._cut.offsets)
+        spectra = self._device.forward(self._blocks(xp.asarray(chips), in_grid))
+        n_blocks, n_bins = n_grids * in_grid, self._shifts.size
+        best = xp.zeros((self._spectra.shape[0], n_blocks, self._cut.offsets), np.float32)
+        blocks_at_once, bins_at_once, _ = lane.rows.shape
+        for code, out in zip(self._spectra, best, strict=True):
+            for block in range(0, n_blocks, blocks_at_once):
+                some = slice(block, block + blocks_at_once)
+                for low in range(0, n_bins, bins_at_once):
+                    shifts = self._shifts[low : low + bins_at_once]
+                    rows = lane.rows[: spectra[some].shape[0]]
+                    self._device.multiply(spectra[some], code, shifts, rows)
+                    self._device.inverse(lane.rows, lane.plan)
+                    self._device.raise_to_powers(rows, shifts.size, out[some])
+        found = self._device.download(best)
+        return found.reshape(self._spectra.shape[0], n_grids, -1)[:, :, :n_offsets]
+
+    def _blocks(self, chips: Any, in_grid: int) -> Any:
+        """Return overlapping blocks complex64[grids · in_grid, length] of int16[grids, 2, n], zeros behind it."""
+        xp, length, offsets = self._device.xp, self._cut.length, self._cut.offsets
+        n_grids, _, n = chips.shape
+        total = (in_grid - 1) * offsets + length
+        samples = xp.zeros((n_grids, total, 2), np.float32)
+        samples[:, : min(n, total)] = xp.swapaxes(chips, 1, 2)[:, :total]
+        samples = samples.view(np.complex64)[..., 0]
+        size = samples.itemsize
+        strides = (total * size, offsets * size, size)
+        blocks = xp.lib.stride_tricks.as_strided(samples, (n_grids, in_grid, length), strides)
+        return blocks.reshape(n_grids * in_grid, length)
+
+
+def _batch(cut: OverlapSave, n_blocks: int) -> tuple[int, int]:
+    """Return how many blocks and bins are transformed at once: whole blocks, or equal parts of the bins of one."""
+    transforms = max(1, _BATCH_BYTES // (8 * cut.length))
+    n_bins = cut.shifts.size
+    if transforms >= 2 * n_bins:
+        parts = -(-n_blocks // min(transforms // n_bins, n_blocks))
+        return -(-n_blocks // parts), n_bins
+    return 1, -(-n_bins // -(-n_bins // transforms))
+
+
+@cache
+def checked_gpu() -> str:
+    """Return the name of the current GPU, once it has computed what the engine `fft` computes.
+
+    Raises
+    ------
+    EngineUnavailableError
+        If CuPy or a GPU is missing, or if the GPU fails or computes something else.
+    """
+    device = cuda_device()
+    rng = np.random.default_rng(1)
+    codes = (1 - 2 * rng.integers(0, 2, (1, 5115))).astype(np.int8)
+    chips = rng.integers(-20, 21, (1, 2, 5115 + _CHECKED), dtype=np.int16)
+    expected = FftEngine(codes).powers(chips, _CHECKED)
+    try:
+        powers = CudaEngine(codes, device).powers(chips, _CHECKED)
+    except EngineUnavailableError:
+        raise
+    except Exception as error:  # CUDA's errors have no class in common but this one
+        found = f"{device.name} fails in a short check ({first_line(error)})"
+        raise EngineUnavailableError("cuda", found, "check the versions of CuPy and the driver") from error
+    if not np.allclose(powers, expected, rtol=0, atol=1e-4 * expected.max()):
+        found = f"{device.name} computes other powers than the engine fft in a short check"
+        raise EngineUnavailableError("cuda", found, "report it with the versions of CuPy and the driver")
+    return device.name
