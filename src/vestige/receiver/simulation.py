@@ -67,51 +67,25 @@ _STREAMS_A_SATELLITE = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """A receiver on one line of sight, by itself or as one of a sky.
+    """A receiver on one line of sight, by itself or as one of a sky."""
 
-    Attributes
-    ----------
-    seed
-        Everything random follows from it.
-    start
-        Time of epoch 0, a whole second; epochs are times of transmission.
-    n_epochs, interval_s
-        Number of RECS and the time between them, a multiple of 0.1 s.
-    line_of_sight, models
-        Range against time, and the receiver's error models.
-    cn0_dbhz, cn0_e1_dbhz
-        C/N0 of E6-C and of E1-C, each alone; −∞ on E6 is no signal, neither line of sight nor rays.
-    front_end
-        Of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`.
-    time_uncertainty_s
-        What the receiver believes of its clock.
-    n_chips, key_delay
-        Length of a RECS and its KDI.
-    spoofer
-        Who attacks.
-    svid
-        The satellite.
-    elevation
-        What depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID.
-    truth_interval_s
-        Time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone.
-    """
-
-    seed: int
-    start: GalileoTime
-    n_epochs: int
-    interval_s: float
+    seed: int  # everything random follows from it
+    start: GalileoTime  # time of epoch 0, a whole second; epochs are times of transmission
+    n_epochs: int  # number of RECS
+    interval_s: float  # between RECS, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
-    cn0_dbhz: float
-    cn0_e1_dbhz: float
-    front_end: FrontEnd
-    time_uncertainty_s: float
-    n_chips: int
-    key_delay: int
+    cn0_dbhz: float  # of E6-C alone; −∞ is no signal, neither line of sight nor rays
+    cn0_e1_dbhz: float  # of E1-C alone
+    front_end: FrontEnd  # of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
+    time_uncertainty_s: float  # what the receiver believes of its clock
+    n_chips: int  # of a RECS
+    key_delay: int  # KDI
     spoofer: Spoofer = NO_SPOOFER
     svid: int = SVID
+    # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
     elevation: ElevationEffects | None = None
+    # time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone
     truth_interval_s: float | None = None
 
     def truth(self) -> TruthProcess:

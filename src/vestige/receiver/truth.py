@@ -35,19 +35,14 @@ _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModels:
-    """The error models of a receiver; None where there is none [WFO, Sec. V].
-
-    Attributes
-    ----------
-    e1_multipath
-        Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
-    """
+    """The error models of a receiver; None where there is none [WFO, Sec. V]."""
 
     clock: ClockModel | None = None
     ionosphere: IonosphereModel | None = None
     multipath: MultipathModel | None = None
     e1_tracking: TrackingModel | None = None
     bias: BiasModel | None = None
+    # Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
     e1_multipath: bool = False
 
     @property
@@ -58,44 +53,22 @@ class ErrorModels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthBlock:
-    """The truth of a block of epochs of one satellite.
+    """The truth of a block of epochs of one satellite."""
 
-    Attributes
-    ----------
-    time_s
-        Epoch in s after the scenario's start.
-    range_m, rate_mps, acceleration_mps2
-        Geometric range and its derivatives.
-    clock_m, clock_drift_mps
-        Receiver clock times c, and its rate.
-    iono_diff_m, bias_m
-        By how much E6 is later than E1 in truth and not in the prediction.
-    e1_noise_m, e1_phase_noise_m, e1_rate_noise_mps
-        Noise of the pseudorange, of the carrier phase times the wavelength, and of the range rate that E1 delivers.
-    e1
-        What an attack does to E1 tracking.
-    e1_attack, e6
-        What it adds to the bands.
-    rays
-        Rays beside the line of sight.
-    view
-        How the satellite is seen.
-    """
-
-    time_s: Float[np.ndarray, " n"]
-    range_m: Float[np.ndarray, " n"]
+    time_s: Float[np.ndarray, " n"]  # after the scenario's start
+    range_m: Float[np.ndarray, " n"]  # geometric
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
-    clock_m: Float[np.ndarray, " n"]
+    clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
-    iono_diff_m: Float[np.ndarray, " n"]
-    bias_m: Float[np.ndarray, " n"]
-    e1_noise_m: Float[np.ndarray, " n"]
-    e1_phase_noise_m: Float[np.ndarray, " n"]
-    e1_rate_noise_mps: Float[np.ndarray, " n"]
-    e1: E1Tracking
-    e1_attack: BandEffects
-    e6: BandEffects
+    iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
+    bias_m: Float[np.ndarray, " n"]  # the same
+    e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
+    e1_phase_noise_m: Float[np.ndarray, " n"]  # of the carrier phase, times the wavelength
+    e1_rate_noise_mps: Float[np.ndarray, " n"]  # of the range rate
+    e1: E1Tracking  # what an attack does to E1 tracking
+    e1_attack: BandEffects  # what it adds to E1
+    e6: BandEffects  # what it adds to E6
     rays: RayBlock
     view: SatelliteGeometry
 

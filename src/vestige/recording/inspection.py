@@ -53,30 +53,17 @@ class ObservationCoverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """What is there.
-
-    Attributes
-    ----------
-    description
-        The recording, or None if the path holds no samples.
-    recorded_segments
-        The RECS that can be in the E6 samples.
-    assistance
-        What the assistance folder holds.
-    notes
-        What is odd, one line each.
-    missing
-        What ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says
-        of itself.
-    """
+    """What is there."""
 
     path: Path
-    description: RecordingDescription | None
+    description: RecordingDescription | None  # the recording, or None if the path holds no samples
     bands: tuple[BandInspection, ...]
     observations: ObservationCoverage | None
     assistance: AssistanceFolder
-    recorded_segments: tuple[EncryptedSegment, ...]
-    notes: tuple[str, ...]
+    recorded_segments: tuple[EncryptedSegment, ...]  # the RECS that can be in the E6 samples
+    notes: tuple[str, ...]  # what is odd, one line each
+    # what ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says of
+    # itself
     missing: tuple[str, ...]
 
 

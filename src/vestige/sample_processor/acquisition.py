@@ -46,26 +46,14 @@ _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acquisition:
-    """A signal found on E1.
-
-    Attributes
-    ----------
-    code_start_s
-        Time from the first sample to the start of the first full code period, [0, 4 ms).
-    doppler_hz
-        Doppler to ±62.5 Hz.
-    statistic, threshold
-        Non-coherent sum and its threshold, in units of the noise variance per dimension.
-    cn0_dbhz
-        Rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise).
-    """
+    """A signal found on E1."""
 
     svid: int
-    code_start_s: float
-    doppler_hz: float
-    statistic: float
-    threshold: float
-    cn0_dbhz: float
+    code_start_s: float  # time from the first sample to the start of the first full code period, [0, 4 ms)
+    doppler_hz: float  # Doppler to ±62.5 Hz
+    statistic: float  # non-coherent sum, in units of the noise variance per dimension
+    threshold: float  # in the same unit
+    cn0_dbhz: float  # rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise)
 
 
 def acquire(
@@ -102,26 +90,15 @@ def acquire(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellPowers:
-    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension.
-
-    Attributes
-    ----------
-    powers
-        Non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom.
-    rate_hz
-        Code phases a second.
-    n_added
-        Squared magnitudes in each sum.
-    threshold
-        What noise alone exceeds in any cell of the search with the overall false-alarm probability.
-    """
+    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension."""
 
     svid: int
+    # non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom
     powers: Float32[np.ndarray, "bins phases"]
     doppler_hz: Float64[np.ndarray, " bins"]
-    rate_hz: float
-    n_added: int
-    threshold: float
+    rate_hz: float  # code phases a second
+    n_added: int  # squared magnitudes in each sum
+    threshold: float  # what noise alone exceeds in any cell of the search with the overall false-alarm probability
 
     def acquisition(self, row: int, column: int) -> Acquisition:
         """Return what one cell says."""

@@ -36,18 +36,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6.
+    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6."""
 
-    Attributes
-    ----------
-    batch
-        The samples in which the RECS is expected.
-    surroundings
-        Those in which a search may look for it; None for no others.
-    """
-
-    batch: SampleBatch
-    surroundings: SampleSource | None = None
+    batch: SampleBatch  # the samples in which the RECS is expected
+    surroundings: SampleSource | None = None  # those in which a search may look for it; None for no others
 
     @property
     def received_until(self) -> GalileoTime:

@@ -28,19 +28,11 @@ Sequence = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """One signal component of one satellite.
-
-    Attributes
-    ----------
-    chip
-        Chip ±1 for a chip number counted from the reference second.
-    symbol
-        Symbol ±1 for a symbol number counted from the reference second; None for a pilot.
-    """
+    """One signal component of one satellite."""
 
     signal: SignalDefinition
-    chip: Sequence
-    symbol: Sequence | None = None
+    chip: Sequence  # chip ±1 for a chip number counted from the reference second
+    symbol: Sequence | None = None  # symbol ±1 for a symbol number counted from the reference second; None for a pilot
 
     def modulation(self, satellite_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return d · c at satellite times in s after the reference second."""

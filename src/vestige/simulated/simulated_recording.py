@@ -37,36 +37,17 @@ _WRITING = 1.5  # times synthesis: conversion, checksum and disk
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """A recording that can be made.
+    """A recording that can be made."""
 
-    Attributes
-    ----------
-    sky
-        What each band receives.
-    reference
-        Receiver-clock time of sample 0, a whole second.
-    samples
-        Numbers of the samples.
-    seed
-        Seed of the noise.
-    time_uncertainty_s
-        What the receiver believes of its clock.
-    description
-        One line for a person.
-    companions
-        Writes all other files of the folder.
-    noise_power
-        Variance of the noise in a band at a time in s after the reference, the receiver's own being 1.
-    """
-
-    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]
-    reference: GalileoTime
+    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # what each band receives
+    reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     sample_rate_hz: float
-    samples: range
-    seed: int
-    time_uncertainty_s: float
-    description: str
-    companions: Callable[[Path], None]
+    samples: range  # numbers of the samples
+    seed: int  # seed of the noise
+    time_uncertainty_s: float  # what the receiver believes of its clock
+    description: str  # one line for a person
+    companions: Callable[[Path], None]  # writes all other files of the folder
+    # variance of the noise in a band at a time in s after the reference, the receiver's own being 1
     noise_power: Callable[[Band, float], float] = lambda _band, _t_s: 1.0
 
     @property

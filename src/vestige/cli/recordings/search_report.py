@@ -24,17 +24,11 @@ _NOWHERE = "no signal on E1 to hand over, or no place in the samples within the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a search says of one RECS.
-
-    Attributes
-    ----------
-    proof
-        Which of its arrivals are from before the disclosure of its key.
-    """
+    """What a search says of one RECS."""
 
     decision: VestigialDecision
     budget: SearchBudget
-    proof: ReceptionProof
+    proof: ReceptionProof  # which of its arrivals are from before the disclosure of its key
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch) -> None:

@@ -57,21 +57,11 @@ _MAX_WEEK = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyFile:
-    """What a key file holds.
+    """What a key file holds."""
 
-    Attributes
-    ----------
-    keys
-        Validated keys in time order.
-    roots
-        Verified root keys in the order in which they were received.
-    alerts
-        Subframes in which an alert message was received.
-    """
-
-    keys: tuple[ValidatedKey, ...]
-    roots: tuple[RootKey, ...]
-    alerts: tuple[GalileoTime, ...]
+    keys: tuple[ValidatedKey, ...]  # validated keys in time order
+    roots: tuple[RootKey, ...]  # verified root keys in the order in which they were received
+    alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was received
 
 
 def write_key_file(

@@ -26,18 +26,11 @@ NODE_BYTES = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MerkleTree:
-    """A Merkle tree as far as it is published.
+    """A Merkle tree as far as it is published."""
 
-    Attributes
-    ----------
-    nodes
-        Hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root.
-    public_keys
-        The keys that the publication holds, still to be verified.
-    """
-
+    # hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root
     nodes: Mapping[tuple[int, int], bytes]
-    public_keys: tuple[ClaimedPublicKey, ...] = ()
+    public_keys: tuple[ClaimedPublicKey, ...] = ()  # the keys that the publication holds, still to be verified
 
     @property
     def root(self) -> bytes:

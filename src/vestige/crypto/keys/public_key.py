@@ -27,36 +27,18 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimedPublicKey:
-    """A public key as a file or the signal claims it.
+    """A public key as a file or the signal claims it."""
 
-    Attributes
-    ----------
-    pkid
-        Number of the key, PKID 0 … 15; None if the source does not say (PEM).
-    leaf
-        Its place among the 16 leaves of the Merkle tree; None if the source does not say.
-    point
-        Compressed point on P-256, 33 bytes, or on P-521, 67 bytes.
-    """
-
-    pkid: int | None
-    leaf: int | None
-    point: bytes
+    pkid: int | None  # number of the key, PKID 0 … 15; None if the source does not say (PEM)
+    leaf: int | None  # its place among the 16 leaves of the Merkle tree; None if the source does not say
+    point: bytes  # compressed point on P-256, 33 bytes, or on P-521, 67 bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublicKey:
-    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`.
+    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`."""
 
-    Attributes
-    ----------
-    pkid
-        Number of the key; None (only from PEM, trusted by the user) stands for any.
-    trust
-        What the trust rests on.
-    """
-
-    pkid: int | None
+    pkid: int | None  # number of the key; None (only from PEM, trusted by the user) stands for any
     point: bytes
     trust: Trust
 

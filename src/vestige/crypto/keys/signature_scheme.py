@@ -16,26 +16,14 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureScheme:
-    """One scheme.
+    """One scheme."""
 
-    Attributes
-    ----------
-    key_type
-        NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree.
-    name, curve_name
-        As the European GNSS Service Centre writes them.
-    curve, hash
-        Of ECDSA.
-    coordinate_bytes
-        Length of a coordinate of the curve in bytes.
-    """
-
-    key_type: int
-    name: str
+    key_type: int  # NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree
+    name: str  # as the European GNSS Service Centre writes it, and the next
     curve_name: str
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
-    coordinate_bytes: int
+    coordinate_bytes: int  # of a coordinate of the curve
 
     @property
     def point_bytes(self) -> int:

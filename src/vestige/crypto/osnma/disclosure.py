@@ -47,23 +47,12 @@ def provably_before_disclosure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceptionProof:
-    """Which arrivals of one RECS are provably from before the disclosure of its key.
+    """Which arrivals of one RECS are provably from before the disclosure of its key."""
 
-    Attributes
-    ----------
-    disclosed_at
-        When the first bit of the key was on air.
-    duration_s
-        Length of the RECS in s.
-    time_uncertainty_s
-        Bound on the error of the receiver's clock in s; infinite if it is not known.
-    labels_behind_s
-        By how much the time tags of the samples are behind the clock of that bound, 0 or more.
-    """
-
-    disclosed_at: GalileoTime
-    duration_s: float
-    time_uncertainty_s: float
+    disclosed_at: GalileoTime  # when the first bit of the key was on air
+    duration_s: float  # length of the RECS in s
+    time_uncertainty_s: float  # bound on the error of the receiver's clock in s; infinite if it is not known
+    # by how much the time tags of the samples are behind the clock of that bound, 0 or more
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:

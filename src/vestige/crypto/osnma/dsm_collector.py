@@ -26,21 +26,11 @@ _ALL = 0  # stands for the collection of all satellites together
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmMessage:
-    """A complete DSM as received.
+    """A complete DSM as received."""
 
-    Attributes
-    ----------
-    header
-        The NMA header that came with every block.
-    dsm_id
-        0 … 11 DSM-KROOT, 12 … 15 DSM-PKR.
-    data
-        All blocks.
-    """
-
-    header: NmaHeader
-    dsm_id: int
-    data: bytes
+    header: NmaHeader  # that came with every block
+    dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
+    data: bytes  # all blocks
 
     @property
     def is_root_key(self) -> bool:

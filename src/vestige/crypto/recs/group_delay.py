@@ -111,24 +111,12 @@ def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDelayFile:
-    """A BGD file.
+    """A BGD file."""
 
-    Attributes
-    ----------
-    provider
-        Four letters or digits.
-    valid_from
-        Time in the header, whole deciseconds.
-    delays
-        Values of the satellites in the mask, by rising SVID.
-    validity
-        The six bytes of unknown meaning, kept so that they are not lost.
-    """
-
-    provider: str
-    valid_from: GalileoTime
-    delays: tuple[GroupDelay, ...]
-    validity: bytes = bytes(6)
+    provider: str  # four letters or digits
+    valid_from: GalileoTime  # time in the header, whole deciseconds
+    delays: tuple[GroupDelay, ...]  # values of the satellites in the mask, by rising SVID
+    validity: bytes = bytes(6)  # the six bytes of unknown meaning, kept so that they are not lost
 
     @property
     def name(self) -> str:

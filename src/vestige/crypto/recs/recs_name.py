@@ -37,25 +37,15 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecsName:
-    """What the name of a RECS file says.
+    """What the name of a RECS file says."""
 
-    Attributes
-    ----------
-    provider
-        Four characters; only unitary names have it, so an empty provider means an aggregated file.
-    start
-        Epoch of the (first) RECS, a whole number of deciseconds.
-    duration_s, period_ds, n_chip_code
-        Only in aggregated names: time covered in s, time between RECS in ds, NChip code.
-    """
-
-    start: GalileoTime
+    start: GalileoTime  # epoch of the (first) RECS, a whole number of deciseconds
     svid: int
     key_delay: int
     random_offset: int
-    provider: str = ""
-    duration_s: int = 0
-    period_ds: int = 0
+    provider: str = ""  # four characters; only unitary names have it, so an empty provider means an aggregated file
+    duration_s: int = 0  # only in aggregated names, as the next two
+    period_ds: int = 0  # RTBA
     n_chip_code: int = 0
     interface_version: int = 1
     file_version: int = 1

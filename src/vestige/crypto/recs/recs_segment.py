@@ -52,21 +52,11 @@ class CipherMode(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentLength:
-    """One length that a RECS may have.
+    """One length that a RECS may have."""
 
-    Attributes
-    ----------
-    code
-        NChip field of the aggregated header.
-    duration_ms
-        E6-C primary code periods that it covers, 1 ms each.
-    n_bytes
-        Length of the body: the chips, filled up to whole AES blocks.
-    """
-
-    code: int
-    duration_ms: int
-    n_bytes: int
+    code: int  # NChip field of the aggregated header
+    duration_ms: int  # E6-C primary code periods that it covers, 1 ms each
+    n_bytes: int  # length of the body: the chips, filled up to whole AES blocks
 
     @property
     def n_chips(self) -> int:

@@ -52,20 +52,11 @@ class Draws:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:
-    """Draws banks of correlators.
+    """Draws banks of correlators."""
 
-    Attributes
-    ----------
-    offsets_m
-        Offsets of the taps in m.
-    n_chips
-        Chips of a RECS.
-    front_end
-        What the samples went through; without filter and quantiser it makes no difference.
-    """
-
-    offsets_m: tuple[float, ...]
-    n_chips: int
+    offsets_m: tuple[float, ...]  # of the taps
+    n_chips: int  # chips of a RECS
+    # what the samples went through; without filter and quantiser it makes no difference
     front_end: FrontEnd | None = None
 
     @property

@@ -31,27 +31,13 @@ CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The part of an attack on E6 that is not rays, over epochs.
+    """The part of an attack on E6 that is not rays, over epochs."""
 
-    Attributes
-    ----------
-    white
-        Density of white noise over N0.
-    waveforms
-        What jamming waveforms leave in the taps, for noise of σ = 1 there.
-    rise
-        By how much they raise the noise power, in the same unit.
-    unrelated
-        B of every ray, of variance 1.
-    forged_chips
-        Rays whose chips never match.
-    """
-
-    white: Float[np.ndarray, " n"]
-    waveforms: Complex128[np.ndarray, "n n_taps"]
-    rise: Float[np.ndarray, " n"]
-    unrelated: Float[np.ndarray, "n n_rays n_lags"]
-    forged_chips: Bool[np.ndarray, " n_rays"]
+    white: Float[np.ndarray, " n"]  # density of white noise over N0
+    waveforms: Complex128[np.ndarray, "n n_taps"]  # what jamming waveforms leave in the taps, for noise of σ = 1 there
+    rise: Float[np.ndarray, " n"]  # by how much they raise the noise power, in the same unit
+    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every ray, of variance 1
+    forged_chips: Bool[np.ndarray, " n_rays"]  # rays whose chips never match
 
     def part(self, first: int, last: int) -> Disturbance:
         """Return that of some of the epochs."""

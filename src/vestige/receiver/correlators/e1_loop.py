@@ -49,29 +49,14 @@ _NO_POWER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's.
+    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's."""
 
-    Attributes
-    ----------
-    error_m
-        Error of the pseudorange.
-    worst_error_m
-        Error of largest magnitude since the epoch before.
-    rate_error_mps
-        Error of the range rate, from the Doppler of what is tracked.
-    gain
-        C/N0 of what is tracked over that of the undisturbed true signal.
-    captured
-        Whether a counterfeit is the strongest signal in the prompt correlator.
-    forged_nav_data
-        Whether it is one with navigation data of the attacker's own, and those are what is demodulated.
-    """
-
-    error_m: Float[np.ndarray, " n"]
-    worst_error_m: Float[np.ndarray, " n"]
-    rate_error_mps: Float[np.ndarray, " n"]
-    gain: Float[np.ndarray, " n"]
-    captured: Bool[np.ndarray, " n"]
+    error_m: Float[np.ndarray, " n"]  # error of the pseudorange
+    worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before
+    rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of what is tracked
+    gain: Float[np.ndarray, " n"]  # C/N0 of what is tracked over that of the undisturbed true signal
+    captured: Bool[np.ndarray, " n"]  # whether a counterfeit is the strongest signal in the prompt correlator
+    # whether it is one with navigation data of the attacker's own, and those are what is demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
 
 

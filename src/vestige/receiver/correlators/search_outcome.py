@@ -67,43 +67,25 @@ _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 di
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
-    """What the searches of one satellite find, over epochs.
+    """What the searches of one satellite find, over epochs."""
 
-    Attributes
-    ----------
-    e1_signals
-        Signals on E1; 0 if there is none, and then no hand-over.
-    handover_carrying
-        Those of them that carry the encrypted chips in E6; 0 where the hand-over was not run.
-    handover_error_m
-        Error of the range of the earliest in E6, as one of E1; NaN where it was not run or found nothing.
-    exhaustive_signals, exhaustive_error_m
-        The same of the exhaustive search.
-    """
-
-    e1_signals: Float[np.ndarray, " n"]
+    e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
+    # those of them that carry the encrypted chips in E6; 0 where the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
+    # of the range of the earliest in E6, as one of E1; NaN where it found nothing or was not run
     handover_error_m: Float[np.ndarray, " n"]
-    exhaustive_signals: Float[np.ndarray, " n"]
+    exhaustive_signals: Float[np.ndarray, " n"]  # the same of the exhaustive search
     exhaustive_error_m: Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
-    """The signals of one satellite in one band over epochs; the true one is the first.
+    """The signals of one satellite in one band over epochs; the true one is the first."""
 
-    Attributes
-    ----------
-    amplitude, delay_m, doppler_hz
-        Relative to the true signal; an amplitude of 0 is none.
-    cn0_dbhz
-        Of the true signal, over the noise that there is.
-    """
-
-    amplitude: Complex128[np.ndarray, "n k"]
+    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 is none
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    cn0_dbhz: Float[np.ndarray, " n"]
+    cn0_dbhz: Float[np.ndarray, " n"]  # of the true signal, over the noise that there is
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
@@ -130,28 +112,15 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """What is random in the searches of a block of epochs, a column for each signal.
+    """What is random in the searches of a block of epochs, a column for each signal."""
 
-    Attributes
-    ----------
-    e1_cell, e6_cell
-        Places between the cells of code and Doppler, in steps, −½ … ½.
-    e1_z, e6_z
-        Noise of unit variance per dimension in the tested cell.
-    e1_rest
-        The other K − 1 squared magnitudes of E1, χ²(2K − 2).
-    measured
-        Errors of E1's code phase and of the range in E6, σ = 1.
-    alarm
-        Uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where.
-    """
-
-    e1_cell: Float[np.ndarray, "n k 2"]
+    e1_cell: Float[np.ndarray, "n k 2"]  # place between the cells of code and Doppler, in steps, −½ … ½
     e6_cell: Float[np.ndarray, "n k 2"]
-    e1_z: Complex128[np.ndarray, "n k"]
+    e1_z: Complex128[np.ndarray, "n k"]  # noise of unit variance per dimension in the tested cell
     e6_z: Complex128[np.ndarray, "n k"]
-    e1_rest: Float[np.ndarray, "n k"]
-    measured: Float[np.ndarray, "n k 2"]
+    e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
+    measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
+    # uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where
     alarm: Float[np.ndarray, "n 4"]
 
 

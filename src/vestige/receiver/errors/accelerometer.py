@@ -31,8 +31,6 @@ class Accelerometers:
         Standard deviation of the bias of an axis: 1 mg.
     walk_mps_per_sqrt_s
         N, velocity random walk.
-    kind
-        Name of the model in a scenario.
     """
 
     sigma_bias_mps2: float = 0.01

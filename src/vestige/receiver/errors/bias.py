@@ -32,8 +32,6 @@ class BiasResiduals:
         Standard deviation of the receiver's delay E6 − E1.
     hardware_drift_mps
         Standard deviation of its rate.
-    kind
-        Name of the model in a scenario.
     """
 
     bgd_sigma_m: float = 0.0

@@ -42,8 +42,6 @@ class TwoStateClock:
         h0, white frequency noise, in 1/Hz = s.
     h_minus_2_hz
         h−2, random-walk frequency noise, in Hz.
-    kind
-        Name of the model in a scenario.
     """
 
     h0_s: float = 7.115e-24  # [WFO, Sec. V]

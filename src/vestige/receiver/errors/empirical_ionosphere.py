@@ -33,8 +33,6 @@ class EmpiricalIonosphere:
         Differential residuals E6 − E1 in m, in any order.
     correlation, tau_s
         Memory, and its correlation time τ in s.
-    kind
-        Name of the model in a scenario.
     """
 
     samples_m: Float[np.ndarray, " n"]

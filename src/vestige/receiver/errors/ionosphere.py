@@ -53,8 +53,6 @@ class HeavyTailedIonosphere:
         Cut the core at ±u, so that P(|e| > u) is exactly p. Otherwise the core reaches beyond u too.
     correlation, tau_s
         Memory, and its correlation time τ in s.
-    kind
-        Name of the model in a scenario.
     """
 
     core_sigma_m: float

@@ -71,8 +71,6 @@ class BetzTrackingNoise:
         B of the code, phase and frequency loop.
     integration_s
         T.
-    kind
-        Name of the model in a scenario.
     """
 
     pulse: PulseName = "BOC(1,1)"

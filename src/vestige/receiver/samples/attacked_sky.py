@@ -31,22 +31,12 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CounterfeitSignal:
-    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start.
-
-    Attributes
-    ----------
-    true
-        The true signal in the band.
-    path
-        The truth that it repeats.
-    number
-        Which of the spoofer's attacks makes it.
-    """
+    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start."""
 
     true: ReceivedSatellite
-    path: ContinuousTruth
+    path: ContinuousTruth  # the truth that it repeats
     spoofer: Spoofer
-    number: int
+    number: int  # which of the spoofer's attacks makes it
     band: Band
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

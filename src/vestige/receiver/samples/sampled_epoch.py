@@ -115,24 +115,12 @@ def received_signal(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Which samples are taken around a RECS.
+    """Which samples are taken around a RECS."""
 
-    Attributes
-    ----------
-    expected_s
-        When the receiver expects the RECS, after transmission.
-    first
-        Number of the first sample, counted from the time of transmission at the output rate.
-    n_samples
-        How many come out of the front end.
-    start_s, stop_s
-        Times after transmission between which signals must be there: what the front end's filter needs, too.
-    """
-
-    expected_s: float
-    first: int
-    n_samples: int
-    start_s: float
+    expected_s: float  # when the receiver expects the RECS, after transmission
+    first: int  # number of the first sample, counted from the time of transmission at the output rate
+    n_samples: int  # how many come out of the front end
+    start_s: float  # after transmission; between it and `stop_s` signals must be there: what the filter needs, too
     stop_s: float
 
 

@@ -69,19 +69,10 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sky:
-    """All satellites that are in view at some epoch, n epochs by m satellites.
+    """All satellites that are in view at some epoch, n epochs by m satellites."""
 
-    Attributes
-    ----------
-    svids
-        One for each column, ascending.
-    range_m, rate_mps, acceleration_mps2, azimuth_rad, elevation_rad, satellite_clock_m, satellite_clock_mps
-        As in `LineOfSight`; also while a satellite is not in view.
-    in_view
-        Whether it is at or above the elevation mask.
-    """
-
-    svids: tuple[int, ...]
+    svids: tuple[int, ...]  # one for each column, ascending
+    # this and what follows as in `LineOfSight`; also while a satellite is not in view
     range_m: Float[np.ndarray, "n m"]
     rate_mps: Float[np.ndarray, "n m"]
     acceleration_mps2: Float[np.ndarray, "n m"]
@@ -89,7 +80,7 @@ class Sky:
     elevation_rad: Float[np.ndarray, "n m"]
     satellite_clock_m: Float[np.ndarray, "n m"]
     satellite_clock_mps: Float[np.ndarray, "n m"]
-    in_view: Bool[np.ndarray, "n m"]
+    in_view: Bool[np.ndarray, "n m"]  # whether it is at or above the elevation mask
 
 
 def sky(
@@ -146,8 +137,6 @@ class ElevationCn0:
     fall_db
         How much less it is at the horizon. A patch antenna has 5 dBi above and −3 to −5 dBi at low elevation; the
         satellite's own pattern makes up for the longer path.
-    kind
-        Name of the model in a scenario.
     """
 
     zenith_dbhz: float = 45.0

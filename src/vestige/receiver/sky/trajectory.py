@@ -35,8 +35,6 @@ class StaticTrajectory:
     ----------
     latitude_deg, longitude_deg, height_m
         Geodetic, on the WGS 84 ellipsoid.
-    kind
-        Name of the model in a scenario.
     """
 
     latitude_deg: float
@@ -61,8 +59,6 @@ class CircularTrajectory:
         Centre, geodetic.
     radius_m, speed_mps
         Of the circle; it starts east of the centre.
-    kind
-        Name of the model in a scenario.
     """
 
     latitude_deg: float

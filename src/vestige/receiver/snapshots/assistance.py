@@ -26,19 +26,10 @@ class SimulatedAssistance:
     """RECS and keys of a simulated receiver; nothing is predicted of the delay between the bands.
 
     Which keys the receiver gets hangs on what it hears: a lookup asks the block's own E6, which knows.
-
-    Attributes
-    ----------
-    simulations
-        Of each satellite.
-    every
-        Every how many epochs there is a RECS.
-    mode
-        Cipher of the service.
     """
 
-    simulations: tuple[Simulation, ...]
-    every: int
+    simulations: tuple[Simulation, ...]  # of each satellite
+    every: int  # every how many epochs there is a RECS
     mode: CipherMode = CipherMode.CBC
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0
@@ -53,21 +44,11 @@ class SimulatedAssistance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedRecs:
-    """The RECS of a block; each is encrypted when it is asked for.
-
-    Attributes
-    ----------
-    assistance
-        Of the receiver.
-    block
-        What there is.
-    first
-        Number of the first epoch.
-    """
+    """The RECS of a block; each is encrypted when it is asked for."""
 
     assistance: SimulatedAssistance
     block: RecsBlock
-    first: int
+    first: int  # number of the first epoch
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""

@@ -42,13 +42,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, kw_only=True)
 class OsnmaReception:
-    """OSNMA of a block of epochs of a sky.
-
-    Attributes
-    ----------
-    of
-        The block.
-    """
+    """OSNMA of a block of epochs of a sky."""
 
     of: ReceiverTruth
 
@@ -116,28 +110,14 @@ class OsnmaReception:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PagesReceived:
-    """Pages of n epochs and m satellites, as received and as sent.
+    """Pages of n epochs and m satellites, as received and as sent."""
 
-    Attributes
-    ----------
-    start, interval_s
-        Of the scenario, and between epochs.
-    page
-        As `pages_due` has it.
-    in_view
-        Whether a second channel hears the satellite.
-    received
-        bool[n, m, 15]: pages that were received.
-    forged
-        Whether what is demodulated of a satellite is the attacker's own.
-    """
-
-    start: GalileoTime
-    interval_s: float
-    page: Int64[np.ndarray, "n 15"]
-    in_view: Bool[np.ndarray, "n m"]
-    received: Bool[np.ndarray, "n m 15"]
-    forged: Bool[np.ndarray, "n m"]
+    start: GalileoTime  # of the scenario
+    interval_s: float  # between epochs
+    page: Int64[np.ndarray, "n 15"]  # as `pages_due` has it
+    in_view: Bool[np.ndarray, "n m"]  # whether a second channel hears the satellite
+    received: Bool[np.ndarray, "n m 15"]  # pages that were received
+    forged: Bool[np.ndarray, "n m"]  # whether what is demodulated of a satellite is the attacker's own
 
     @property
     def block(self) -> OsnmaBlock:

@@ -16,22 +16,12 @@ from vestige.receiver.truth import TruthBlock
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverTruth:
-    """What is true of n epochs and m satellites.
+    """What is true of n epochs and m satellites."""
 
-    Attributes
-    ----------
-    simulations, truth
-        Of each satellite.
-    first
-        Number of the first epoch.
-    every
-        Every how many epochs there is a RECS.
-    """
-
-    simulations: tuple[Simulation, ...]
-    truth: tuple[TruthBlock, ...]
-    first: int
-    every: int
+    simulations: tuple[Simulation, ...]  # one of each satellite
+    truth: tuple[TruthBlock, ...]  # one of each satellite
+    first: int  # number of the first epoch
+    every: int  # every how many epochs there is a RECS
 
     @property
     def n(self) -> int:

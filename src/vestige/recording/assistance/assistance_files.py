@@ -72,18 +72,10 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trust:
-    """What OSNMA keys must lead to.
+    """What OSNMA keys must lead to."""
 
-    Attributes
-    ----------
-    public_keys
-        Keys that root keys may be signed with.
-    tree
-        The Merkle tree that they were verified against, or None.
-    """
-
-    public_keys: tuple[PublicKey, ...]
-    tree: MerkleTree | None
+    public_keys: tuple[PublicKey, ...]  # keys that root keys may be signed with
+    tree: MerkleTree | None  # that they were verified against
 
     @classmethod
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> Trust:
@@ -103,45 +95,24 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the readers need beside the file.
+    """What the readers need beside the file."""
 
-    Attributes
-    ----------
-    trust
-        What OSNMA keys must lead to; None if nothing is known to trust.
-    server_keys
-        Keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them.
-    signatures
-        Signature files by folder and name of the signed file.
-    reference
-        Resolves 12-bit weeks.
-    window
-        First and last time of transmission of the RECS that are kept.
-    """
-
-    trust: Trust | None = None
+    trust: Trust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
+    # keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them
     server_keys: Sequence[EllipticCurvePublicKey] = ()
+    # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
-    reference: GalileoTime | None = None
+    reference: GalileoTime | None = None  # resolves 12-bit weeks
+    # first and last time of transmission of the RECS that are kept
     window: tuple[GalileoTime, GalileoTime] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What one file holds.
+    """What one file holds."""
 
-    Attributes
-    ----------
-    summary
-        In one line.
-    signature
-        What is known of its origin; None for kinds that are not signed.
-    problems
-        What is wrong with a file of which a part is usable all the same.
-    """
-
-    summary: str
-    signature: SignatureStatus | None = None
+    summary: str  # in one line
+    signature: SignatureStatus | None = None  # what is known of its origin; None for kinds that are not signed
     segments: tuple[EncryptedSegment, ...] = ()
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
@@ -150,7 +121,7 @@ class Contents:
     received: tuple[ReceivedOsnma, ...] = ()
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
-    problems: tuple[VestigeError, ...] = ()
+    problems: tuple[VestigeError, ...] = ()  # what is wrong with a file of which a part is usable all the same
 
 
 def kind_of(path: Path) -> FileKind | None:

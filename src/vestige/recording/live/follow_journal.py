@@ -38,19 +38,11 @@ _Count = Annotated[int, Field(ge=0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowProgress:
-    """How far a recording was followed.
+    """How far a recording was followed."""
 
-    Attributes
-    ----------
-    index, sent
-        Number of the last snapshot, and when its RECS was sent.
-    state
-        What is remembered after it.
-    """
-
-    index: _Count
-    sent: GalileoTime
-    state: ReceiverState
+    index: _Count  # of the last snapshot
+    sent: GalileoTime  # when its RECS was sent
+    state: ReceiverState  # what is remembered after it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,21 +25,12 @@ LIMITS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationEpoch:
-    """E1 observations of one moment.
+    """E1 observations of one moment."""
 
-    Attributes
-    ----------
-    time
-        Receiver-clock time of the observations.
-    observations
-        By SVID. Whatever but the pseudorange was not measured is NaN.
-    slipped
-        Satellites whose carrier phase is not continuous with the epoch before.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # receiver-clock time of the observations
+    # By SVID. Whatever but the pseudorange was not measured is NaN.
     observations: Mapping[int, E1Observation]
-    slipped: frozenset[int] = frozenset()
+    slipped: frozenset[int] = frozenset()  # satellites whose carrier phase is not continuous with the epoch before
 
 
 @runtime_checkable

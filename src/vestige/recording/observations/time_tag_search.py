@@ -31,18 +31,10 @@ from vestige.sample_processor.search.e1_search import search_e1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelSearch:
-    """What the search found.
+    """What the search found."""
 
-    Attributes
-    ----------
-    error_s
-        By how much the label is late, give or take 10 ms of travel time; None if no RECS was found.
-    decisions
-        One for each RECS that was looked for.
-    """
-
-    error_s: float | None
-    decisions: tuple[VestigialDecision, ...]
+    error_s: float | None  # by how much the label is late, give or take 10 ms of travel time; None if no RECS was found
+    decisions: tuple[VestigialDecision, ...]  # one for each RECS that was looked for
 
 
 def search_label(

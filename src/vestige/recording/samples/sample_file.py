@@ -27,26 +27,13 @@ BLOCK_SAMPLES = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleReader:
-    """The samples of one band; `open_samples` makes one.
-
-    Attributes
-    ----------
-    file
-        The description of the file.
-    n_samples
-        Whole samples in it.
-    notes
-        What is odd about the file, one line each.
-    skipped
-        Samples at the beginning of the file that are not among them.
-    held
-        The samples as they were stored, where there is no file that could be read again.
-    """
+    """The samples of one band; `open_samples` makes one."""
 
     file: BandFile
-    n_samples: int
-    notes: tuple[str, ...] = ()
-    skipped: int = 0
+    n_samples: int  # whole samples in it
+    notes: tuple[str, ...] = ()  # what is odd about the file, one line each
+    skipped: int = 0  # samples at the beginning of the file that are not among them
+    # the samples as they were stored, where there is no file that could be read again
     held: bytes | None = field(default=None, repr=False)
 
     @property

@@ -36,21 +36,11 @@ NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleFormat:
-    """One way to store samples.
+    """One way to store samples."""
 
-    Attributes
-    ----------
-    component
-        Number type of a real sample, or of each half of a complex one.
-    layout
-        `real`, or complex with the in-phase component first (`iq`) or second (`qi`).
-    big_endian
-        Byte order of components of more than one byte.
-    """
-
-    component: SampleType
-    layout: Layout
-    big_endian: bool = False
+    component: SampleType  # number type of a real sample, or of each half of a complex one
+    layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
+    big_endian: bool = False  # byte order of components of more than one byte
 
     @property
     def is_complex(self) -> bool:

@@ -26,18 +26,10 @@ BLOCK_BYTES = 1 << 16  # what a pipe holds; blocks are kept or let go whole
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
-    """How far a stream was read at one moment.
+    """How far a stream was read at one moment."""
 
-    Attributes
-    ----------
-    end_sample
-        Number after that of the last whole sample, on the counter that the bands share.
-    ended
-        Whether no more samples can come.
-    """
-
-    end_sample: int
-    ended: bool
+    end_sample: int  # number after that of the last whole sample, on the counter that the bands share
+    ended: bool  # whether no more samples can come
 
 
 @dataclass(slots=True)

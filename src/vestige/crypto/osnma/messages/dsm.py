@@ -76,30 +76,18 @@ class NmaHeader:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmKroot:
-    """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature.
-
-    Attributes
-    ----------
-    public_key_id
-        PKID: which public key verifies the signature.
-    chain_id
-        CIDKR: the chain that the root key belongs to.
-    root_week, root_hour
-        WN_K modulo 4096 and TOWH_K: the root key is the key of 30 s before this hour.
-    reserved
-        The 2 + 4 reserved bits, which are signed too.
-    """
+    """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature."""
 
     n_blocks: int
-    public_key_id: int
-    chain_id: int
+    public_key_id: int  # PKID: which public key verifies the signature
+    chain_id: int  # CIDKR: the chain that the root key belongs to
     parameters: ChainParameters
-    root_week: int
-    root_hour: int
+    root_week: int  # WN_K modulo 4096
+    root_hour: int  # TOWH_K: the root key is the key of 30 s before this hour
     root_key: bytes
     signature: bytes
     padding: bytes
-    reserved: tuple[int, int] = (1, 0)
+    reserved: tuple[int, int] = (1, 0)  # the 2 + 4 reserved bits, which are signed too
 
     def root_time(self, near: GalileoTime) -> GalileoTime:
         """Return the subframe of the root key, in the 4096-week cycle that puts it nearest to `near`."""

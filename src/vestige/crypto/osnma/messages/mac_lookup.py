@@ -35,18 +35,10 @@ _SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST m
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One slot of a sequence.
+    """One slot of a sequence."""
 
-    Attributes
-    ----------
-    adkd
-        Kind of data; None in a flexible slot.
-    own
-        Whether the tag must be for the satellite that sends it.
-    """
-
-    adkd: int | None
-    own: bool
+    adkd: int | None  # kind of data; None in a flexible slot
+    own: bool  # whether the tag must be for the satellite that sends it
 
     @property
     def flexible(self) -> bool:

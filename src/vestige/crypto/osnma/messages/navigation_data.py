@@ -40,44 +40,24 @@ _PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationData:
-    """One satellite's data that a tag covers.
-
-    Attributes
-    ----------
-    svid
-        Whose data.
-    iod_nav
-        Issue of data of words 1 to 4; None for timing parameters.
-    bits, n_bits
-        The data and its length.
-    oldest_s
-        Time at which the piece that is longest ago was last received, in GST seconds.
-    """
+    """One satellite's data that a tag covers."""
 
     svid: int
-    iod_nav: int | None
+    iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int
+    oldest_s: int  # time at which the piece that is longest ago was last received, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationWords:
-    """The latest words of one satellite that tags cover.
+    """The latest words of one satellite that tags cover."""
 
-    Attributes
-    ----------
-    words
-        Word type -> (word, time of reception in GST seconds).
-    replaced
-        Words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`.
-    subframe_s
-        Start of the last subframe with a page of this satellite, in GST seconds.
-    """
-
+    # word type -> (word, time of reception in GST seconds)
     words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    # words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`
     replaced: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    subframe_s: int = -1
+    subframe_s: int = -1  # start of the last subframe with a page of this satellite, in GST seconds
 
     def updated(self, subframe: SatelliteSubframe) -> NavigationWords:
         """Return the words after this subframe."""

@@ -16,19 +16,6 @@ from vestige.time import GalileoTime
 class RootKey:
     """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
 
-    Attributes
-    ----------
-    kroot
-        The DSM-KROOT.
-    header
-        The NMA header that is signed with it.
-    time
-        Subframe of the root key: 30 s before the hour that the DSM-KROOT names.
-    public_key
-        The key that verified it.
-    received_at
-        Subframe in which it was received, as whoever received it says: from then on its status counts.
-
     Raises
     ------
     AuthenticationError
@@ -38,9 +25,10 @@ class RootKey:
     """
 
     kroot: DsmKroot
-    header: NmaHeader
-    time: GalileoTime
-    public_key: PublicKey
+    header: NmaHeader  # the NMA header that is signed with it
+    time: GalileoTime  # subframe of the root key: 30 s before the hour that the DSM-KROOT names
+    public_key: PublicKey  # the key that verified it
+    # subframe in which it was received, as whoever received it says: from then on its status counts
     received_at: GalileoTime
 
     def __post_init__(self) -> None:

@@ -37,22 +37,13 @@ class Content(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSubframe:
-    """The 15 pages of one satellite and one subframe, as far as they were received.
-
-    Attributes
-    ----------
-    time
-        Start of the subframe (GST_SF).
-    osnma
-        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none.
-    words
-        15 navigation words of 128 bits; None where the page is lost.
-    """
+    """The 15 pages of one satellite and one subframe, as far as they were received."""
 
     svid: int
-    time: GalileoTime
+    time: GalileoTime  # start of the subframe (GST_SF)
+    # 15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none
     osnma: tuple[bytes | None, ...]
-    words: tuple[int | None, ...]
+    words: tuple[int | None, ...]  # 15 navigation words of 128 bits; None where the page is lost
 
     @property
     def n_missing(self) -> int:
@@ -114,18 +105,10 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """One subframe of all satellites.
+    """One subframe of all satellites."""
 
-    Attributes
-    ----------
-    time
-        Start of the subframe (GST_SF).
-    satellites
-        What each satellite sent, by SVID.
-    """
-
-    time: GalileoTime
-    satellites: Mapping[int, SatelliteSubframe]
+    time: GalileoTime  # start of the subframe (GST_SF)
+    satellites: Mapping[int, SatelliteSubframe]  # by SVID
 
 
 class PageStatus(Enum):

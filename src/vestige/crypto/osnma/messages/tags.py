@@ -31,21 +31,11 @@ MIN_TAG_BITS = 40  # together, before data counts as authenticated [OSNMA-RG, eq
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
-    """One tag of a MACK message.
+    """One tag of a MACK message."""
 
-    Attributes
-    ----------
-    counter
-        CTR: 1 for tag0.
-    value
-        The tag, l_t bits.
-    info
-        The 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow.
-    """
-
-    counter: int
-    value: int
-    info: int
+    counter: int  # CTR: 1 for tag0
+    value: int  # l_t bits
+    info: int  # the 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow
 
     @property
     def svid(self) -> int:
@@ -75,24 +65,12 @@ class Tag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mack:
-    """The authentication part of a complete MACK message.
+    """The authentication part of a complete MACK message."""
 
-    Attributes
-    ----------
-    svid
-        PRN_A: the satellite that sent it.
-    time
-        Start of its subframe.
-    nma_status
-        NMAS of its NMA header; the tags cover it.
-    macseq
-        12 bits.
-    """
-
-    svid: int
-    time: GalileoTime
-    nma_status: int
-    macseq: int
+    svid: int  # PRN_A: the satellite that sent it
+    time: GalileoTime  # start of its subframe
+    nma_status: int  # NMAS of its NMA header; the tags cover it
+    macseq: int  # 12 bits
     tags: tuple[Tag, ...]
 
 

@@ -34,17 +34,9 @@ MAX_STEPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key as somebody sent it; it proves nothing.
+    """A key as somebody sent it; it proves nothing."""
 
-    Attributes
-    ----------
-    time
-        Start of the subframe in which it was sent.
-    data
-        The key.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # start of the subframe in which it was sent
     data: bytes
 
 
