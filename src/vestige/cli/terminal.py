@@ -8,13 +8,5 @@ from vestige.errors import printable
 
 
 def echo(*lines: object, err: bool = False, nl: bool = True) -> None:
-    """Print each of `lines` as one line; characters that a terminal does not show as themselves are escaped.
-
-    Parameters
-    ----------
-    err
-        Print to stderr.
-    nl
-        End with a line break.
-    """
+    """Print each of `lines` as one line; characters that a terminal does not show as themselves are escaped."""
     click.echo("\n".join(printable(str(line)) for line in lines), err=err, nl=nl)

@@ -13,12 +13,7 @@ from vestige.errors import InputFileError
 def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
     """Return the content of the regular file `path`.
 
-    Parameters
-    ----------
-    path
-        The file.
-    at_most
-        Length in bytes from which on it cannot be what it claims to be, and is not read.
+    A file of more than `at_most` bytes cannot be what it claims to be, and is not read.
 
     Raises
     ------
@@ -38,12 +33,7 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
 def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str:
     """Return the content of the regular file `path` as text: UTF-8, with or without a byte order mark.
 
-    Parameters
-    ----------
-    path, at_most
-        As `read_bytes`.
-    expected
-        What it is if it is one, for the message.
+    `expected` says what it is if it is one, for the message.
 
     Raises
     ------

@@ -25,11 +25,6 @@ _TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
 def parse_toml(text: str) -> dict[str, Any]:
     r"""Return the tables of a TOML document.
 
-    Parameters
-    ----------
-    text
-        The document, of at most some MB.
-
     Raises
     ------
     ValueError

@@ -152,11 +152,6 @@ class Simulation:
         """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
 
         Never before its time tag, which may be ahead of that clock.
-
-        Parameters
-        ----------
-        truth, arrived
-            Epochs with RECS, and how these arrive.
         """
         expected_s = arrived.dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -170,19 +165,7 @@ class Simulation:
         prediction_error_m: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
-
-        Parameters
-        ----------
-        first
-            Number of the first RECS.
-        truth, arrived
-            Epochs with RECS, and how these arrive.
-        prediction_error_m
-            As the method of this name has it.
-        offsets_m
-            Of the taps from the hand-over's prediction.
-        """
+        """Return taps and noise power of RECS, drawn; pure, and independent of the cut."""
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
@@ -225,12 +208,7 @@ class Simulation:
     def samples(self, number: int, row: int, truth: TruthBlock) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the E6 samples around a RECS, labelled by a clock that no attacker moves, and what the front end says.
 
-        Parameters
-        ----------
-        number
-            Of the RECS.
-        row
-            Its place in `truth`.
+        `row` is the place of the RECS in `truth`.
         """
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.view.amplitude[row])
@@ -278,15 +256,7 @@ class Simulation:
 
 
 def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the E1 pseudorange that E6 does not share, in m.
-
-    Parameters
-    ----------
-    truth
-        Of one satellite.
-    multipath_m
-        What rays make of it.
-    """
+    """Return the error of the E1 pseudorange that E6 does not share, in m."""
     return truth.e1_noise_m + multipath_m + truth.e1.error_m
 
 

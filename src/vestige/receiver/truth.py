@@ -91,23 +91,7 @@ class TruthBlock:
 
 
 class TruthProcess:
-    """Runs through the epochs in order.
-
-    Parameters
-    ----------
-    models, line_of_sight
-        What is drawn, and the geometry.
-    cn0_e1_dbhz
-        C/N0 of E1-C, which the tracking noise depends on.
-    interval_s
-        Time between epochs.
-    seed, svid
-        Whose streams are used.
-    spoofer
-        Who attacks.
-    elevation
-        What depends on the satellite's elevation; None on a single line of sight.
-    """
+    """Runs through the epochs in order."""
 
     def __init__(
         self,

@@ -26,14 +26,7 @@ class OtherChannels:
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
 
-        Parameters
-        ----------
-        snapshot
-            Of the recording.
-        assistance
-            With what was demodulated of OSNMA.
-        since
-            Time of the snapshot before; None at first.
+        `since` is the time of the snapshot before; None at first.
         """
         block = block_of(snapshot, since=since, accelerations=self.accelerations)
         if self.second_channel is None or not block.svids:

@@ -66,11 +66,6 @@ class Recording:
         interval early counts) and has ⌈duration · rate⌉ samples, the same number wherever the window lies. What lies
         outside the recording is cut away: `start`, `first_sample` and the length of the batch say what is left.
 
-        Parameters
-        ----------
-        duration_s
-            Length of the window in s, above 0.
-
         Raises
         ------
         InputFileError

@@ -54,14 +54,8 @@ class CorrelatableSamples:
 def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
     """Return the correlators of `batch` with the chips of `handover`.
 
-    Parameters
-    ----------
-    batch
-        Samples; any sampling rate of at least half the chip rate.
-    handover
-        Chips, expected start, Doppler and Doppler rate on the band's carrier.
-    offsets_m
-        Tap offsets from the expected start in m; positive is later.
+    Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
+    positive is later.
 
     Returns
     -------

@@ -64,14 +64,7 @@ class E1Snapshot:
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
     """Return the E1 measurement of one acquired satellite, or None if the batch holds too few code periods.
 
-    Parameters
-    ----------
-    batch
-        E1 samples, at least `MIN_PERIODS` + 2 code periods.
-    acquisition
-        Where the satellite was found in this batch.
-    cn0_estimator
-        One of `ESTIMATORS`.
+    The batch holds at least `MIN_PERIODS` + 2 code periods.
     """
     start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
     for _ in range(_CODE_STEPS):

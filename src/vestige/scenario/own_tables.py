@@ -47,10 +47,7 @@ class OwnKind(BaseModel):
 class OrOwn:
     """Annotation of a field that holds a model: its table may name a class of the user's in place of vestige's kinds.
 
-    Parameters
-    ----------
-    base
-        The protocol that the class has to satisfy, or its base; None to keep the name alone (`OwnKind`).
+    `base` is the protocol that the class has to satisfy, or its base; None to keep the name alone (`OwnKind`).
     """
 
     base: type | None

@@ -22,12 +22,7 @@ _LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
 class Presets:
     """Annotation of a field that holds a model: its table may name a preset.
 
-    Parameters
-    ----------
-    named
-        Models by the name that the key `preset` gives.
-    at_elevation
-        Model for the key `elevation_deg`; None if there is no such key.
+    `named` are models by the name that the key `preset` gives, `at_elevation` the model for the key `elevation_deg`.
     """
 
     named: Mapping[str, Callable[[], Any]]

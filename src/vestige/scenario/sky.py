@@ -231,14 +231,7 @@ def satellites_in_view(
 
     They are looked for every minute, in long runs less often.
 
-    Parameters
-    ----------
-    constellation, table
-        Satellites and receiver.
-    start, duration_s
-        Of the run.
-    longest_delay_s
-        How far back an attacker's recording reaches.
+    `longest_delay_s` is how far back an attacker's recording reaches.
 
     Raises
     ------

@@ -104,10 +104,7 @@ class StoredScenario(_Part):
 def stored_scenario(text: str) -> StoredScenario:
     """Return the scenario of results.
 
-    Parameters
-    ----------
-    text
-        JSON, the attribute `scenario` of the results.
+    `text` is JSON, the attribute `scenario` of the results.
 
     Raises
     ------

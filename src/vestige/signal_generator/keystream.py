@@ -39,16 +39,7 @@ def encryption_key(seed: int) -> bytes:
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
     """Return the encrypted E6-C chips that a satellite sends from `transmit_time` on.
 
-    Parameters
-    ----------
-    key
-        The service's secret, any bytes.
-    svid
-        Satellite; each has a keystream of its own.
-    transmit_time
-        Satellite time of the first chip; a whole number of chips after the full second.
-    n_chips
-        Number of chips.
+    `transmit_time`, satellite time of the first chip, is a whole number of chips after the full second.
 
     Raises
     ------

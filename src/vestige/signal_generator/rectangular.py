@@ -25,13 +25,7 @@ class RectangularPart:
 
 
 def rectangular_parts(component: Component, first_chip: int, n_chips: int) -> tuple[RectangularPart, ...]:
-    """Return chips number `first_chip` to `first_chip + n_chips − 1` of a component, times its symbols, part by part.
-
-    Parameters
-    ----------
-    component
-        Its chips are counted from its reference second.
-    """
+    """Return `n_chips` chips of a component from number `first_chip` on, times its symbols, part by part."""
     signal = component.signal
     index = first_chip + np.arange(n_chips)
     chips = component.chip(index)

@@ -56,15 +56,7 @@ class SimulatedRecording:
         return len(self.samples) / self.sample_rate_hz
 
     def record(self, band: Band, *, at_most: int | None = None, noise: bool = True) -> Iterator[SampleBatch]:
-        """Yield the samples of a band.
-
-        Parameters
-        ----------
-        at_most
-            Number of samples after which to stop.
-        noise
-            Whether there is any.
-        """
+        """Yield the samples of a band."""
         return self._made(band, self.samples[:at_most], noise=noise)
 
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
@@ -117,18 +109,8 @@ class SimulatedRecording:
     ) -> tuple[Path, ...]:
         """Write the folder and return its files.
 
-        Parameters
-        ----------
-        folder
-            Made; complete or not there at all.
-        scenario_text
-            The scenario as TOML.
-        component
-            Number type of the samples.
-        exports
-            Names in `recording.exports.EXPORTS`.
-        progress
-            Called with the band, the samples written, and all.
+        `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, and
+        `progress` is called with the band, the samples written, and all.
 
         Raises
         ------

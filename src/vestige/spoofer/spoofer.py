@@ -112,15 +112,7 @@ class Spoofer:
     attacks: tuple[Attack, ...] = ()  # all at once
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return what a receiver sees in one band of one satellite.
-
-        Parameters
-        ----------
-        band, svid
-            Where.
-        times_s
-            Epochs in s after the scenario's start.
-        """
+        """Return what a receiver sees in one band of one satellite."""
         found = [
             (attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None)
             or _nothing(times_s.size)

@@ -68,14 +68,8 @@ def follow(
 
     What is found is said at once, and so is how fast the search is and how long it takes.
 
-    Parameters
-    ----------
-    before
-        State that an earlier run came to, None if there was none.
-    each
-        Called with the first start and the strongest magnitude of every block.
-    keep
-        Called with the state now and then, with every peak and at the end.
+    `before` is the state that an earlier run came to. `each` is called with the first start and the strongest magnitude
+    of every block, `keep` with the state now and then, with every peak and at the end.
     """
     state, done = before, 0.0
     if before is not None:

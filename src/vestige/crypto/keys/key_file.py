@@ -69,16 +69,7 @@ def write_key_file(
 ) -> None:
     """Write keys with the signed root keys that they chain to; the file is replaced only when it is complete.
 
-    Parameters
-    ----------
-    path
-        The file.
-    keys
-        Validated keys.
-    roots
-        All verified root keys: those of their chains, and those that withdraw chains.
-    alerts
-        Subframes in which an alert message was verified.
+    `roots` are all verified root keys: those of the keys' chains, and those that withdraw chains.
     """
     lines = [FIRST_LINE]
     for root in sorted(roots, key=lambda root: root.received_at):
@@ -106,13 +97,6 @@ def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[Validat
 
 def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     """Return what a key file holds, each key validated down to a root key that a public key signed.
-
-    Parameters
-    ----------
-    path
-        The file.
-    public_keys
-        Keys that the root keys may be signed with.
 
     Raises
     ------

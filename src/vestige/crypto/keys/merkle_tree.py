@@ -50,17 +50,7 @@ def leaf_hash(pkid: int, point: bytes) -> bytes:
 
 
 def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
-    """Return the root that follows from a leaf and the siblings on its way up, 32 bytes.
-
-    Parameters
-    ----------
-    leaf
-        Place of the leaf, 0 … 15.
-    value
-        The leaf's hash.
-    siblings
-        The four siblings, the leaf's own first.
-    """
+    """Return the root that follows from a leaf and the siblings on its way up, 32 bytes."""
     for height, sibling in enumerate(siblings):
         pair = sibling + value if leaf >> height & 1 else value + sibling
         value = hashlib.sha256(pair).digest()
@@ -127,12 +117,7 @@ def _verified(pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], roo
 def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     """Return the public key of a DSM-PKR, verified against the tree's root.
 
-    Parameters
-    ----------
-    message
-        All blocks of the DSM-PKR.
-    tree
-        Only its root is used.
+    `message` is all blocks; of the tree only the root is used.
 
     Raises
     ------

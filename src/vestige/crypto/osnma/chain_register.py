@@ -128,11 +128,8 @@ class ChainRegister:
     def refusal_of(self, key: ValidatedKey) -> str:
         """Return why a key that was validated before may not be used; "" if it may.
 
-        Parameters
-        ----------
-        key
-            A key, perhaps of another program run; it counts for the first chain that holds it. If none does, its root
-            key was refused, and so is the key from the first withdrawal on.
+        The key, perhaps of another program run, counts for the first chain that holds it. If none does, its root key
+        was refused, and so is the key from the first withdrawal on.
         """
         if not self._withdrawals:
             return ""

@@ -22,16 +22,7 @@ from vestige.time import GalileoTime
 class DsmVerifier:
     """Collects DSM blocks and enters what verifies in the register of chains.
 
-    Parameters
-    ----------
-    public_keys
-        Keys that DSM-KROOTs may be signed with.
-    tree
-        Merkle tree to verify broadcast public keys and alert messages against, or None.
-    register
-        Gets the verified root keys and alerts.
-    problems
-        Where problems go.
+    Broadcast public keys and alert messages are verified against `tree`, if there is one.
     """
 
     def __init__(

@@ -106,10 +106,7 @@ class OsnmaReceiver:
     def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
         """Return the keys that this page makes valid: it closes the subframes before it.
 
-        Parameters
-        ----------
-        page
-            The next page. Satellites may come in any order, and pages some seconds late.
+        Satellites may come in any order, and pages some seconds late.
         """
         return self._take(self._intake.add(page))
 

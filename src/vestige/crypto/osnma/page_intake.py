@@ -12,13 +12,7 @@ from vestige.time import GalileoTime
 
 
 class PageIntake:
-    """Puts pages together to subframes and counts them.
-
-    Parameters
-    ----------
-    problems
-        Where problems with pages go.
-    """
+    """Puts pages together to subframes and counts them."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems

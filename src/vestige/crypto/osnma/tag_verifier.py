@@ -37,13 +37,7 @@ class _Check:
 
 
 class TagVerifier:
-    """Waits for the keys of tags.
-
-    Parameters
-    ----------
-    report
-        Called with every problem.
-    """
+    """Waits for the keys of tags."""
 
     def __init__(self, report: Callable[[Problem], None]) -> None:
         self._report = report

@@ -117,14 +117,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
 def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: int = 1) -> Path:
     """Sign the file `path` as a server does, write the signature beside it and return where.
 
-    Parameters
-    ----------
-    path
-        The file.
-    private_key
-        Key of P-256, P-384 or P-521.
-    certificate
-        KN, the number of the certificate, 0 … 99.
+    `certificate` is KN, the number of the certificate, 0 … 99.
     """
     curve = _SUFFIX[private_key.curve.name]
     name = SignatureName(signed=path.name, certificate=certificate, curve=curve)
@@ -147,16 +140,7 @@ def verify_data(
 ) -> SignatureStatus:
     """Return what is known of the origin of `data`.
 
-    Parameters
-    ----------
-    data
-        Content of the signed file.
-    path
-        The signed file, for messages.
-    signatures
-        Its signature files. One that verifies with one of the keys is enough.
-    public_keys
-        Keys that the user trusts.
+    One signature that verifies with one of the keys that the user trusts is enough; `path` is for messages.
 
     Raises
     ------

@@ -98,13 +98,6 @@ def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_
     """Return T_R6 − T_R1, by how much the satellite sends E6 later than E1, in s.
 
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6) in the default convention [OS-ICD, 5.1.5].
-
-    Parameters
-    ----------
-    bgd_s
-        BGD(E1,E6) in s.
-    convention
-        How the value is meant.
     """
     return convention.sign * _FACTOR[convention.scale] * bgd_s
 
@@ -127,12 +120,8 @@ class GroupDelayFile:
 def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     """Return the BGD file at `path`.
 
-    Parameters
-    ----------
-    path
-        The file, of any name.
-    reference
-        A time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 … 4095.
+    `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 …
+    4095.
 
     Raises
     ------

@@ -62,18 +62,7 @@ def drawn_disturbance(
 ) -> Disturbance:
     """Return the disturbance of the epochs from `first` on; independent of the cut.
 
-    Parameters
-    ----------
-    effects
-        Of E6, over the epochs.
-    offsets_m
-        Offsets of the taps.
-    forged_chips
-        Rays whose chips never match.
-    seed, first, block_epochs
-        Seed, number of the first epoch, and how many epochs share a stream of draws.
-    labels
-        Whose streams they are, beside the block's number.
+    `labels` say whose streams of draws they are, beside the block's number; `block_epochs` epochs share a stream.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2
@@ -101,15 +90,7 @@ def drawn_disturbance(
 def unrelated_correlation(
     noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
 ) -> Float[np.ndarray, "n n_taps"]:
-    """Return R_u at each tap, B counted from the tap with the smallest distance.
-
-    Parameters
-    ----------
-    noise
-        B.
-    distance_chips
-        Delay of the signal after each tap.
-    """
+    """Return R_u at each tap, B counted from the tap with the smallest distance."""
     lag = np.floor(distance_chips).astype(np.int64)
     part = distance_chips - lag
     lag -= lag.min(axis=1, keepdims=True)

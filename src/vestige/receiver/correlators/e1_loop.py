@@ -63,18 +63,7 @@ class E1Tracking:
 class E1Loop:
     """Tracks one satellite through an attack, epoch after epoch.
 
-    Parameters
-    ----------
-    spoofer, svid
-        Who attacks, and the satellite.
-    interval_s
-        Time between epochs.
-    cn0_dbhz
-        C/N0 of undisturbed E1-C.
-    loop_bandwidth_hz
-        B.
-    spacing_chips, pulse
-        Early-late spacing d, and the pulse of signal and replica.
+    `cn0_dbhz` is that of undisturbed E1-C, `loop_bandwidth_hz` B, and `spacing_chips` the early-late spacing d.
     """
 
     def __init__(

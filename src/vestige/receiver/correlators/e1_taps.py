@@ -82,16 +82,7 @@ def e1_taps(
 ) -> Complex128[np.ndarray, "n n_taps"]:
     """Return ξ of one satellite before the gain control.
 
-    Parameters
-    ----------
-    truth
-        Of the satellite.
-    cn0_dbhz
-        C/N0 of the true signal without interference.
-    multipath_m, with_rays
-        Error of the pseudorange by rays, and whether they are in E1.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
+    `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by rays.
     """
     n, arrived = truth.time_s.size, arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
@@ -109,14 +100,7 @@ def power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return by how much the power of E1 is above that without attack, −20 log₁₀ g, in dB.
 
-    Parameters
-    ----------
-    truth
-        Of each satellite.
-    cn0_dbhz
-        C/N0 of the true signals; NaN out of view.
-    bandwidth_hz
-        W.
+    `cn0_dbhz` is that of the true signals, NaN out of view; `bandwidth_hz` is W.
     """
     heard = np.stack([_power(one) for one in truth], axis=1)
     return _rise_db(truth[0].e1_attack, cn0_dbhz, heard, bandwidth_hz)

@@ -91,12 +91,7 @@ class BandSignals:
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
-    Parameters
-    ----------
-    effects
-        What the attacks add.
-    band, cn0_dbhz
-        The band, and the C/N0 of the true signal without attack; −∞ or NaN is no signal.
+    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN is no signal.
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
@@ -152,18 +147,7 @@ def search_outcome(
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
-    Parameters
-    ----------
-    truth
-        Of the satellite.
-    cn0_e1_dbhz, cn0_e6_dbhz
-        Of its undisturbed pilots, before what its elevation makes of them.
-    integration_s
-        Of E6.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
-    p_fa
-        As `e1_p_fa` and `exhaustive_p_fa` of `outcome`.
+    C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
     """
     seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -203,22 +187,8 @@ def outcome(
 ) -> SearchOutcome:
     """Return what the searches find.
 
-    Parameters
-    ----------
-    e1, e6
-        The signals of both bands.
-    draws
-        What is random.
-    shift_m
-        By how much E6 is later than E1 in truth and not in the prediction.
-    integration_s
-        Of E6.
-    e1_p_fa, exhaustive_p_fa
-        Of one search of one satellite, on E1 and in E6 at the hand-over each, and of all E6.
-    window_s
-        Time uncertainty either way.
-    periods
-        Of E1's code that are added, as for the draws.
+    `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
+    satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
@@ -325,16 +295,8 @@ def _separate(
 ) -> Bool[np.ndarray, "n k"]:
     """Return the signals that are further than the separation rule says from every stronger one that is kept.
 
-    Parameters
-    ----------
-    found
-        Above the threshold.
-    strength
-        Their powers.
-    delay_m, period_m
-        Their places, and modulo what.
-    blind_m, fine_m
-        The rule: `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger).
+    The rule is `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger); places
+    count modulo `period_m`.
     """
     order = np.argsort(np.where(found, -strength, np.inf), axis=1)
     rows = np.arange(found.shape[0])

@@ -45,17 +45,7 @@ class Accelerometers:
     def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
-        """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run.
-
-        Parameters
-        ----------
-        trajectory
-            What is true.
-        time_s, interval_s
-            Epochs in s after the start, and the time between them.
-        seed, first
-            Whose random numbers, and the number of the first epoch.
-        """
+        """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run."""
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0
         now, before = trajectory.motion(time_s), trajectory.motion(np.where(started, begun, time_s))

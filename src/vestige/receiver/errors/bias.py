@@ -61,11 +61,5 @@ class BiasProcess:
     drift_mps: float
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return b(t), part of E6 − E1, in m.
-
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start.
-        """
+        """Return b(t), part of E6 − E1, in m."""
         return self.satellite_m + (self.hardware_m + self.drift_mps * times_s)

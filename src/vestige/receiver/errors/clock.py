@@ -87,11 +87,6 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return clock error in m and its rate in m/s at later times; both are 0 at the scenario's start.
 
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start, ascending, not negative.
-
         Raises
         ------
         ValueError

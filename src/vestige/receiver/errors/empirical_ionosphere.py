@@ -58,11 +58,6 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number a line.
 
-    Parameters
-    ----------
-    path
-        The file.
-
     Raises
     ------
     InputFileError

@@ -93,15 +93,7 @@ class CounterfeitSignal:
 def counterfeit_satellites(
     true: ReceivedSatellite, path: ContinuousTruth, spoofer: Spoofer, band: Band, forged: tuple[Component, ...]
 ) -> Iterator[ReceivedSatellite]:
-    """Yield what the attacks add to a band of a satellite.
-
-    Parameters
-    ----------
-    true, path
-        The true signal, and the truth of its path.
-    forged
-        Components with chips that an attacker makes up.
-    """
+    """Yield what the attacks add to a band of a satellite."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)

@@ -115,14 +115,7 @@ def sampled_power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the power of the band over that without attack, as samples have it, in dB.
 
-    Parameters
-    ----------
-    truth, cn0_dbhz
-        As for `power_rise_db`.
-    svids
-        Of the satellites.
-    seed, first
-        Whose random numbers, and the number of the first epoch.
+    Parameters are those of `power_rise_db`.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     rise_db = np.empty(cn0_dbhz.shape[0])

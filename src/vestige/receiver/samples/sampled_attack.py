@@ -42,18 +42,8 @@ def counterfeit_signals(
 ) -> tuple[ReceivedSignal, ...]:
     """Return the counterfeits that are on air in a window; `start_s` counts from the epoch.
 
-    Parameters
-    ----------
-    keys
-        Of the encryption, and of the chips that attackers make up.
-    svid, sent
-        Satellite, and time of transmission of the RECS.
-    line_of_sight, truth, row
-        Range against time, the truth of a block, and the epoch's place in it.
-    taken
-        The samples.
-    amplitude
-        Of the line of sight.
+    `keys` are those of the encryption, and of the chips that attackers make up; `amplitude` is that of the line of
+    sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []
@@ -107,17 +97,7 @@ def true_signal(
 def jammer_samples(
     truth: TruthBlock, row: int, *, seed: int, epoch: int, input_rate_hz: float, first_stream: int = 0
 ) -> tuple[JammerSamples, ...]:
-    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`.
-
-    Parameters
-    ----------
-    truth, row
-        The truth of a block, and the epoch's place in it.
-    seed, epoch, first_stream
-        Whose random numbers: streams from `first_stream` on.
-    input_rate_hz
-        Rate of the samples.
-    """
+    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`."""
     return tuple(
         JammerSamples(
             waveform=one.waveform,

@@ -48,17 +48,7 @@ class Arrival:
 
 
 def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
-    """Return how the chips arrive that are sent `later_s` after the epochs.
-
-    Parameters
-    ----------
-    line_of_sight
-        Range against time.
-    truth, rows
-        The truth of a block, and the epochs in it.
-    later_s
-        Time of transmission after the epoch; may be negative.
-    """
+    """Return how the chips arrive that are sent `later_s` after the epochs."""
     sent_s = truth.time_s[rows] + later_s
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
@@ -86,18 +76,7 @@ def received_signal(
 ) -> ReceivedSignal:
     """Return the line of sight and its rays as they arrive; `start_s` counts from the epoch.
 
-    Parameters
-    ----------
-    chips
-        What the satellite sends.
-    line_of_sight
-        Range against time.
-    truth, row
-        The truth of a block, and the epoch's place in it.
-    amplitude
-        Of the line of sight.
-    later_s
-        When the first of the chips is sent, after the epoch.
+    `later_s` is when the first of the chips is sent, after the epoch.
     """
     direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
     to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
@@ -170,22 +149,8 @@ def e6_samples(
 ) -> tuple[SampleBatch, FrontEndStatus]:
     """Return the E6 samples of an epoch, and what the front end says of itself.
 
-    Parameters
-    ----------
-    signals
-        All that is in the band, at the front end's input rate; `start_s` counts from `sent`.
-    sent
-        Time of transmission of the RECS.
-    taken
-        Where the samples lie.
-    front_end
-        What they go through.
-    noise_key
-        Key of the noise; None for no noise.
-    noise_power
-        White noise, that of the receiver being 1.
-    jammers
-        Interference with a waveform.
+    Signals are at the front end's input rate, their `start_s` counts from `sent`. White noise of the receiver has power
+    1.
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     at_antenna = synthesize(

@@ -93,17 +93,6 @@ def sky(
 ) -> Sky:
     """Return the satellites that a receiver has in view at reception times `start` + `elapsed_s` in system time.
 
-    Parameters
-    ----------
-    ephemerides
-        One for each satellite.
-    start, elapsed_s
-        Times of reception.
-    motion
-        The receiver at these times.
-    mask_deg
-        Lowest elevation at which a satellite is in view.
-
     Raises
     ------
     ValueError

@@ -76,14 +76,7 @@ def recs_with_keys(
 ) -> RecsBlock:
     """Return RECS with the times of their keys.
 
-    Parameters
-    ----------
-    second
-        Whole seconds of the epochs since the GST epoch.
-    found, with_key
-        Where there is a RECS, and where its key is received.
-    key_delay
-        KDI of the RECS.
+    `second` counts whole seconds since the GST epoch.
     """
     key_s = _key_second(second, key_delay)
 
@@ -106,12 +99,7 @@ def _key_second(second: Int64[np.ndarray, " n"], key_delay: int) -> Int64[np.nda
 def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Return whether the receiver gets the key of a RECS that is sent at each epoch.
 
-    Parameters
-    ----------
-    of
-        The block.
-    key_s
-        Start of the subframe of the key, in s after the scenario's start.
+    `key_s` is the start of the subframe of the key, after the scenario's start.
     """
     simulation = of.simulations[0]
     if simulation.elevation is not None:

@@ -27,12 +27,7 @@ def estimated_cn0_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return estimates of the C/N0 of one satellite.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        True C/N0 behind the loop, over all noise that there is.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
+    `cn0_dbhz` is the true one behind the loop, over all noise that there is.
     """
     n = cn0_dbhz.size
     blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)

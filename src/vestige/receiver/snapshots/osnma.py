@@ -64,13 +64,7 @@ class OsnmaReception:
         return np.stack(self._whole(pages), axis=1)
 
     def pages(self, interval_s: float) -> PagesReceived:
-        """Return the pages beside those of a second channel, which knows what every satellite in view sent.
-
-        Parameters
-        ----------
-        interval_s
-            Between epochs.
-        """
+        """Return the pages beside those of a second channel, which knows what every satellite in view sent."""
         start = self.of.simulations[0].start
         page = pages_due(self.week_s, interval_s)
         return PagesReceived(
@@ -146,12 +140,7 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces have the end of a subframe that the run holds from its first page on.
 
-    Parameters
-    ----------
-    page, subframe
-        Pages that were due at the epoch of each piece, and the number of its subframe.
-    begun_s, interval_s
-        When the first epoch began to look, in s after the start of the week, and how long an epoch looks.
+    The first epoch began to look at `begun_s` after the start of the week; an epoch looks for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES) > begun_s)

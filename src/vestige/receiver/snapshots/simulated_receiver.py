@@ -48,15 +48,7 @@ class SimulatedReceiver:
         return tuple(one.truth() for one in self.simulations)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
-        """Return what the receiver hands over for the epochs from `first` on.
-
-        Parameters
-        ----------
-        first
-            Number of the first epoch.
-        truth
-            What `truth()` gave of each satellite for these epochs.
-        """
+        """Return what the receiver hands over for the epochs from `first` on."""
         return self.snapshots_of(
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )

@@ -28,12 +28,7 @@ _Stamp = frozenset[tuple[Path, int, int]]
 class GrowingAssistance:
     """What a folder holds by now.
 
-    Parameters
-    ----------
-    folder, public_key, merkle_tree, certificates
-        As `read_assistance`.
-    warn
-        Is told what is wrong with a file, once.
+    `warn` is told what is wrong with a file, once; all else is as for `read_assistance`.
     """
 
     def __init__(

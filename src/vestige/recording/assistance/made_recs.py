@@ -34,16 +34,8 @@ def transmit_times(
 ) -> tuple[GalileoTime, ...]:
     """Return the deciseconds of transmission whose segments all satellites bring completely into the samples.
 
-    Parameters
-    ----------
-    first, last
-        Receiver-clock time of the first and after the last sample.
-    travel_s
-        Apparent travel times of the satellites, c · pseudorange, in s.
-    duration_s
-        Length of a segment.
-    interval_s
-        Time between segments, a multiple of 0.1 s.
+    They lie between the receiver-clock times `first` and `last`; `travel_s` are the apparent travel times of the
+    satellites.
     """
     travel = tuple(travel_s)
     step = round(interval_s * 10)
@@ -68,21 +60,7 @@ def make_segments(
     length: SegmentLength,
     key_delay: int = 0,
 ) -> tuple[EncryptedSegment, ...]:
-    """Return the RECS of every satellite at every time for which there is a key.
-
-    Parameters
-    ----------
-    svids
-        Satellites.
-    times
-        Times of transmission on whole deciseconds.
-    keys
-        Validated keys, in any order.
-    length
-        Length of the segments.
-    key_delay
-        KDI: 0 the key of the segment's own subframe, 1 that of the next.
-    """
+    """Return the RECS of every satellite at every time for which there is a key."""
     by_time = {key.time: key for key in keys}
     segments = []
     for time in times:

@@ -57,12 +57,7 @@ class _State:
 class FollowJournal:
     """The folder, open for one writer; a context manager.
 
-    Parameters
-    ----------
-    folder
-        Made if it is not there.
-    settings
-        What the verdicts depend on, in words; a folder of other settings is refused.
+    `settings` are what the verdicts depend on, in words; a folder of other settings is refused.
 
     Raises
     ------

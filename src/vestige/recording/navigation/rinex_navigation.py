@@ -210,14 +210,7 @@ def _integer(path: Path, record: _Lines, place: tuple[int, int], name: str, low:
 def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris], *, created: datetime | None = None) -> None:
     """Write ephemerides as a RINEX 3.05 navigation file; numbers keep 13 digits, which is 0.1 mm of an orbit.
 
-    Parameters
-    ----------
-    path
-        The file.
-    ephemerides
-        In the order of the file.
-    created
-        UTC time for the header; left blank if not given, so that equal ephemerides make equal files.
+    `created` is a UTC time for the header, left blank without it, so that equal ephemerides make equal files.
 
     Raises
     ------

@@ -62,12 +62,7 @@ def read_accelerations(path: Path) -> Accelerations:
 class GrowingAccelerations:
     """A file of accelerations that grows; it need not be there yet.
 
-    Parameters
-    ----------
-    path
-        The file.
-    warn
-        Is told what is wrong with a row, which is left out.
+    `warn` is told what is wrong with a row, which is left out.
     """
 
     def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:

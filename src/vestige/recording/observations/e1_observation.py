@@ -63,12 +63,7 @@ def observe(
 def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
     """Return travel times out of travel times modulo 100 ms, with one multiple for all satellites, in s.
 
-    Parameters
-    ----------
-    phases_s
-        Reception minus transmission modulo 100 ms by SVID, in s.
-    median_s
-        What their median is, to 50 ms.
+    `phases_s` are reception minus transmission modulo 100 ms, `median_s` what the median travel time is, to 50 ms.
     """
     if not phases_s:
         return {}

@@ -55,12 +55,7 @@ def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
 
     Pages that failed the receiver's own check are passed on too: their checksum is checked again by whoever uses them.
 
-    Parameters
-    ----------
-    path
-        The file.
-    counts
-        Filled while reading.
+    `counts` is filled while reading.
 
     Raises
     ------

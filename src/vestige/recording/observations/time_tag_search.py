@@ -47,12 +47,7 @@ def search_label(
 ) -> LabelSearch:
     """Return the error of a recording's time tag from the RECS in its samples.
 
-    Parameters
-    ----------
-    uncertainty_s
-        Upper limit of the label's error.
-    cipher_mode, group_delay_convention
-        As `AcasProcessor` has them.
+    `uncertainty_s` is the upper limit of the label's error.
     """
     e1, e6 = recording.e1, recording.e6
     keys = {key.time: key for key in assistance.keys}

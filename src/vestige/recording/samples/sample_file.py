@@ -76,11 +76,6 @@ class SampleReader:
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
 
-        Parameters
-        ----------
-        first
-            Number of the first sample on the shared counter.
-
         Raises
         ------
         ValueError

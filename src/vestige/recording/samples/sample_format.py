@@ -92,15 +92,7 @@ SIGMF_FORMATS = _sigmf_formats()
 def decode(
     components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return stored components as complex64 samples, exactly.
-
-    Parameters
-    ----------
-    components
-        Components in the order of the file, of `form.dtype`; a whole number of samples.
-    inverted
-        Whether the spectrum is turned round, so that samples are conjugated.
-    """
+    """Return stored components as complex64 samples, exactly."""
     values = components.astype(np.float32)
     if zero := COMPONENTS[form.component][1]:
         values -= zero

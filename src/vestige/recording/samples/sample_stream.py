@@ -113,11 +113,6 @@ class SampleStream:
 
         A window of which samples are gone is of no use, so the rest of it is let go, too.
 
-        Parameters
-        ----------
-        windows
-            First sample and end of each window that is still needed.
-
         Returns
         -------
         bool

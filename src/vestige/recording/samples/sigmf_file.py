@@ -85,12 +85,8 @@ class _Stream:
 def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescription:
     """Return the recording that SigMF metadata files describe together, at most one for each band.
 
-    Parameters
-    ----------
-    metas
-        The metadata files. Those with neither carrier in their spectrum are left out, with a note.
-    described_in
-        What names the recording: the metadata file itself, a collection or a folder.
+    Metadata with neither carrier in their spectrum are left out, with a note. `described_in` names the recording: the
+    metadata file itself, a collection or a folder.
 
     Raises
     ------

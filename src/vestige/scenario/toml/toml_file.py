@@ -34,12 +34,7 @@ class Section(BaseModel):
 class InconsistentSettingsError(ValueError):
     """Values that do not fit together.
 
-    Parameters
-    ----------
-    place
-        The key to look at, from the table that is being checked: `receiver.clock`.
-    found, expected
-        What it amounts to and what it should.
+    `place` is the key to look at, from the table that is being checked: `receiver.clock`.
     """
 
     def __init__(self, place: str, found: object, expected: str) -> None:

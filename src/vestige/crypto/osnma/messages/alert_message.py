@@ -26,12 +26,7 @@ def is_alert(message: bytes) -> bool:
 def verify_alert(message: bytes, tree: MerkleTree) -> None:
     """Check that an alert message leads to the root of the tree.
 
-    Parameters
-    ----------
-    message
-        All blocks of the DSM-PKR.
-    tree
-        Only its root is used.
+    `message` is all blocks of the DSM-PKR.
 
     Raises
     ------

@@ -137,11 +137,6 @@ def kroot_blocks(first_byte: int) -> int:
 def parse_kroot(message: bytes) -> DsmKroot:
     """Return the fields of a DSM-KROOT. Nothing is verified but that it can be one.
 
-    Parameters
-    ----------
-    message
-        All its blocks, 13 bytes each.
-
     Raises
     ------
     AuthenticationError

@@ -104,11 +104,6 @@ class InavPage:
 def time_in_word(word: int) -> tuple[int | None, int] | None:
     """Return (week modulo 4096 or None, time of week in s) of the start of the page that carries `word`.
 
-    Parameters
-    ----------
-    word
-        Navigation word, 128 bits.
-
     Returns
     -------
     tuple or None

@@ -63,13 +63,6 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     """Return the slots of the tags in a subframe, the one of the first tag included.
 
-    Parameters
-    ----------
-    parameters
-        Parameters of the chain.
-    time
-        Start of the subframe.
-
     Raises
     ------
     UnsupportedError

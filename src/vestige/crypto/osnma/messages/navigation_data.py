@@ -75,29 +75,13 @@ class NavigationWords:
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
     def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
-        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed.
-
-        Parameters
-        ----------
-        svid, adkd, subframe
-            As for `data`.
-        """
+        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed."""
         before = replace(self, words={**self.words, **self.replaced})
         found = (words.data(svid, adkd, subframe) for words in (self, before))
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover, or None if it was not received or is of two issues.
-
-        Parameters
-        ----------
-        svid
-            The satellite of these words.
-        adkd
-            Kind of data.
-        subframe
-            Start of the subframe with the tag.
-        """
+        """Return the latest data that a tag may cover, or None if it was not received or is of two issues."""
         fields = FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None

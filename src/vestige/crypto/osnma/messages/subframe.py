@@ -124,12 +124,8 @@ class PageStatus(Enum):
 class SubframeAssembler:
     """Collects pages into subframes.
 
-    Parameters
-    ----------
-    grace_s
-        A subframe is closed when a page arrives that starts this long after its end, in s.
-    restart_s
-        A page this much older than the newest one does not come late: the recording starts again there, in s.
+    A subframe is closed when a page arrives that starts `grace_s` after its end. A page that is `restart_s` older than
+    the newest one does not come late: the recording starts again there.
     """
 
     def __init__(self, *, grace_s: int = 10, restart_s: int = 600) -> None:

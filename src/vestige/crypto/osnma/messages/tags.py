@@ -92,16 +92,7 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
     """Return whether MACSEQ verifies.
 
-    Parameters
-    ----------
-    mack
-        The message.
-    slots
-        Its row of the MAC look-up table.
-    key
-        The chain's key of the next subframe.
-    parameters
-        Parameters of the chain.
+    `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)
@@ -111,18 +102,7 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
     """Return the tag that belongs to the data.
 
-    Parameters
-    ----------
-    mack
-        The message that the tag is in.
-    tag
-        Its place and what it says it is for.
-    data
-        The navigation data.
-    key
-        The chain's key of `tag.key_delay_s` later.
-    parameters
-        Parameters of the chain.
+    `key` is the chain's key of `tag.key_delay_s` later.
     """
     head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
     if tag.counter > 1:

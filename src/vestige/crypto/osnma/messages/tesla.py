@@ -49,14 +49,7 @@ def gst_sf(gst_seconds: int) -> bytes:
 def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes:
     """Return the key before `key` in the chain.
 
-    Parameters
-    ----------
-    key
-        A key of the chain.
-    time
-        Subframe of the key that is returned, 30 s before that of `key`.
-    parameters
-        Parameters of the chain.
+    `time` is the subframe of the key that is returned, 30 s before that of `key`.
     """
     return _hash_down(key, time.gst_seconds + SUBFRAME_S, time.gst_seconds, parameters)
 
@@ -71,11 +64,6 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 
 class Chain:
     """A TESLA chain that hangs on a signed root key, with the keys that were validated so far.
-
-    Parameters
-    ----------
-    root
-        The root key.
 
     Raises
     ------
@@ -261,12 +249,7 @@ class _KeyOfChain(ValidatedKey):
 def validate(key: Key, chain: Chain) -> ValidatedKey:
     """Return a key for use, because it leads to the chain's signed root key.
 
-    Parameters
-    ----------
-    key
-        A key that was received, or derived.
-    chain
-        Its chain; remembers the key.
+    The chain remembers the key.
 
     Raises
     ------
@@ -283,12 +266,7 @@ def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKe
 
     A derived key has the disclosure time of its own subframe: then the signal gave it away, whoever received it.
 
-    Parameters
-    ----------
-    keys
-        Validated keys of `chain`; those of other chains are passed on.
-    chain
-        Their chain.
+    Keys of other chains are passed on.
     """
     times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
     if not times:
