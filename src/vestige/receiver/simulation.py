@@ -30,6 +30,7 @@ from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
 from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.receiver.correlators.disturbance import drawn_disturbance
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
+from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
 from vestige.receiver.samples.sampled_epoch import (
@@ -58,7 +59,6 @@ from vestige.validated_key import ValidatedKey
 Fidelity = Literal["samples", "correlators"]
 
 SVID = 11  # the paper's single line of sight needs a name
-DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # when a key is sent is the same for every alpha
 CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
@@ -178,30 +178,23 @@ class Simulation:
         doppler_hz = los_doppler_hz + relative_hz
         phasor = (truth.view.amplitude * arrived.carrier)[:, None]
         forged_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.forged_chips])
-        disturbance = self.spoofer.attacks and drawn_disturbance(
-            attack,
-            offsets_m,
-            forged_chips,
-            seed=self.seed,
-            first=first,
-            block_epochs=DRAW_BLOCK,
-            labels=self._labels,
-        )
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
         for block in range(first // DRAW_BLOCK, (first + n - 1) // DRAW_BLOCK + 1):
             start = block * DRAW_BLOCK
             low, high = max(first, start), min(first + n, start + DRAW_BLOCK)
             part = slice(low - first, high - first)
+            draws = model.draws(stream(self.seed, "correlators", block, *self._labels), DRAW_BLOCK)
+            disturbance = self.spoofer.attacks and drawn_disturbance(
+                attack.part(part), offsets_m, forged_chips, seed=self.seed, first=low, labels=self._labels
+            )
             taps[part], noise_power[part] = model.banks(
-                model.draws(stream(self.seed, "correlators", block, *self._labels), DRAW_BLOCK).part(
-                    low - start, high - start
-                ),
+                rows_of(draws, slice(low - start, high - start)),
                 cn0_dbhz=self.cn0_dbhz,
                 delay_m=delay_m[part],
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
-                disturbance=disturbance.part(part.start, part.stop) if disturbance else None,
+                disturbance=disturbance or None,
             )
         return taps, noise_power
 

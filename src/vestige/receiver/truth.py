@@ -6,8 +6,7 @@ A model that is None is not there: its term is zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -71,23 +70,6 @@ class TruthBlock:
     e6: BandEffects  # what it adds to E6
     rays: RayBlock
     view: SatelliteGeometry
-
-    def part(self, rows: slice) -> TruthBlock:
-        """Return the truth of some of the epochs."""
-        kept = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if isinstance(getattr(self, field.name), np.ndarray)
-        }
-        return replace(
-            self,
-            **kept,
-            e1=_rows(self.e1, rows),
-            e1_attack=self.e1_attack.part(rows),
-            e6=self.e6.part(rows),
-            rays=_rows(self.rays, rows),
-            view=_rows(self.view, rows),
-        )
 
 
 class TruthProcess:
@@ -165,11 +147,6 @@ class TruthProcess:
             return code_m, doppler_hz
         code, doppler = noise_growth(self._models.e1_tracking, self._cn0_e1_dbhz, 20 * np.log10(view.amplitude))
         return code_m * code, doppler_hz * doppler
-
-
-def _rows(record: Any, rows: slice) -> Any:
-    """Return the epochs `rows` of a record of arrays."""
-    return replace(record, **{field.name: getattr(record, field.name)[rows] for field in fields(record)})
 
 
 def _no_rays(count: int, n_rays: int) -> RayBlock:

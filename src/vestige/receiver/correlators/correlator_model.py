@@ -43,12 +43,6 @@ class Draws:
     noise: Complex128[np.ndarray, "n_epochs n_taps"]
     floor: Float[np.ndarray, " n_epochs"]
 
-    def part(self, first: int, last: int) -> Draws:
-        """Return the draws of some of the epochs."""
-        return Draws(
-            correlation=self.correlation[first:last], noise=self.noise[first:last], floor=self.floor[first:last]
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:

@@ -38,6 +38,7 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int64
 
 from vestige.constants import E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.sample_processor.acquisition import CROSS_CORRELATION_DB, MAX_STRETCHES
@@ -60,7 +61,6 @@ _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
 _MEASURE_SIGMA_M = 3.0  # of a code phase out of 100 ms of E1
-_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
 _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 divides it
 
@@ -153,15 +153,7 @@ def search_outcome(
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
     e6 = band_signals(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
     n, signals = e1.amplitude.shape
-    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
-    drawn = [search_draws(stream(seed, "searches", block, svid), _DRAW_BLOCK, signals) for block in blocks]
-    rows = slice(first % _DRAW_BLOCK, first % _DRAW_BLOCK + n)
-    draws = SearchDraws(
-        **{
-            name: np.concatenate([getattr(one, name) for one in drawn])[rows]
-            for name in SearchDraws.__dataclass_fields__
-        }
-    )
+    draws = drawn_rows(first, n, lambda block: search_draws(stream(seed, "searches", block, svid), DRAW_BLOCK, signals))
     return outcome(
         e1,
         e6,
