@@ -25,10 +25,8 @@ _TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
 def parse_toml(text: str) -> dict[str, Any]:
     r"""Return the tables of a TOML document.
 
-    Raises
-    ------
-    ValueError
-        If it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each other.
+    Raises `ValueError` if it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each
+    other.
 
     Examples
     --------

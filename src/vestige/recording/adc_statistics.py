@@ -41,10 +41,7 @@ class AdcStatistics:
 def adc_statistics(reader: SampleReader, *, at_most: int = LOOKED_AT) -> AdcStatistics:
     """Return the statistics of the first `at_most` samples.
 
-    Raises
-    ------
-    InputFileError
-        If they cannot be read, or are not finite numbers.
+    Raises `InputFileError` if they cannot be read, or are not finite numbers.
     """
     samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real

@@ -79,6 +79,9 @@ def inspect_recording(
 ) -> Inspection:
     """Return what is at `path`, a recording, an observation file or a folder, and what is missing for ACAS.
 
+    Raises `InputFileError` or `UnsupportedError` if there is nothing at `path` that can be read, or its description,
+    samples or observations are not usable.
+
     Parameters
     ----------
     start
@@ -91,11 +94,6 @@ def inspect_recording(
         What OSNMA keys must lead to, in place of what the assistance folder holds.
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
-
-    Raises
-    ------
-    InputFileError, UnsupportedError
-        If there is nothing at `path` that can be read, or its description, samples or observations are not usable.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:

@@ -29,11 +29,8 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
 
     `columns` give the smallest and the largest value of each, in the order of the file.
 
-    Raises
-    ------
-    InputFileError
-        If the header is another, a row is not as long, a value is no number within its limits, or the first column does
-        not rise.
+    Raises `InputFileError` if the header is another, a row is not as long, a value is no number within its limits, or
+    the first column does not rise.
     """
     lines = numbered_lines(path)
     check_header(path, next(lines, (1, ""))[1], columns)

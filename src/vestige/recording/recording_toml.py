@@ -92,10 +92,8 @@ class _RecordingTable(_Table):
 def read_recording_toml(path: Path) -> RecordingDescription:
     """Return the recording that `path` describes.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not TOML, lacks a key or has one too many, or a value or file name is not usable.
+    Raises `InputFileError` if the file is not TOML, lacks a key or has one too many, or a value or file name is not
+    usable.
     """
     table = _table(path)
     start = None if table.start is None else _time(path, table.start)

@@ -40,10 +40,7 @@ class SearchLog:
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
         """Return the log of a file, an empty one if there is no such file.
 
-        Raises
-        ------
-        InputFileError
-            If the file is something else, or of other searches.
+        Raises `InputFileError` if the file is something else, or of other searches.
         """
         if not path.exists():
             return cls(path=path, of=of)

@@ -35,10 +35,7 @@ def narrow_to_wide_dbhz(
 
     M is `together`; what is left of a row after whole groups of M is not used.
 
-    Raises
-    ------
-    ValueError
-        If a row has fewer prompts.
+    Raises `ValueError` if a row has fewer prompts.
     """
     n, k = prompts.shape
     if k < together:

@@ -57,15 +57,12 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
     positive is later.
 
+    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
+
     Returns
     -------
     CorrelatorBank | None
         None if the segment, at the earliest or the latest tap, is not completely in the samples.
-
-    Raises
-    ------
-    ValueError
-        If a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]

@@ -294,10 +294,7 @@ class CampaignScenario(Section):
     def simulation(self) -> Simulation:
         """Return the receiver on its single line of sight.
 
-        Raises
-        ------
-        ValueError
-            If there is a sky instead.
+        Raises `ValueError` if there is a sky instead.
         """
         if self.constellation is not None:
             raise ValueError("a sky has no single line of sight")

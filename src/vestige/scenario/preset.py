@@ -31,10 +31,7 @@ class Presets:
     def expand(self, table: Any) -> Any:
         """Return a table with the numbers of its preset in the preset's place; anything else as it is.
 
-        Raises
-        ------
-        InconsistentSettingsError
-            If there is no such preset, or the table names two.
+        Raises `InconsistentSettingsError` if there is no such preset, or the table names two.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table

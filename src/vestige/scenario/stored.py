@@ -106,10 +106,7 @@ def stored_scenario(text: str) -> StoredScenario:
 
     `text` is JSON, the attribute `scenario` of the results.
 
-    Raises
-    ------
-    VestigeError
-        If it is no scenario of a campaign.
+    Raises `VestigeError` if it is no scenario of a campaign.
     """
     try:
         return StoredScenario.model_validate_json(text, strict=True)

@@ -41,10 +41,7 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
 
     `transmit_time`, satellite time of the first chip, is a whole number of chips after the full second.
 
-    Raises
-    ------
-    ValueError
-        If `transmit_time` is not the start of a chip.
+    Raises `ValueError` if `transmit_time` is not the start of a chip.
     """
     offset = transmit_time.fraction * E6C.chip_rate_hz
     if abs(offset - round(offset)) > _GRID_CHIPS:

@@ -112,12 +112,7 @@ class SimulatedRecording:
         `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, and
         `progress` is called with the band, the samples written, and all.
 
-        Raises
-        ------
-        InputFileError
-            If `folder` exists.
-        VestigeError
-            If the samples do not fit on the disk.
+        Raises `InputFileError` if `folder` exists. Raises `VestigeError` if the samples do not fit on the disk.
         """
         with new_folder(folder) as part:
             free, needed = shutil.disk_usage(part).free, self.n_bytes(component, exports)

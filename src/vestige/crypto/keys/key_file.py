@@ -98,16 +98,10 @@ def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[Validat
 def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     """Return what a key file holds, each key validated down to a root key that a public key signed.
 
-    Raises
-    ------
-    AuthenticationError
-        If a root key's signature, a key or its chain does not verify, or a signed root key withdraws a key.
-    VestigeError
-        If a root key is signed with another public key than those given.
-    InputFileError
-        If the file is not a key file, is cut off, or contradicts itself.
-    UnsupportedError
-        If a root key uses a part of the standard that vestige does not support.
+    Raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed root key
+    withdraws a key. Raises `VestigeError` if a root key is signed with another public key than those given. Raises
+    `InputFileError` if the file is not a key file, is cut off, or contradicts itself. Raises `UnsupportedError` if a
+    root key uses a part of the standard that vestige does not support.
     """
     lines = _lines(path)
     roots: list[tuple[int, RootKey]] = []
@@ -153,10 +147,7 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
 def read_raw_keys(path: Path) -> tuple[Key, ...]:
     """Return the keys of an `<OsnmaKeys>` XML file in its order; they prove nothing until they are validated.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not of this kind.
+    Raises `InputFileError` if the file is not of this kind.
     """
     try:
         document = ElementTree.fromstring(read_bytes(path, at_most=MAX_FILE_BYTES))

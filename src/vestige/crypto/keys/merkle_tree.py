@@ -41,10 +41,7 @@ class MerkleTree:
 def leaf_hash(pkid: int, point: bytes) -> bytes:
     """Return the leaf of a public key, 32 bytes.
 
-    Raises
-    ------
-    AuthenticationError
-        If `point` has the length of no compressed point.
+    Raises `AuthenticationError` if `point` has the length of no compressed point.
     """
     return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
@@ -62,10 +59,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 
     A claim that does not know its number or its leaf takes them from the tree's own entry with that point or number.
 
-    Raises
-    ------
-    AuthenticationError
-        If the tree does not know the key, or another root follows.
+    Raises `AuthenticationError` if the tree does not know the key, or another root follows.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -82,10 +76,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
     """Return all public keys that a published tree holds, each verified against its root.
 
-    Raises
-    ------
-    AuthenticationError
-        If one of them, or one of the published nodes above them, does not lead to the root.
+    Raises `AuthenticationError` if one of them, or one of the published nodes above them, does not lead to the root.
     """
     return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
 
@@ -119,12 +110,8 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
 
     `message` is all blocks; of the tree only the root is used.
 
-    Raises
-    ------
-    AuthenticationError
-        If the message is malformed or leads to another root.
-    UnsupportedError
-        If it holds no key (an alert message, a reserved value).
+    Raises `AuthenticationError` if the message is malformed or leads to another root. Raises `UnsupportedError` if it
+    holds no key (an alert message, a reserved value).
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * BLOCK_BYTES:
@@ -141,10 +128,7 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
 def pkr_blocks(first_byte: int) -> int:
     """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
 
-    Raises
-    ------
-    UnsupportedError
-        If the code is reserved.
+    Raises `UnsupportedError` if the code is reserved.
     """
     code = first_byte >> 4
     if code not in PKR_BLOCKS:

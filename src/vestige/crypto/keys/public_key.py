@@ -45,10 +45,7 @@ class PublicKey:
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.
 
-        Raises
-        ------
-        AuthenticationError
-            If `signature` is not that of `message` under this key.
+        Raises `AuthenticationError` if `signature` is not that of `message` under this key.
         """
         scheme = scheme_of_point(self.point)
         if len(signature) != scheme.signature_bytes:
@@ -70,10 +67,7 @@ class PublicKey:
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
     """Return the key of a compressed point; its length says on which curve it is.
 
-    Raises
-    ------
-    AuthenticationError
-        If the bytes are no point on P-256 or P-521.
+    Raises `AuthenticationError` if the bytes are no point on P-256 or P-521.
     """
     scheme = scheme_of_point(point)
     try:
@@ -94,10 +88,7 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
     """Return the key for use on the user's own word, without a Merkle tree.
 
-    Raises
-    ------
-    AuthenticationError
-        If it is no point on the curve.
+    Raises `AuthenticationError` if it is no point on the curve.
     """
     load_point(claim.point)
     return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)

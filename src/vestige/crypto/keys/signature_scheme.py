@@ -52,10 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the scheme of a public key's type (NPKT).
 
-    Raises
-    ------
-    UnsupportedError
-        If the type is reserved, or that of an alert message, which is no key.
+    Raises `UnsupportedError` if the type is reserved, or that of an alert message, which is no key.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:
@@ -68,10 +65,7 @@ def scheme_of_type(key_type: int) -> SignatureScheme:
 def scheme_of_point(point: bytes) -> SignatureScheme:
     """Return the scheme of a compressed point.
 
-    Raises
-    ------
-    AuthenticationError
-        If no curve has compressed points of this length.
+    Raises `AuthenticationError` if no curve has compressed points of this length.
     """
     for scheme in SCHEMES:
         if len(point) == scheme.point_bytes:

@@ -90,10 +90,7 @@ class ChainRegister:
 
         Root keys come in the order in which they were received. The same one may come again with another time.
 
-        Raises
-        ------
-        RevokedKeyError
-            If the public key that signed it was revoked by an earlier root key.
+        Raises `RevokedKeyError` if the public key that signed it was revoked by an earlier root key.
         """
         for revoker in self._revoked_by:
             if _comes_before(root.public_key, revoker):

@@ -28,6 +28,8 @@ def provably_before_disclosure(
 ) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before their key was on air.
 
+    Raises `VestigeError` if the bound is negative or NaN.
+
     Parameters
     ----------
     lead_s
@@ -35,11 +37,6 @@ def provably_before_disclosure(
         clock, in s.
     time_uncertainty_s
         Bound on the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
-
-    Raises
-    ------
-    VestigeError
-        If the bound is negative or NaN.
     """
     require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
     return lead_s > time_uncertainty_s

@@ -189,10 +189,7 @@ class OsnmaReport:
     def raise_if_failed(self) -> None:
         """Check that the root key and the chain verify.
 
-        Raises
-        ------
-        AuthenticationError
-            With the first reason, if they do not.
+        Raises `AuthenticationError` with the first reason, if they do not.
         """
         failures = self.failures
         if failures:

@@ -75,10 +75,7 @@ def parse_signature_name(name: str) -> SignatureName | None:
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
     """Return the signatures in `folder`, sorted by name, for each signed file's name.
 
-    Raises
-    ------
-    InputFileError
-        If the folder cannot be listed.
+    Raises `InputFileError` if the folder cannot be listed.
     """
     found: dict[str, tuple[Path, ...]] = {}
     for path in list_folder(folder):
@@ -90,10 +87,7 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    Raises
-    ------
-    InputFileError
-        If it is neither, or its key is not of P-256, P-384 or P-521.
+    Raises `InputFileError` if it is neither, or its key is not of P-256, P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
@@ -142,12 +136,8 @@ def verify_data(
 
     One signature that verifies with one of the keys that the user trusts is enough; `path` is for messages.
 
-    Raises
-    ------
-    AuthenticationError
-        If there are signatures of a curve for which a key is given, and none of them verifies.
-    InputFileError
-        If a signature cannot be read.
+    Raises `AuthenticationError` if there are signatures of a curve for which a key is given, and none of them verifies.
+    Raises `InputFileError` if a signature cannot be read.
     """
     if not signatures:
         return SignatureStatus.NOT_SIGNED

@@ -123,12 +123,8 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 …
     4095.
 
-    Raises
-    ------
-    InputFileError
-        If it is not a file of the layout above, or a value is beyond the ± 119 ns that the field can hold.
-    UnsupportedError
-        If its interface version is not known.
+    Raises `InputFileError` if it is not a file of the layout above, or a value is beyond the ± 119 ns that the field
+    can hold. Raises `UnsupportedError` if its interface version is not known.
     """
     return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
@@ -162,10 +158,7 @@ def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> G
 def serialize(file: GroupDelayFile) -> bytes:
     """Return the bytes of a BGD file, values rounded to 2⁻³² s.
 
-    Raises
-    ------
-    ValueError
-        If a field does not fit the format.
+    Raises `ValueError` if a field does not fit the format.
     """
     slots, mask = np.zeros(MAX_SVID, "<i2"), np.zeros(160, np.uint8)
     for delay in file.delays:

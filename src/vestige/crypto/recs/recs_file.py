@@ -147,6 +147,9 @@ class RecsFile:
 def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
+    Raises `InputFileError` if it is not a RECS file, or is truncated, or contradicts itself or its name. Raises
+    `UnsupportedError` if its interface version is not known.
+
     Parameters
     ----------
     path
@@ -154,13 +157,6 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. Without it
         the file name does, and without a RECS name the week is taken as 0 … 4095, right until 2078.
-
-    Raises
-    ------
-    InputFileError
-        If it is not a RECS file, or is truncated, or contradicts itself or its name.
-    UnsupportedError
-        If its interface version is not known.
     """
     return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
@@ -194,10 +190,7 @@ def has_recs_header(head: bytes) -> bool:
 def serialize(file: RecsFile) -> bytes:
     """Return the bytes of a RECS file.
 
-    Raises
-    ------
-    ValueError
-        If a field does not fit the format or contradicts another.
+    Raises `ValueError` if a field does not fit the format or contradicts another.
     """
     if fault := _fault(file):
         raise ValueError(f"{fault.place}: found {fault.found}, expected {fault.expected}")
@@ -226,10 +219,8 @@ def write(file: RecsFile, folder: Path) -> Path:
 def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX", file_version: int = 1) -> RecsFile:
     """Return the file that holds `segments`: unitary for one, aggregated for several at equal intervals.
 
-    Raises
-    ------
-    ValueError
-        If they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole deciseconds.
+    Raises `ValueError` if they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole
+    deciseconds.
     """
     first = segments[0]
     epochs = [s.transmit_time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(s.transmit_time) for s in segments]

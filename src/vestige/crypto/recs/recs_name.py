@@ -66,10 +66,7 @@ class RecsName:
 def parse_name(name: str) -> RecsName | None:
     """Return what the file name says, or None if it does not have the form of a RECS name (a renamed file).
 
-    Raises
-    ------
-    InputFileError
-        If it has the form but its date does not exist.
+    Raises `InputFileError` if it has the form but its date does not exist.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -97,10 +94,7 @@ def format_time_code(time: GalileoTime) -> str:
 def parse_time_code(text: str) -> GalileoTime:
     """Return the time of `YYDDDHHMMSSS`; years 99 and 00 … 98 are 1999 and 2000 … 2098.
 
-    Raises
-    ------
-    ValueError
-        If there is no such date or time.
+    Raises `ValueError` if there is no such date or time.
     """
     match = _TIME_CODE.fullmatch(text)
     if match is None:
@@ -117,10 +111,7 @@ def parse_time_code(text: str) -> GalileoTime:
 def deciseconds_of_week(time: GalileoTime) -> int:
     """Return the time of week in deciseconds, which is how RECS files count; 6,048,000 just before a week's end.
 
-    Raises
-    ------
-    ValueError
-        If the time is not a whole number of deciseconds (to 1 ns).
+    Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """
     tenths = round(10 * time.fraction)
     if abs(time.fraction - tenths / 10) > 1e-9:

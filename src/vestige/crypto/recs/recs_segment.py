@@ -176,12 +176,8 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
 
     `key` is the validated key of `segment.key_time`.
 
-    Raises
-    ------
-    TypeError
-        If the key is not a validated one.
-    ValueError
-        If the key is of another subframe, or the segment contradicts itself.
+    Raises `TypeError` if the key is not a validated one. Raises `ValueError` if the key is of another subframe, or the
+    segment contradicts itself.
     """
     if not is_validated(key):
         raise TypeError(f"a RECS is decrypted with a ValidatedKey, not with a {type(key).__name__}")

@@ -66,10 +66,7 @@ class CorrelatorModel:
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
         """Return L for σ = 1.
 
-        Raises
-        ------
-        ValueError
-            If two taps coincide.
+        Raises `ValueError` if two taps coincide.
         """
         chips = np.asarray(self.offsets_m) * CHIPS_A_METRE
         lags = np.subtract.outer(chips, chips)

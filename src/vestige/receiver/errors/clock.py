@@ -87,10 +87,7 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return clock error in m and its rate in m/s at later times; both are 0 at the scenario's start.
 
-        Raises
-        ------
-        ValueError
-            If time runs backwards.
+        Raises `ValueError` if time runs backwards.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

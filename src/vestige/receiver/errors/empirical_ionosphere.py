@@ -58,10 +58,7 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number a line.
 
-    Raises
-    ------
-    InputFileError
-        If it cannot be read, has another header or no sample, or a line is not a plausible number.
+    Raises `InputFileError` if it cannot be read, has another header or no sample, or a line is not a plausible number.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != COLUMN:

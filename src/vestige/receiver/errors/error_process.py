@@ -138,10 +138,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the time since the epoch before, for each epoch in s.
 
-    Raises
-    ------
-    ValueError
-        If time runs backwards.
+    Raises `ValueError` if time runs backwards.
     """
     steps = np.diff(times_s, prepend=last_s)
     if not np.all(steps >= 0):

@@ -81,12 +81,8 @@ class Trust:
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> Trust:
         """Return the keys of public key files and of a Merkle tree file, verified against the tree if there is one.
 
-        Raises
-        ------
-        AuthenticationError
-            If a key does not lead to the root of the tree.
-        InputFileError, UnsupportedError
-            If a file is not usable.
+        Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
+        `UnsupportedError` if a file is not usable.
         """
         paths: Sequence[Path | None] = public_keys or [None]  # a tree alone holds keys too
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
@@ -127,10 +123,7 @@ class Contents:
 def kind_of(path: Path) -> FileKind | None:
     """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
 
-    Raises
-    ------
-    InputFileError
-        If it cannot be read, or has the name of a RECS file with a date that does not exist.
+    Raises `InputFileError` if it cannot be read, or has the name of a RECS file with a date that does not exist.
     """
     suffix = path.suffix.lower()
     named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)

@@ -59,10 +59,7 @@ class GrowingAssistance:
     def look(self, first: GalileoTime, last: GalileoTime) -> bool:
         """Bring `found` up to date, for RECS from one time to another; return whether something changed.
 
-        Raises
-        ------
-        VestigeError
-            As `read_assistance`.
+        Raises `VestigeError` as `read_assistance`.
         """
         now_s = time.monotonic()
         stamp = self._files()

@@ -102,6 +102,9 @@ def make_assistance(
 ) -> MadeAssistance:
     """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor.
 
+    Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
+    seen, no segment fits into the recording, or no key is of its time.
+
     Parameters
     ----------
     keys_path
@@ -116,13 +119,6 @@ def make_assistance(
         Satellites to make RECS for; () for those that E1 sees.
     progress
         Called with the number of satellites that E1 was searched for, and of all.
-
-    Raises
-    ------
-    InputFileError
-        If the folder exists, or a file is not usable.
-    VestigeError
-        If no satellite is seen, no segment fits into the recording, or no key is of its time.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name

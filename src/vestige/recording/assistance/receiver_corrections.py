@@ -36,10 +36,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 def read_hardware_bias(path: Path) -> float:
     """Return the delay of the E6 front end minus that of E1 in s that `receiver.toml` gives.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not TOML, or does not hold exactly one of the two keys with a number of at most ± 1 ms.
+    Raises `InputFileError` if the file is not TOML, or does not hold exactly one of the two keys with a number of at
+    most ± 1 ms.
     """
     try:
         table = parse_toml(read_bytes(path, at_most=1 << 20).decode())
@@ -57,10 +55,8 @@ def read_hardware_bias(path: Path) -> float:
 def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delay on E1 in m by SVID that `ionosphere.csv` gives.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000 m.
+    Raises `InputFileError` if the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000
+    m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)

@@ -59,10 +59,7 @@ class FollowJournal:
 
     `settings` are what the verdicts depend on, in words; a folder of other settings is refused.
 
-    Raises
-    ------
-    InputFileError
-        If the folder holds something else, was made with other settings, is damaged, or is in use.
+    Raises `InputFileError` if the folder holds something else, was made with other settings, is damaged, or is in use.
     """
 
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:

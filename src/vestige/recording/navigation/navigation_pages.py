@@ -23,10 +23,7 @@ def read_pages(
     `start` is that of the first page of a test vector; without it, it is read from the navigation words. SBF tells the
     time, and fills `counts`.
 
-    Raises
-    ------
-    InputFileError
-        If the file is neither, or is damaged in a way that leaves nothing to read.
+    Raises `InputFileError` if the file is neither, or is damaged in a way that leaves nothing to read.
     """
     with open_file(path) as file:
         head = file.read(_HEAD_BYTES)

@@ -71,12 +71,8 @@ def is_rinex_navigation(first_line: str) -> bool:
 def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
     """Return the Galileo I/NAV ephemerides of the file in its order, each issue of a satellite once.
 
-    Raises
-    ------
-    InputFileError
-        If it is not such a file, is cut off, has a number that cannot be, or no Galileo I/NAV ephemeris.
-    UnsupportedError
-        For RINEX 2.
+    Raises `InputFileError` if it is not such a file, is cut off, has a number that cannot be, or no Galileo I/NAV
+    ephemeris. Raises `UnsupportedError` for RINEX 2.
     """
     return parse_rinex_navigation(path, numbered_lines(path))
 
@@ -212,10 +208,7 @@ def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris], *, crea
 
     `created` is a UTC time for the header, left blank without it, so that equal ephemerides make equal files.
 
-    Raises
-    ------
-    ValueError
-        If there is none, or toe or toc is not a whole second.
+    Raises `ValueError` if there is none, or toe or toc is not a whole second.
     """
     text = rinex_navigation_text(ephemerides, created=created)
     path.write_text(text, encoding="ascii", newline="\n")

@@ -43,11 +43,8 @@ _TOLD = 4  # numbers of a row that are kept: elapsed time and acceleration
 def read_accelerations(path: Path) -> Accelerations:
     """Return the accelerations of a file.
 
-    Raises
-    ------
-    InputFileError
-        If the columns are others, a value is no number or out of its limits, time does not advance, there are fewer
-        than two rows, or gravity is still in them.
+    Raises `InputFileError` if the columns are others, a value is no number or out of its limits, time does not advance,
+    there are fewer than two rows, or gravity is still in them.
     """
     table = _Table(path)
     for number, line in numbered_lines(path):
@@ -71,10 +68,7 @@ class GrowingAccelerations:
     def look(self) -> bool:
         """Take in what is new; return whether anything is.
 
-        Raises
-        ------
-        InputFileError
-            If the columns are others, or the file became shorter.
+        Raises `InputFileError` if the columns are others, or the file became shorter.
         """
         changed = False
         while (line := self._lines.take()) is not None:

@@ -46,11 +46,8 @@ def is_csv_observations(first_line: str) -> bool:
 def read_csv_observations(path: Path) -> Iterator[ObservationEpoch]:
     """Yield the epochs of the file in time order, one at a time.
 
-    Raises
-    ------
-    InputFileError
-        If a line does not hold what the header says, a value cannot be measured, a satellite comes twice in an epoch,
-        or time does not advance.
+    Raises `InputFileError` if a line does not hold what the header says, a value cannot be measured, a satellite comes
+    twice in an epoch, or time does not advance.
     """
     return read_epochs(path, CsvParser(path))
 

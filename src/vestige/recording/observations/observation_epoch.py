@@ -68,10 +68,7 @@ def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
 def checked(path: Path, line: int, name: str, value: float) -> float:
     """Return the value of an observation field if it is one that a receiver can measure.
 
-    Raises
-    ------
-    InputFileError
-        If it lies outside `LIMITS`.
+    Raises `InputFileError` if it lies outside `LIMITS`.
     """
     low, high = LIMITS[name]
     if not low <= value <= high:
@@ -82,10 +79,7 @@ def checked(path: Path, line: int, name: str, value: float) -> float:
 def checked_svid(path: Path, line: int, text: str) -> int:
     """Return a Galileo space vehicle identifier.
 
-    Raises
-    ------
-    InputFileError
-        If `text` is not an integer from 1 to 36.
+    Raises `InputFileError` if `text` is not an integer from 1 to 36.
     """
     text = text.strip()
     if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= MAX_SVID):
@@ -96,10 +90,7 @@ def checked_svid(path: Path, line: int, text: str) -> int:
 def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
     """Check that an epoch is later than the one before it.
 
-    Raises
-    ------
-    InputFileError
-        If it is not.
+    Raises `InputFileError` if it is not.
     """
     if before is not None and time <= before:
         raise InputFileError(path, f"line {line}: time", str(time), f"a time after {before}")

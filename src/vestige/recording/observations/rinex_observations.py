@@ -115,12 +115,8 @@ def read_rinex_observations(path: Path) -> Iterator[ObservationEpoch]:
     A field that is blank or zero was not measured. Doppler rates are NaN (RINEX has none). A satellite has slipped if
     its loss-of-lock indicator says so, after a power failure, and when another of its signals is taken than before.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not such a file, is cut off, or time does not advance.
-    UnsupportedError
-        For RINEX 2, compact RINEX, GLONASS time and scaled observations.
+    Raises `InputFileError` if the file is not such a file, is cut off, or time does not advance. Raises
+    `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
     """
     return read_epochs(path, RinexParser(path))
 

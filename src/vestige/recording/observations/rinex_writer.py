@@ -33,6 +33,8 @@ def write_rinex_observations(
 ) -> None:
     """Write epochs, in time order, in Galileo System Time.
 
+    Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
+
     Parameters
     ----------
     version
@@ -43,11 +45,6 @@ def write_rinex_observations(
         Earth-centred, earth-fixed position of the antenna; zeros if not known.
     created
         UTC time for the header; left blank if not given, so that equal observations make equal files.
-
-    Raises
-    ------
-    ValueError
-        If there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
     """
     if version not in VERSIONS or signal not in SIGNALS or SIGNALS[signal] != 0.0:
         raise ValueError(f"version {version} or signal {signal} is not written")

@@ -57,10 +57,7 @@ def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
 
     `counts` is filled while reading.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read, or holds no GALRawINAV block of E1-B.
+    Raises `InputFileError` if the file cannot be read, or holds no GALRawINAV block of E1-B.
     """
     counts = SbfCounts() if counts is None else counts
     with open_file(path) as file:

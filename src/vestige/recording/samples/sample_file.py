@@ -60,10 +60,7 @@ class SampleReader:
     def start(self) -> GalileoTime:
         """Receiver-clock time of the first sample.
 
-        Raises
-        ------
-        InputFileError
-            If nothing tells it.
+        Raises `InputFileError` if nothing tells it.
         """
         return self.time_of(self.first_sample)
 
@@ -76,12 +73,8 @@ class SampleReader:
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
 
-        Raises
-        ------
-        ValueError
-            If the file does not have all of them.
-        InputFileError
-            If they cannot be read, or are not finite numbers.
+        Raises `ValueError` if the file does not have all of them. Raises `InputFileError` if they cannot be read, or
+        are not finite numbers.
         """
         if count < 0 or first < self.first_sample or first + count > self.end_sample:
             raise ValueError(
@@ -138,10 +131,7 @@ class SampleReader:
 def samples_so_far(file: BandFile) -> SampleReader:
     """Return the reader of the whole samples that a file holds by now, maybe none: another process still writes it.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read.
+    Raises `InputFileError` if the file cannot be read.
     """
     with open_file(file.path) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -152,10 +142,7 @@ def samples_so_far(file: BandFile) -> SampleReader:
 def open_samples(file: BandFile) -> SampleReader:
     """Return the reader of a sample file, after a look at its length.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read or has no sample.
+    Raises `InputFileError` if the file cannot be read or has no sample.
     """
     with open_file(file.path) as stream:
         size = os.fstat(stream.fileno()).st_size

@@ -111,17 +111,14 @@ def encode(
 
     Rounding is to the nearest integer, halves to even. float32 is not rounded; with `scale` 1 it is stored bit for bit.
 
+    Raises `ValueError` if a sample is not finite, or a real format is asked to hold imaginary parts.
+
     Parameters
     ----------
     scale
         Stored value of 1.0, the same for both components.
     inverted
         Store the conjugate, as a front end with a turned-round spectrum would.
-
-    Raises
-    ------
-    ValueError
-        If a sample is not finite, or a real format is asked to hold imaginary parts.
     """
     if form.layout == "real":
         if np.any(samples.imag):

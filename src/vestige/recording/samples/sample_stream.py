@@ -75,10 +75,7 @@ class SampleStream:
     def look(self) -> StreamState:
         """Return how far the stream was read by now.
 
-        Raises
-        ------
-        InputFileError
-            If reading failed.
+        Raises `InputFileError` if reading failed.
         """
         with self._changed:
             if self._error is not None:

@@ -29,10 +29,7 @@ def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[I
 
     `start` is that of the first page; without it, it is read from the navigation words.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not of this kind, or nobody says when it starts.
+    Raises `InputFileError` if the file is not of this kind, or nobody says when it starts.
     """
     satellites = _read_lines(path)
     if start is None:

@@ -28,10 +28,7 @@ def verify_alert(message: bytes, tree: MerkleTree) -> None:
 
     `message` is all blocks of the DSM-PKR.
 
-    Raises
-    ------
-    AuthenticationError
-        If the message is malformed or leads to another root.
+    Raises `AuthenticationError` if the message is malformed or leads to another root.
     """
     if not is_alert(message) or len(message) != pkr_blocks(message[0]) * BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")

@@ -50,10 +50,7 @@ _AES_KEY_BITS = (128, 192, 256)
 class ChainParameters:
     """Parameters of a TESLA chain, as codes of the DSM-KROOT.
 
-    Raises
-    ------
-    UnsupportedError
-        If a code is reserved.
+    Raises `UnsupportedError` if a code is reserved.
     """
 
     hash_function: int = 0  # HF [OSNMA-ICD, DSM-KROOT]

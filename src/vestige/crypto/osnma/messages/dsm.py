@@ -123,10 +123,7 @@ class DsmKroot:
 def kroot_blocks(first_byte: int) -> int:
     """Return the number of blocks of the DSM-KROOT whose first byte is `first_byte`.
 
-    Raises
-    ------
-    UnsupportedError
-        If the code is reserved.
+    Raises `UnsupportedError` if the code is reserved.
     """
     code = first_byte >> 4
     if code not in KROOT_BLOCKS:
@@ -137,12 +134,8 @@ def kroot_blocks(first_byte: int) -> int:
 def parse_kroot(message: bytes) -> DsmKroot:
     """Return the fields of a DSM-KROOT. Nothing is verified but that it can be one.
 
-    Raises
-    ------
-    AuthenticationError
-        If the fields contradict each other.
-    UnsupportedError
-        If a field has a reserved value.
+    Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
+    reserved value.
     """
     if not message:
         raise AuthenticationError("DSM-KROOT: empty")

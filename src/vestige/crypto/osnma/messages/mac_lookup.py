@@ -63,10 +63,7 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     """Return the slots of the tags in a subframe, the one of the first tag included.
 
-    Raises
-    ------
-    UnsupportedError
-        If the table has no such row, or the row does not fit the number of tags.
+    Raises `UnsupportedError` if the table has no such row, or the row does not fit the number of tags.
     """
     row = MAC_LOOKUP.get(parameters.mac_lookup)
     if row is None:

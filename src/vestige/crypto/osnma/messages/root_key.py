@@ -16,12 +16,8 @@ from vestige.time import GalileoTime
 class RootKey:
     """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
 
-    Raises
-    ------
-    AuthenticationError
-        If signature, padding or time do not verify.
-    TypeError
-        If a part is not of exactly its type: a subclass could verify anything.
+    Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not of
+    exactly its type: a subclass could verify anything.
     """
 
     kroot: DsmKroot
@@ -81,6 +77,9 @@ class RootKey:
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
     """Return the root key, because its signature and its padding verify [OSNMA-ICD, 6.3].
 
+    Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the key that signed it is
+    not among those given.
+
     Parameters
     ----------
     kroot
@@ -91,13 +90,6 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
         The keys that may have signed it; the one with its PKID is used.
     near
         A time within 2048 weeks of the root key, which counts weeks modulo 4096: the time of reception.
-
-    Raises
-    ------
-    AuthenticationError
-        If signature or padding are wrong.
-    VestigeError
-        If the key that signed it is not among those given.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

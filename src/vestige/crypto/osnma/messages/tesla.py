@@ -65,10 +65,7 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 class Chain:
     """A TESLA chain that hangs on a signed root key, with the keys that were validated so far.
 
-    Raises
-    ------
-    TypeError
-        If it is no `RootKey`: making one verifies its signature.
+    Raises `TypeError` if it is no `RootKey`: making one verifies its signature.
     """
 
     __slots__ = ("_known", "_root", "_times")  # nothing else can be set, so `check` cannot be replaced
@@ -105,12 +102,8 @@ class Chain:
         A key after all known ones is hashed down to the newest of them; an earlier one, even one from before the root
         key, must be what the next known one gives.
 
-        Raises
-        ------
-        AuthenticationError
-            If it does not, or is not the kind of key that could.
-        TypeError
-            If its time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
+        Raises `AuthenticationError` if it does not, or is not the kind of key that could. Raises `TypeError` if its
+        time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -154,10 +147,7 @@ class Chain:
     def derive(self, time: GalileoTime) -> Key:
         """Return the key of a subframe whose own key was not received; it follows from the next later one.
 
-        Raises
-        ------
-        AuthenticationError
-            If no later key was validated.
+        Raises `AuthenticationError` if no later key was validated.
         """
         at = bisect_right(self._times, time.gst_seconds - 1)
         if at == len(self._times):
@@ -251,12 +241,8 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
     The chain remembers the key.
 
-    Raises
-    ------
-    AuthenticationError
-        If it does not chain.
-    TypeError
-        If key, chain, or the key's time or data is something that can change later.
+    Raises `AuthenticationError` if it does not chain. Raises `TypeError` if key, chain, or the key's time or data is
+    something that can change later.
     """
     return _KeyOfChain(key, chain)
 
