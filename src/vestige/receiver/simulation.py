@@ -17,7 +17,7 @@ noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
@@ -32,7 +32,7 @@ from vestige.receiver.correlators.disturbance import drawn_disturbance
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.samples.sampled_attack import add_jammers, counterfeit_signals, true_signal
 from vestige.receiver.samples.sampled_epoch import (
     Arrival,
     arrival,
@@ -219,12 +219,13 @@ class Simulation:
             front_end=self.front_end,
             noise_key=noise_key(self.seed, number, self._first_stream + _E6_NOISE),
             noise_power=1.0 + float(truth.e6.white[row]),
-            jammers=jammer_samples(
-                truth,
-                row,
+            jam=partial(
+                add_jammers,
+                jammers=truth.e6.jammers,
+                row=row,
+                rate_hz=self.front_end.input_rate_hz,
                 seed=self.seed,
                 epoch=number,
-                input_rate_hz=self.front_end.input_rate_hz,
                 first_stream=self._first_stream,
             ),
         )

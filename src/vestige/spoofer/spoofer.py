@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
@@ -39,19 +40,6 @@ from vestige.spoofer.repeaters import (
     TimePush,
 )
 
-ALL_ATTACKS = (
-    E1Asynchronous,
-    LiftOff,
-    PositionPush,
-    TimePush,
-    Meaconing,
-    Scer,
-    BetweenRecs,
-    Nulling,
-    Forgery,
-    Jam,
-    OsnmaDenial,
-)
 Attacks = (
     E1Asynchronous
     | LiftOff
@@ -65,6 +53,7 @@ Attacks = (
     | Jam
     | OsnmaDenial
 )
+ALL_ATTACKS: tuple[type[Attack], ...] = get_args(Attacks)
 _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 

@@ -35,7 +35,6 @@ from vestige.crypto.osnma.osnma_report import (
     Count,
     KeyGap,
     OsnmaReport,
-    Problem,
     ProblemKind,
     ProblemLog,
     WithheldKey,
@@ -87,7 +86,7 @@ class OsnmaReceiver:
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
         self._problems = ProblemLog()
         self._intake = PageIntake(self._problems)
-        self._tags = TagVerifier(self._problems.report)
+        self._tags = TagVerifier(self._problems)
         self._register = ChainRegister()
         self._dsms = DsmVerifier(public_keys, tree, self._register, self._problems)
         self._keys: dict[int, ValidatedKey] = {}
@@ -281,7 +280,7 @@ class OsnmaReceiver:
                 text = (
                     f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
                 )
-                self._problems.report(Problem(kind=ProblemKind.STATUS, time=message.time, text=text))
+                self._problems.report(ProblemKind.STATUS, message.time, text)
                 keys += self._accept(message, claim.subframes, claim.chain, claim.key, proven)
         return keys
 
@@ -305,9 +304,7 @@ class OsnmaReceiver:
                 accepted = chain, valid
         if len(candidates) > 1:
             said = "; ".join(f"{key.data.hex()} from {_names(svids)}" for key, svids in candidates.items())
-            self._problems.report(
-                Problem(kind=ProblemKind.DISAGREEMENT, time=message.time, text=f"different keys: {said}")
-            )
+            self._problems.report(ProblemKind.DISAGREEMENT, message.time, f"different keys: {said}")
         time = message.time.gst_seconds
         if (self._keys or self._withheld) and time not in self._keys and time not in self._withheld:
             self._steps[accepted[1] is None] += 1
@@ -322,7 +319,7 @@ class OsnmaReceiver:
                 return chain, validate(key, chain)
             except AuthenticationError as error:
                 reason = reason or str(error)
-        self._problems.report(Problem(kind=ProblemKind.KEY, time=time, text=f"{_names(svids)}: {reason}"))
+        self._problems.report(ProblemKind.KEY, time, f"{_names(svids)}: {reason}")
         return chains[0], None
 
 

@@ -50,15 +50,15 @@ class ProblemLog:
         self._problems: list[Problem] = []
         self._once: set[tuple[ProblemKind, str]] = set()
 
-    def report(self, problem: Problem) -> None:
+    def report(self, kind: ProblemKind, time: GalileoTime, text: str) -> None:
         """Take a problem."""
-        self._problems.append(problem)
+        self._problems.append(Problem(kind=kind, time=time, text=text))
 
     def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
         """Take a problem, unless one with this kind and text (details apart) is there."""
         if (kind, text) not in self._once:
             self._once.add((kind, text))
-            self.report(Problem(kind=kind, time=time, text=text + details))
+            self.report(kind, time, text + details)
 
     def problems(self) -> tuple[Problem, ...]:
         """Return all problems."""

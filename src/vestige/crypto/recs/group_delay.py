@@ -183,12 +183,12 @@ def serialize(file: GroupDelayFile) -> bytes:
     return (header + slots.tobytes()).ljust(_TYPICAL_BYTES, b"\0")
 
 
-def write(delays: Sequence[GroupDelay], folder: Path, *, provider: str = "GSCX") -> Path:
+def write(delays: Sequence[GroupDelay], folder: Path) -> Path:
     """Write the values of one time as a BGD file into `folder` and return its path."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")
-    file = GroupDelayFile(provider=provider, valid_from=ordered[0].valid_from, delays=ordered)
+    file = GroupDelayFile(provider="GSCX", valid_from=ordered[0].valid_from, delays=ordered)
     path = folder / file.name
     path.write_bytes(serialize(file))
     return path

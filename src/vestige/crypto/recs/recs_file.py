@@ -216,7 +216,7 @@ def write(file: RecsFile, folder: Path) -> Path:
     return path
 
 
-def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX", file_version: int = 1) -> RecsFile:
+def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX") -> RecsFile:
     """Return the file that holds `segments`: unitary for one, aggregated for several at equal intervals.
 
     Raises `ValueError` if they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole
@@ -239,7 +239,6 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
         body=b"".join(s.cipher for s in segments),
         duration_ds=len(segments) * period,
         period_ds=period,
-        file_version=file_version,
     )
 
 

@@ -9,11 +9,12 @@ with the Doppler, its rate and the carrier phase −f6 P6/c of that moment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
@@ -23,7 +24,6 @@ from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
-from vestige.spoofer.jammers import AnyJammer
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -128,15 +128,6 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JammerSamples:
-    """A jamming waveform of mean power `power`, over that of noise in the samples, with the key of its randomness."""
-
-    waveform: AnyJammer
-    power: float
-    key: np.uint64
-
-
 def e6_samples(
     signals: tuple[ReceivedSignal, ...],
     sent: GalileoTime,
@@ -145,12 +136,12 @@ def e6_samples(
     front_end: FrontEnd,
     noise_key: np.uint64 | None,
     noise_power: float = 1.0,
-    jammers: tuple[JammerSamples, ...] = (),
+    jam: Callable[[Complex64[np.ndarray, " n"]], None] = lambda _: None,
 ) -> tuple[SampleBatch, FrontEndStatus]:
     """Return the E6 samples of an epoch, and what the front end says of itself.
 
     Signals are at the front end's input rate, their `start_s` counts from `sent`. White noise of the receiver has power
-    1.
+    1. `jam` adds jamming waveforms.
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     at_antenna = synthesize(
@@ -161,8 +152,7 @@ def e6_samples(
         noise_power=noise_power,
         first_sample=-front_end.margin_samples,
     )
-    for jammer in jammers:
-        jammer.waveform.add(at_antenna, jammer.power, input_hz, jammer.key)
+    jam(at_antenna)
     samples, status = front_end.process(at_antenna)
     batch = SampleBatch(
         band=Band.E6,

@@ -28,7 +28,6 @@ def write_rinex_observations(
     version: str = "3.05",
     signal: str = "1C",
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    marker: str = "vestige",
     created: datetime | None = None,
 ) -> None:
     """Write epochs, in time order, in Galileo System Time.
@@ -53,7 +52,7 @@ def write_rinex_observations(
     if first is None:
         raise ValueError("a RINEX file needs the time of its first observation")
     with path.open("w", encoding="ascii", newline="\n") as stream:
-        for content, label in _header(version, signal, approximate_position_m, marker, created, first.time):
+        for content, label in _header(version, signal, approximate_position_m, created, first.time):
             stream.write(f"{content:60.60}{label:20}".rstrip() + "\n")
         stream.write(_epoch(first))
         for epoch in remaining:
@@ -64,7 +63,6 @@ def _header(
     version: str,
     signal: str,
     position: tuple[float, float, float],
-    marker: str,
     created: datetime | None,
     first: GalileoTime,
 ) -> list[tuple[str, str]]:
@@ -74,7 +72,7 @@ def _header(
     records = [
         (f"{version:>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
         (f"{'vestige':20}{'':20}{run_at:20}", "PGM / RUN BY / DATE"),
-        (marker, "MARKER NAME"),
+        ("vestige", "MARKER NAME"),
         ("", "OBSERVER / AGENCY"),
         (f"{'':20}{'vestige':20}", "REC # / TYPE / VERS"),
         ("", "ANT # / TYPE"),

@@ -27,11 +27,6 @@ FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
     ADKD_EPHEMERIS: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
     ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
 }
-ADKD_NAMES: Mapping[int, str] = {
-    ADKD_EPHEMERIS: "ephemeris, clock, status",
-    ADKD_TIMING: "timing parameters",
-    ADKD_SLOW: "ephemeris, clock, status; slow MAC",
-}
 
 _USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
 _IOD_WORDS = (1, 2, 3, 4)  # these carry IODnav in bits 6…15 [OS-ICD, 4.3.5]

@@ -19,10 +19,10 @@ from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, Inav
 from vestige.time import GalileoTime
 
 PAGES = 15  # pages in a subframe [OS-ICD, 4.3.2]
-HKROOT_BITS = 8  # HKROOT bits in one page [OSNMA-ICD, 2]
 MACK_BITS = 32  # MACK bits in one page [OSNMA-ICD, 2]
 MACK_TOTAL_BITS = PAGES * MACK_BITS
 
+_GRACE_S, _RESTART_S = 10, 600
 DUMMY_WORD = 63  # word type of a dummy page; its OSNMA field is to be discarded [OSNMA-ICD, 2]
 
 
@@ -124,13 +124,11 @@ class PageStatus(Enum):
 class SubframeAssembler:
     """Collects pages into subframes.
 
-    A subframe is closed when a page arrives that starts `grace_s` after its end. A page that is `restart_s` older than
-    the newest one does not come late: the recording starts again there.
+    A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
+    than the newest one does not come late: the recording starts again there.
     """
 
-    def __init__(self, *, grace_s: int = 10, restart_s: int = 600) -> None:
-        self._grace_s = grace_s
-        self._restart_s = restart_s
+    def __init__(self) -> None:
         self._open: dict[int, dict[int, list[InavPage | None]]] = {}
         self._newest: int | None = None
 
@@ -142,13 +140,13 @@ class SubframeAssembler:
             return PageStatus.OFF_GRID, []
         closed: list[Epoch] = []
         if self._newest is None or second > self._newest:
-            closed = self._close(before=second - self._grace_s)
+            closed = self._close(before=second - _GRACE_S)
             self._newest = second
-        elif second < self._newest - self._restart_s:
+        elif second < self._newest - _RESTART_S:
             closed = self.flush()
             self._newest = second
         start = second - second % SUBFRAME_S
-        if start + SUBFRAME_S <= self._newest - self._grace_s:
+        if start + SUBFRAME_S <= self._newest - _GRACE_S:
             return PageStatus.LATE, closed
         pages = self._open.setdefault(start, {}).setdefault(page.svid, [None] * PAGES)
         earlier = pages[index]
