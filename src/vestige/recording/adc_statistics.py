@@ -27,9 +27,9 @@ class AdcStatistics:
     """Statistics of the first samples."""
 
     n_samples: int  # that were looked at
-    rms: float  # root mean square of the components
-    mean: complex  # their mean, complex for complex samples
     deviation: float  # standard deviation of the samples (both components together)
+    rms: float  # root mean square of the components
+    mean: complex  # mean of the components, complex for complex samples
     n_distinct: int  # distinct values of the components
     outermost: float  # largest magnitude of a component
     # fraction of the components that have it: the clipping, if there are many distinct values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from vestige.errors import InputFileError
 from vestige.recording.text_lines import numbered_lines
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 # Beyond these a number is garbage. Pseudoranges hold the receiver's clock error, of up to minutes.
 LIMITS = {

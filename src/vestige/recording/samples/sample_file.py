@@ -133,9 +133,7 @@ def samples_so_far(file: BandFile) -> SampleReader:
 
     Raises `InputFileError` if the file cannot be read.
     """
-    with open_file(file.path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-    count = (size - file.header_bytes - file.trailing_bytes) // file.form.sample_bytes
+    _, count, _ = _size(file)
     return SampleReader(file=file, n_samples=max(count, 0))
 
 
@@ -144,9 +142,7 @@ def open_samples(file: BandFile) -> SampleReader:
 
     Raises `InputFileError` if the file cannot be read or has no sample.
     """
-    with open_file(file.path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-    count, rest = divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
+    size, count, rest = _size(file)
     if count < 1:
         expected = f"at least one sample of {file.form.sample_bytes} bytes"
         if skipped := file.header_bytes + file.trailing_bytes:
@@ -158,3 +154,10 @@ def open_samples(file: BandFile) -> SampleReader:
     if file.stated_samples is not None and file.stated_samples != count:
         notes.append(f"{file.path.name} has {count} samples, its description states {file.stated_samples}")
     return SampleReader(file=file, n_samples=count, notes=tuple(notes))
+
+
+def _size(file: BandFile) -> tuple[int, int, int]:
+    """Return the bytes of a file, the whole samples in it, and the bytes beyond."""
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+    return size, *divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
