@@ -66,16 +66,8 @@ def acquire(
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
-    Parameters
-    ----------
-    batch
-        E1 samples, at least 8 ms; up to 100 ms are used.
-    overall_pfa
-        Probability that noise alone gives any acquisition.
-    doppler_span_hz
-        Searched from −span to +span.
-    progress
-        Called with the number of satellites that are done, and of all, as the search goes on.
+    The batch has at least 8 ms; up to 100 ms are used. `overall_pfa` is the probability that noise alone gives any
+    acquisition, and `progress` is called with the number of satellites that are done, and of all.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -127,20 +119,9 @@ def search_cells(
 ) -> tuple[Acquisition, ...]:
     """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
 
-    Parameters
-    ----------
-    choose
-        Returns the signals in the powers of one satellite.
-    signals
-        Components whose powers are added.
-    max_stretches
-        K, code periods that are added at most.
-    overall_pfa
-        Probability that noise alone exceeds the threshold in any cell of any satellite.
-    doppler_span_hz
-        Searched from −span to +span.
-    progress
-        Called with the number of satellites that are done, and of all, as the search goes on.
+    `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added, over
+    `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any
+    cell of any satellite.
     """
     stretches = _stretches(batch, doppler_span_hz, max_stretches)
     n_added = len(stretches.starts_s) * len(signals)

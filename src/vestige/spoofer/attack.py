@@ -145,16 +145,7 @@ def delayed(
 ) -> Counterfeit:
     """Return a counterfeit by its profiles, off while the attack is.
 
-    Parameters
-    ----------
-    attack
-        Whose it is.
-    band, times_s
-        Where and when.
-    delay_m, power_db, phase
-        Profiles; a number is a constant.
-    forged_chips, forged_nav_data
-        Whether the attacker makes the chips, or the navigation data, up.
+    A number is a constant profile.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(

@@ -75,12 +75,7 @@ class _Claim:
 class OsnmaReceiver:
     """Verifies OSNMA, page by page.
 
-    Parameters
-    ----------
-    public_keys
-        Keys that DSM-KROOTs may be signed with.
-    tree
-        Merkle tree to verify broadcast public keys against; without one they are only reported.
+    Without a tree broadcast public keys are only reported.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:

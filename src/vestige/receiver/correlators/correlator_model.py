@@ -101,20 +101,9 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        Parameters
-        ----------
-        draws
-            The randomness of these epochs.
-        cn0_dbhz
-            C/N0 of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1.
-        delay_m
-            Delay of every ray after the hand-over's prediction in m; the line of sight is the first ray.
-        amplitude
-            Complex amplitude of every ray; 1 is the line of sight's magnitude.
-        doppler_hz
-            Residual Doppler of every ray in Hz.
-        disturbance
-            What an attack adds beside its counterfeits; None without one.
+        C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Rays have delays after
+        the hand-over's prediction, amplitudes over the line of sight's magnitude, and residual Dopplers; the line of
+        sight is the first ray.
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)

@@ -103,18 +103,8 @@ def record_band(
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order; the receiver's noise has variance 1 a sample.
 
-    Parameters
-    ----------
-    sky
-        All satellites in the band.
-    reference
-        Receiver-clock time of sample 0, a whole second.
-    first_sample, n_samples
-        Which samples.
-    noise_key
-        Key of the noise (`noise_kernel.noise_key`); None for no noise.
-    noise_power
-        Variance of the noise with interference as white, against receiver time in s after the reference.
+    `reference` is the receiver-clock time of sample 0, a whole second. Without `noise_key` there is no noise;
+    `noise_power` is its variance with interference as white, against receiver time in s after the reference.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")

@@ -105,20 +105,9 @@ def make_assistance(
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
     seen, no segment fits into the recording, or no key is of its time.
 
-    Parameters
-    ----------
-    keys_path
-        Key file, or navigation pages with OSNMA; copied into the folder.
-    output
-        Folder to make; must not exist.
-    public_key, merkle_tree
-        What the keys must lead to; copied into the folder.
-    duration_ms, interval_s
-        Length of the RECS and the time between them.
-    svids
-        Satellites to make RECS for; () for those that E1 sees.
-    progress
-        Called with the number of satellites that E1 was searched for, and of all.
+    `keys_path` is a key file, or navigation pages with OSNMA; like the files that the keys must lead to, it is copied
+    into the folder. Without `svids` RECS are made for the satellites that E1 sees; `progress` is called with the number
+    of those that it was searched for, and of all.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name

@@ -45,16 +45,7 @@ class _Block:
 class SampleStream:
     """Samples of one band out of a file descriptor; starts to read at once.
 
-    Parameters
-    ----------
-    descriptor
-        Open for reading.
-    file
-        What the samples are; its path names them in messages.
-    capacity_bytes
-        How much may wait.
-    can_wait
-        Whether the writer can wait when the buffer is full. If it cannot, samples are dropped then.
+    At most `capacity_bytes` wait. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full.
     """
 
     def __init__(self, descriptor: int, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
