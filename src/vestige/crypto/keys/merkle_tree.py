@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, Trust, load_point
 from vestige.crypto.keys.signature_scheme import scheme_of_point, scheme_of_type
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, PKR_BLOCKS
-from vestige.errors import AuthenticationError, UnsupportedError
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
+from vestige.errors import AuthenticationError
 
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
 LEAVES = 1 << HEIGHT
@@ -123,14 +123,3 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     if len(message) < end:
         raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a key of {scheme.name}")
     return _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root)
-
-
-def pkr_blocks(first_byte: int) -> int:
-    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
-
-    Raises `UnsupportedError` if the code is reserved.
-    """
-    code = first_byte >> 4
-    if code not in PKR_BLOCKS:
-        raise UnsupportedError(f"DSM-PKR: NB (number of blocks) is {code}; supported are {sorted(PKR_BLOCKS)}")
-    return PKR_BLOCKS[code]

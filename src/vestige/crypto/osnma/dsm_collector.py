@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from vestige.crypto.keys.merkle_tree import pkr_blocks
-from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks
+from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks, pkr_blocks
 from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime

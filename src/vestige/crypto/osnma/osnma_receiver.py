@@ -108,6 +108,13 @@ class OsnmaReceiver:
         """Return the keys of the subframes that are still open: no more pages come."""
         return self._take(self._intake.flush())
 
+    def process_all(self, pages: Iterable[InavPage]) -> OsnmaReport:
+        """Return the report of all pages of a stretch, which ends with them."""
+        for page in pages:
+            self.process(page)
+        self.finish()
+        return self.report()
+
     def filled_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the validated keys with those of lost subframes between them, which follow from later ones.
 
@@ -320,11 +327,7 @@ class OsnmaReceiver:
 
 def verify(pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> OsnmaReport:
     """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
-    receiver = OsnmaReceiver(public_keys, tree)
-    for page in pages:
-        receiver.process(page)
-    receiver.finish()
-    return receiver.report()
+    return OsnmaReceiver(public_keys, tree).process_all(pages)
 
 
 def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:

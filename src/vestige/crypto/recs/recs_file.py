@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple
 
 from vestige.constants import MAX_SVID
 from vestige.crypto.file_bytes import read_bytes
@@ -55,14 +54,6 @@ class FileKind(Enum):
 
     AGGREGATED = "aggregated"
     UNITARY = "unitary"
-
-
-class _Fault(NamedTuple):
-    """Why a file is none."""
-
-    place: str
-    found: object
-    expected: object
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +184,7 @@ def serialize(file: RecsFile) -> bytes:
     Raises `ValueError` if a field does not fit the format or contradicts another.
     """
     if fault := _fault(file):
-        raise ValueError(f"{fault.place}: found {fault.found}, expected {fault.expected}")
+        raise ValueError("{}: found {}, expected {}".format(*fault))
     exact = time_of_deciseconds(file.start.week, deciseconds_of_week(file.start))
     provider, atow = file.provider.encode("ascii"), deciseconds_of_week(exact).to_bytes(3, "big")
     if file.kind is FileKind.UNITARY:
@@ -316,8 +307,8 @@ def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
     return time_of_deciseconds(week, deciseconds)
 
 
-def _fault(file: RecsFile) -> _Fault | None:
-    """Return the first thing that is wrong with a file, for the reader and the writer alike."""
+def _fault(file: RecsFile) -> tuple[str, object, object] | None:
+    """Return where the first fault of a file is, what stands there and what should, for reader and writer alike."""
     unitary = file.kind is FileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),
@@ -334,12 +325,10 @@ def _fault(file: RecsFile) -> _Fault | None:
     )
     for place, value, allowed in fields:
         if value not in allowed:
-            return _Fault(place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
+            return (place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
     if not _PROVIDER.fullmatch(file.provider.encode("ascii", "replace")):
-        return _Fault("provider", file.provider, "letters and digits")
+        return ("provider", file.provider, "letters and digits")
     n_bytes = LENGTHS[file.n_chip_code].n_bytes
     if len(file.body) != file.n_segments * n_bytes:
-        return _Fault(
-            "body", f"{len(file.body)} bytes", f"{file.n_segments} RECS of {n_bytes} bytes as the header says"
-        )
+        return ("body", f"{len(file.body)} bytes", f"{file.n_segments} RECS of {n_bytes} bytes as the header says")
     return None

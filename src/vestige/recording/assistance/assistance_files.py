@@ -179,10 +179,7 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     """
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
-    for page in read_pages(path):
-        receiver.process(page)
-    receiver.finish()
-    report = receiver.report()
+    report = receiver.process_all(read_pages(path))
     keys = receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",

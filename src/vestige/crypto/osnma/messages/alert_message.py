@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import hashlib
 
-from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root, pkr_blocks
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES
+from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
 ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]

@@ -125,10 +125,19 @@ def kroot_blocks(first_byte: int) -> int:
 
     Raises `UnsupportedError` if the code is reserved.
     """
+    return _blocks("DSM-KROOT", KROOT_BLOCKS, first_byte)
+
+
+def pkr_blocks(first_byte: int) -> int:
+    """Return the same of a DSM-PKR."""
+    return _blocks("DSM-PKR", PKR_BLOCKS, first_byte)
+
+
+def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
     code = first_byte >> 4
-    if code not in KROOT_BLOCKS:
-        raise UnsupportedError(f"DSM-KROOT: NB (number of blocks) is {code}; supported are {sorted(KROOT_BLOCKS)}")
-    return KROOT_BLOCKS[code]
+    if code not in table:
+        raise UnsupportedError(f"{message}: NB (number of blocks) is {code}; supported are {sorted(table)}")
+    return table[code]
 
 
 def parse_kroot(message: bytes) -> DsmKroot:
