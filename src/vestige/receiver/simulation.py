@@ -90,16 +90,7 @@ class Simulation:
 
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""
-        return TruthProcess(
-            self.models,
-            self.line_of_sight,
-            cn0_e1_dbhz=self.cn0_e1_dbhz,
-            interval_s=self.interval_s if self.truth_interval_s is None else self.truth_interval_s,
-            seed=self.seed,
-            svid=self.svid,
-            spoofer=self.spoofer,
-            elevation=self.elevation,
-        )
+        return TruthProcess(self)
 
     def transmit_time(self, epoch: int) -> GalileoTime:
         """Return the time of an epoch, exact in deciseconds."""

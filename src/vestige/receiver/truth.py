@@ -7,6 +7,7 @@ A model that is None is not there: its term is zero.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -24,10 +25,12 @@ from vestige.receiver.errors.error_process import (
 )
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.errors.tracking_noise import noise_growth
-from vestige.receiver.sky.elevation import ElevationEffects, SatelliteGeometry, single_line_of_sight
+from vestige.receiver.sky.elevation import SatelliteGeometry, single_line_of_sight
 from vestige.records import Band
-from vestige.signal_generator.range_model import RangeHistory
-from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects, Spoofer
+from vestige.spoofer.spoofer import BandEffects
+
+if TYPE_CHECKING:
+    from vestige.receiver.simulation import Simulation
 
 _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
 
@@ -75,46 +78,40 @@ class TruthBlock:
 class TruthProcess:
     """Runs through the epochs in order."""
 
-    def __init__(
-        self,
-        models: ErrorModels,
-        line_of_sight: RangeHistory,
-        *,
-        cn0_e1_dbhz: float,
-        interval_s: float,
-        seed: int,
-        svid: int,
-        spoofer: Spoofer = NO_SPOOFER,
-        elevation: ElevationEffects | None = None,
-    ) -> None:
-        receiver, own = named_streams(seed), named_streams(seed, svid)
-        self._spoofer, self._svid = spoofer, svid
-        self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
+    def __init__(self, of: Simulation) -> None:
+        models, elevation, cn0_dbhz = of.models, of.elevation, of.cn0_e1_dbhz
+        receiver, own = named_streams(of.seed), named_streams(of.seed, of.svid)
+        self._of = of
+        self._interval_s = of.interval_s if of.truth_interval_s is None else of.truth_interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
         if self._ionosphere and elevation and hasattr(self._ionosphere, "shared"):
             self._ionosphere.shared(receiver, elevation.ionosphere_common)
         self._multipath = models.multipath and models.multipath.process(own)
-        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)
-        bandwidth_hz = models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0
-        self._loop = E1Loop(spoofer, svid, interval_s=interval_s, cn0_dbhz=cn0_e1_dbhz, loop_bandwidth_hz=bandwidth_hz)
+        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_dbhz)
+        self._loop = E1Loop(
+            of.spoofer,
+            of.svid,
+            interval_s=self._interval_s,
+            cn0_dbhz=cn0_dbhz,
+            loop_bandwidth_hz=models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0,
+        )
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
-        self._elevation, self._cn0_e1_dbhz = elevation, cn0_e1_dbhz
 
     def advance(self, first: int, count: int) -> TruthBlock:
         """Return the truth of epochs first … first + count − 1, which are the next ones."""
         times_s = (first + np.arange(count)) * self._interval_s
         zero = np.zeros(count)
         clock_m, drift_mps = self._clock.advance(times_s) if self._clock else (zero, zero)
-        elevation, path = self._elevation, self._line_of_sight
+        elevation, path = self._of.elevation, self._of.line_of_sight
         seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
         view = seen.view
         code_m, carrier_m, doppler_hz = self._tracking.advance(times_s) if self._tracking else (zero, zero, zero)
         e1 = self._loop.advance(first, count)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
         iono_diff_m = self._ionosphere.advance(times_s) if self._ionosphere else zero
-        rays = self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._models.n_rays)
-        if self._elevation:
+        rays = self._multipath.advance(times_s) if self._multipath else _no_rays(count, self._of.models.n_rays)
+        if elevation:
             code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
             carrier_m = carrier_m / view.amplitude
             iono_diff_m = iono_diff_m * obliquity(view.elevation_rad)
@@ -133,8 +130,8 @@ class TruthProcess:
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
             e1=e1,
-            e1_attack=self._spoofer.effects(Band.E1, self._svid, times_s),
-            e6=self._spoofer.effects(Band.E6, self._svid, times_s),
+            e1_attack=self._of.spoofer.effects(Band.E1, self._of.svid, times_s),
+            e6=self._of.spoofer.effects(Band.E6, self._of.svid, times_s),
             rays=rays,
             view=view,
         )
@@ -143,9 +140,9 @@ class TruthProcess:
         self, view: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
-        if self._models.e1_tracking is None:
+        if self._of.models.e1_tracking is None:
             return code_m, doppler_hz
-        code, doppler = noise_growth(self._models.e1_tracking, self._cn0_e1_dbhz, 20 * np.log10(view.amplitude))
+        code, doppler = noise_growth(self._of.models.e1_tracking, self._of.cn0_e1_dbhz, 20 * np.log10(view.amplitude))
         return code_m * code, doppler_hz * doppler
 
 
