@@ -42,6 +42,7 @@ _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
     **CN0_ESTIMATORS,
     "narrow-to-wide": partial(narrow_to_wide_dbhz, together=MIN_PERIODS),
 }
+ESTIMATORS = (NOISE_FLOOR, *_PROMPT_ESTIMATORS)
 _TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)  # 0.05 chip apart; BOC(1,1)'s main peak is ±1/3 chip wide
 _EARLY_LATE_TAPS = 3  # ±0.15 chip: on the flanks of the main peak
 _CODE_STEPS = 3  # the code phase is measured, the taps re-centred, and so on: acquisition is good to 0.17 chip
