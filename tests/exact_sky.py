@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import Trajectory
 from vestige.records.snapshot_block import E1Block, SnapshotBlock, VelocityIncrements
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
+from whole_sky import sky
 
 START = GalileoTime(1372, 604_790)  # the week ends within the first interval
 ORBITS = tuple(walker_ephemerides(GalileoTime(1372, 604_190)))

@@ -9,6 +9,7 @@ import numpy as np
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.handover import hand_over
 from vestige.crypto.recs.recs_segment import decrypt
+from vestige.receiver.draws import rows_of
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import TruthBlock
@@ -51,6 +52,6 @@ def banks(
 
 def handover_of(simulation: Simulation, epoch: int, row: int, truth: TruthBlock) -> Handover:
     """Return the hand-over of one epoch, `row` of a truth."""
-    block = snapshots(simulation, "samples", epoch, truth.part(slice(row, row + 1)))
+    block = snapshots(simulation, "samples", epoch, rows_of(truth, slice(row, row + 1)))
     chips = decrypt(*simulation.segment(epoch))
     return hand_over(block.e1.observation(simulation.svid, 0, 0), block.time.at(0), chips)

@@ -17,7 +17,7 @@ from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.line_of_sight import ReceiverMotion
-from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.recording.live.follow_journal import LINES, FollowJournal, FollowProgress
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
@@ -25,6 +25,7 @@ from vestige.recording.observations.csv_observations import write_csv_observatio
 from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
+from whole_sky import sky
 
 START = GalileoTime.parse("2026-11-21T12:00:16 GST")
 ORBITS = walker_ephemerides(GalileoTime.parse("2026-11-21T12:00:00 GST"))

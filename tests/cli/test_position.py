@@ -12,10 +12,11 @@ from night import invoke
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.recs_make import command as recs_make
-from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.time import GalileoTime
+from whole_sky import sky
 
 START = GalileoTime.parse("2026-11-21T12:00:16 GST")
 ORBITS = walker_ephemerides(GalileoTime.parse("2026-11-21T12:00:00 GST"))

@@ -18,7 +18,8 @@ from vestige.cli.services import recs as recs_cli
 from vestige.cli.services.recs import command
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.simulated_chain import make_chain
-from vestige.crypto.recs import file_signature, recs, recs_file
+from vestige.crypto.recs import file_signature, recs_file
+from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.records import ChipSequence

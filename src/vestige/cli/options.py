@@ -76,6 +76,11 @@ def time_option(_context: click.Context, _parameter: click.Parameter, text: str 
         raise click.BadParameter(str(error)) from error
 
 
+def assistance_folder(recording: Path, given: Path | None) -> Path:
+    """Return the assistance folder of a recording, if no other one is given."""
+    return given or (recording if recording.is_dir() else recording.parent) / "assistance"
+
+
 def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
     """Return what `--cipher-mode` says."""
     from vestige.crypto.recs.recs_segment import CipherMode

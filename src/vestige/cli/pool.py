@@ -20,14 +20,8 @@ _OF_DASK = ("asyncio", "distributed", "distributed.client", "distributed.comm", 
 def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
     """Give an executor and how many calls it runs at the same time.
 
-    Parameters
-    ----------
-    workers
-        On this machine; 1 if it is not given.
-    threads
-        Whether they are threads; up to `MAX_THREADS` if it is not given.
-    scheduler
-        Address of a cluster's scheduler, in place of this machine.
+    On this machine they are `workers`, 1 if it is not given, threads or not; `scheduler` is the address of a cluster's
+    scheduler, in place of this machine.
     """
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect

@@ -13,17 +13,10 @@ from vestige.errors import InputFileError
 def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
     """Return the content of the regular file `path`.
 
-    Parameters
-    ----------
-    path
-        The file.
-    at_most
-        Length in bytes from which on it cannot be what it claims to be, and is not read.
+    A file of more than `at_most` bytes cannot be what it claims to be, and is not read.
 
-    Raises
-    ------
-    InputFileError
-        If there is no such file, it is not a regular file, it cannot be read, or it is longer than `at_most`.
+    Raises `InputFileError` if there is no such file, it is not a regular file, it cannot be read, or it is longer than
+    `at_most`.
     """
     with open_file(path) as file:
         try:
@@ -38,17 +31,9 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
 def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str:
     """Return the content of the regular file `path` as text: UTF-8, with or without a byte order mark.
 
-    Parameters
-    ----------
-    path, at_most
-        As `read_bytes`.
-    expected
-        What it is if it is one, for the message.
+    `expected` says what it is if it is one, for the message.
 
-    Raises
-    ------
-    InputFileError
-        As `read_bytes`; also if it is not UTF-8.
+    Raises `InputFileError` as `read_bytes`; also if it is not UTF-8.
     """
     try:
         return read_bytes(path, at_most=at_most).decode("utf-8-sig")
@@ -59,10 +44,7 @@ def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str
 def open_file(path: Path) -> BinaryIO:
     """Return the regular file `path`, open for reading; a pipe or device, which may never end, is refused.
 
-    Raises
-    ------
-    InputFileError
-        If there is no such file, it is not a regular file, or it cannot be read.
+    Raises `InputFileError` if there is no such file, it is not a regular file, or it cannot be read.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
@@ -75,10 +57,7 @@ def open_file(path: Path) -> BinaryIO:
 def list_folder(folder: Path) -> tuple[Path, ...]:
     """Return what stands in `folder`, sorted by name.
 
-    Raises
-    ------
-    InputFileError
-        If it is not a folder or cannot be listed.
+    Raises `InputFileError` if it is not a folder or cannot be listed.
     """
     try:
         return tuple(sorted(folder.iterdir()))

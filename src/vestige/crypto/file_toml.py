@@ -8,7 +8,11 @@ from __future__ import annotations
 
 import re
 import tomllib
+from pathlib import Path
 from typing import Any
+
+from vestige.crypto.file_bytes import read_bytes
+from vestige.errors import InputFileError
 
 DEEPEST = 20  # tables and lists in each other, and parts of a key; the deepest that means anything is 5
 
@@ -25,15 +29,8 @@ _TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
 def parse_toml(text: str) -> dict[str, Any]:
     r"""Return the tables of a TOML document.
 
-    Parameters
-    ----------
-    text
-        The document, of at most some MB.
-
-    Raises
-    ------
-    ValueError
-        If it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each other.
+    Raises `ValueError` if it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each
+    other.
 
     Examples
     --------
@@ -50,6 +47,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError(_TOO_DEEP) from None
     _check_depth(tables)
     return tables
+
+
+def read_toml_file(path: Path, *, at_most: int) -> dict[str, Any]:
+    """Return the tables of a file of at most so many bytes; raises `InputFileError`."""
+    try:
+        return parse_toml(read_bytes(path, at_most=at_most).decode())
+    except ValueError as error:
+        raise InputFileError(path, "content", str(error), "a TOML file") from error
 
 
 def _check_depth(tables: dict[str, Any]) -> None:

@@ -47,12 +47,8 @@ _DECI = 10  # times are counted in tenths of a second, which are exact
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of E1-B, which is that of E1-C; NaN or −∞ loses every page.
-    tracking
-        Whose carrier loop gives the phase; None for a perfect phase.
+    `cn0_dbhz` is that of E1-B, which is that of E1-C; NaN or −∞ loses every page. Without `tracking` the phase is
+    perfect.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
     phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
@@ -73,13 +69,6 @@ def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.nd
     """Return which page each of 15 places of a subframe has had since the epoch before, −1 for none.
 
     When epochs are 30 s apart or more, those of the last subframe that has ended.
-
-    Parameters
-    ----------
-    week_s
-        Epochs in s after the start of the week, whole tenths.
-    interval_s
-        Between them.
     """
     now = np.round(_DECI * week_s).astype(np.int64)[:, None]
     place = np.arange(PAGES)
@@ -112,14 +101,7 @@ def demodulated(
 ) -> Bool[np.ndarray, "n k"]:
     """Return which pages of a satellite are received; the same page has the same draw, whoever asks.
 
-    Parameters
-    ----------
-    page
-        Numbers; a negative one is no page, and not received.
-    loss
-        Probability that each is lost.
-    seed, svid
-        Whose random numbers.
+    A negative number is no page, and not received.
     """
     found = np.zeros(page.shape, bool)
     block = page // _DRAW_BLOCK

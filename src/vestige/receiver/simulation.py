@@ -17,7 +17,7 @@ noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
@@ -30,8 +30,9 @@ from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
 from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.receiver.correlators.disturbance import drawn_disturbance
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
+from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.samples.sampled_attack import add_jammers, counterfeit_signals, true_signal
 from vestige.receiver.samples.sampled_epoch import (
     Arrival,
     arrival,
@@ -58,7 +59,6 @@ from vestige.validated_key import ValidatedKey
 Fidelity = Literal["samples", "correlators"]
 
 SVID = 11  # the paper's single line of sight needs a name
-DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_NOISE = 6  # stream number of the E6 noise
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # when a key is sent is the same for every alpha
 CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
@@ -67,65 +67,30 @@ _STREAMS_A_SATELLITE = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """A receiver on one line of sight, by itself or as one of a sky.
+    """A receiver on one line of sight, by itself or as one of a sky."""
 
-    Attributes
-    ----------
-    seed
-        Everything random follows from it.
-    start
-        Time of epoch 0, a whole second; epochs are times of transmission.
-    n_epochs, interval_s
-        Number of RECS and the time between them, a multiple of 0.1 s.
-    line_of_sight, models
-        Range against time, and the receiver's error models.
-    cn0_dbhz, cn0_e1_dbhz
-        C/N0 of E6-C and of E1-C, each alone; −∞ on E6 is no signal, neither line of sight nor rays.
-    front_end
-        Of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`.
-    time_uncertainty_s
-        What the receiver believes of its clock.
-    n_chips, key_delay
-        Length of a RECS and its KDI.
-    spoofer
-        Who attacks.
-    svid
-        The satellite.
-    elevation
-        What depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID.
-    truth_interval_s
-        Time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone.
-    """
-
-    seed: int
-    start: GalileoTime
-    n_epochs: int
-    interval_s: float
+    seed: int  # everything random follows from it
+    start: GalileoTime  # time of epoch 0, a whole second; epochs are times of transmission
+    n_epochs: int  # number of RECS
+    interval_s: float  # between RECS, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
-    cn0_dbhz: float
-    cn0_e1_dbhz: float
-    front_end: FrontEnd
-    time_uncertainty_s: float
-    n_chips: int
-    key_delay: int
+    cn0_dbhz: float  # of E6-C alone; −∞ is no signal, neither line of sight nor rays
+    cn0_e1_dbhz: float  # of E1-C alone
+    front_end: FrontEnd  # of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
+    time_uncertainty_s: float  # what the receiver believes of its clock
+    n_chips: int  # of a RECS
+    key_delay: int  # KDI
     spoofer: Spoofer = NO_SPOOFER
     svid: int = SVID
+    # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
     elevation: ElevationEffects | None = None
+    # time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone
     truth_interval_s: float | None = None
 
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""
-        return TruthProcess(
-            self.models,
-            self.line_of_sight,
-            cn0_e1_dbhz=self.cn0_e1_dbhz,
-            interval_s=self.interval_s if self.truth_interval_s is None else self.truth_interval_s,
-            seed=self.seed,
-            svid=self.svid,
-            spoofer=self.spoofer,
-            elevation=self.elevation,
-        )
+        return TruthProcess(self)
 
     def transmit_time(self, epoch: int) -> GalileoTime:
         """Return the time of an epoch, exact in deciseconds."""
@@ -178,11 +143,6 @@ class Simulation:
         """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
 
         Never before its time tag, which may be ahead of that clock.
-
-        Parameters
-        ----------
-        truth, arrived
-            Epochs with RECS, and how these arrive.
         """
         expected_s = arrived.dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -196,19 +156,7 @@ class Simulation:
         prediction_error_m: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
-
-        Parameters
-        ----------
-        first
-            Number of the first RECS.
-        truth, arrived
-            Epochs with RECS, and how these arrive.
-        prediction_error_m
-            As the method of this name has it.
-        offsets_m
-            Of the taps from the hand-over's prediction.
-        """
+        """Return taps and noise power of RECS, drawn; pure, and independent of the cut."""
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
@@ -221,42 +169,30 @@ class Simulation:
         doppler_hz = los_doppler_hz + relative_hz
         phasor = (truth.view.amplitude * arrived.carrier)[:, None]
         forged_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.forged_chips])
-        disturbance = self.spoofer.attacks and drawn_disturbance(
-            attack,
-            offsets_m,
-            forged_chips,
-            seed=self.seed,
-            first=first,
-            block_epochs=DRAW_BLOCK,
-            labels=self._labels,
-        )
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
         for block in range(first // DRAW_BLOCK, (first + n - 1) // DRAW_BLOCK + 1):
             start = block * DRAW_BLOCK
             low, high = max(first, start), min(first + n, start + DRAW_BLOCK)
             part = slice(low - first, high - first)
+            draws = model.draws(stream(self.seed, "correlators", block, *self._labels), DRAW_BLOCK)
+            disturbance = self.spoofer.attacks and drawn_disturbance(
+                attack.part(part), offsets_m, forged_chips, seed=self.seed, first=low, labels=self._labels
+            )
             taps[part], noise_power[part] = model.banks(
-                model.draws(stream(self.seed, "correlators", block, *self._labels), DRAW_BLOCK).part(
-                    low - start, high - start
-                ),
+                rows_of(draws, slice(low - start, high - start)),
                 cn0_dbhz=self.cn0_dbhz,
                 delay_m=delay_m[part],
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
-                disturbance=disturbance.part(part.start, part.stop) if disturbance else None,
+                disturbance=disturbance or None,
             )
         return taps, noise_power
 
     def samples(self, number: int, row: int, truth: TruthBlock) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the E6 samples around a RECS, labelled by a clock that no attacker moves, and what the front end says.
 
-        Parameters
-        ----------
-        number
-            Of the RECS.
-        row
-            Its place in `truth`.
+        `row` is the place of the RECS in `truth`.
         """
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.view.amplitude[row])
@@ -274,12 +210,13 @@ class Simulation:
             front_end=self.front_end,
             noise_key=noise_key(self.seed, number, self._first_stream + _E6_NOISE),
             noise_power=1.0 + float(truth.e6.white[row]),
-            jammers=jammer_samples(
-                truth,
-                row,
+            jam=partial(
+                add_jammers,
+                jammers=truth.e6.jammers,
+                row=row,
+                rate_hz=self.front_end.input_rate_hz,
                 seed=self.seed,
                 epoch=number,
-                input_rate_hz=self.front_end.input_rate_hz,
                 first_stream=self._first_stream,
             ),
         )
@@ -304,15 +241,7 @@ class Simulation:
 
 
 def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the E1 pseudorange that E6 does not share, in m.
-
-    Parameters
-    ----------
-    truth
-        Of one satellite.
-    multipath_m
-        What rays make of it.
-    """
+    """Return the error of the E1 pseudorange that E6 does not share, in m."""
     return truth.e1_noise_m + multipath_m + truth.e1.error_m
 
 

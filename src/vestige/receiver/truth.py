@@ -7,7 +7,7 @@ A model that is None is not there: its term is zero.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -26,29 +26,26 @@ from vestige.receiver.errors.error_process import (
 )
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.errors.tracking_noise import noise_growth
-from vestige.receiver.sky.elevation import ElevationEffects, SatelliteGeometry, single_line_of_sight
+from vestige.receiver.sky.elevation import SatelliteGeometry, single_line_of_sight
 from vestige.records import Band
-from vestige.signal_generator.range_model import RangeHistory
-from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects, Spoofer
+from vestige.spoofer.spoofer import BandEffects
+
+if TYPE_CHECKING:
+    from vestige.receiver.simulation import Simulation
 
 _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModels:
-    """The error models of a receiver; None where there is none [WFO, Sec. V].
-
-    Attributes
-    ----------
-    e1_multipath
-        Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
-    """
+    """The error models of a receiver; None where there is none [WFO, Sec. V]."""
 
     clock: ClockModel | None = None
     ionosphere: IonosphereModel | None = None
     multipath: MultipathModel | None = None
     e1_tracking: TrackingModel | None = None
     bias: BiasModel | None = None
+    # Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
     e1_multipath: bool = False
 
     @property
@@ -59,117 +56,56 @@ class ErrorModels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthBlock:
-    """The truth of a block of epochs of one satellite.
+    """The truth of a block of epochs of one satellite."""
 
-    Attributes
-    ----------
-    time_s
-        Epoch in s after the scenario's start.
-    range_m, rate_mps, acceleration_mps2
-        Geometric range and its derivatives.
-    clock_m, clock_drift_mps
-        Receiver clock times c, and its rate.
-    iono_diff_m, bias_m
-        By how much E6 is later than E1 in truth and not in the prediction.
-    e1_noise_m, e1_phase_noise_m, e1_rate_noise_mps
-        Noise of the pseudorange, of the carrier phase times the wavelength, and of the range rate that E1 delivers.
-    e1
-        What an attack does to E1 tracking.
-    e1_attack, e6
-        What it adds to the bands.
-    rays
-        Rays beside the line of sight.
-    view
-        How the satellite is seen.
-    """
-
-    time_s: Float[np.ndarray, " n"]
-    range_m: Float[np.ndarray, " n"]
+    time_s: Float[np.ndarray, " n"]  # after the scenario's start
+    range_m: Float[np.ndarray, " n"]  # geometric
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
-    clock_m: Float[np.ndarray, " n"]
+    clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
-    iono_diff_m: Float[np.ndarray, " n"]
-    bias_m: Float[np.ndarray, " n"]
-    e1_noise_m: Float[np.ndarray, " n"]
-    e1_phase_noise_m: Float[np.ndarray, " n"]
-    e1_rate_noise_mps: Float[np.ndarray, " n"]
-    e1: E1Tracking
-    e1_attack: BandEffects
-    e6: BandEffects
+    iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
+    bias_m: Float[np.ndarray, " n"]  # the same
+    e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
+    e1_phase_noise_m: Float[np.ndarray, " n"]  # of the carrier phase, times the wavelength
+    e1_rate_noise_mps: Float[np.ndarray, " n"]  # of the range rate
+    e1: E1Tracking  # what an attack does to E1 tracking
+    e1_attack: BandEffects  # what it adds to E1
+    e6: BandEffects  # what it adds to E6
     rays: RayBlock
     view: SatelliteGeometry
 
-    def part(self, rows: slice) -> TruthBlock:
-        """Return the truth of some of the epochs."""
-        kept = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if isinstance(getattr(self, field.name), np.ndarray)
-        }
-        return replace(
-            self,
-            **kept,
-            e1=_rows(self.e1, rows),
-            e1_attack=self.e1_attack.part(rows),
-            e6=self.e6.part(rows),
-            rays=_rows(self.rays, rows),
-            view=_rows(self.view, rows),
-        )
-
 
 class TruthProcess:
-    """Runs through the epochs in order.
+    """Runs through the epochs in order."""
 
-    Parameters
-    ----------
-    models, line_of_sight
-        What is drawn, and the geometry.
-    cn0_e1_dbhz
-        C/N0 of E1-C, which the tracking noise depends on.
-    interval_s
-        Time between epochs.
-    seed, svid
-        Whose streams are used.
-    spoofer
-        Who attacks.
-    elevation
-        What depends on the satellite's elevation; None on a single line of sight.
-    """
-
-    def __init__(
-        self,
-        models: ErrorModels,
-        line_of_sight: RangeHistory,
-        *,
-        cn0_e1_dbhz: float,
-        interval_s: float,
-        seed: int,
-        svid: int,
-        spoofer: Spoofer = NO_SPOOFER,
-        elevation: ElevationEffects | None = None,
-    ) -> None:
-        receiver, own = named_streams(seed), named_streams(seed, svid)
-        self._spoofer, self._svid = spoofer, svid
-        self._models, self._line_of_sight, self._interval_s = models, line_of_sight, interval_s
+    def __init__(self, of: Simulation) -> None:
+        models, elevation, cn0_dbhz = of.models, of.elevation, of.cn0_e1_dbhz
+        receiver, own = named_streams(of.seed), named_streams(of.seed, of.svid)
+        self._of = of
+        self._interval_s = of.interval_s if of.truth_interval_s is None else of.truth_interval_s
         self._clock = models.clock and models.clock.process(receiver)
         self._ionosphere = models.ionosphere and models.ionosphere.process(own)
         if self._ionosphere and elevation and hasattr(self._ionosphere, "shared"):
             self._ionosphere.shared(receiver, elevation.ionosphere_common)
         self._multipath = models.multipath and models.multipath.process(own)
-        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_e1_dbhz)
-        bandwidth_hz = models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0
-        self._loop = E1Loop(spoofer, svid, interval_s=interval_s, cn0_dbhz=cn0_e1_dbhz, loop_bandwidth_hz=bandwidth_hz)
+        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_dbhz)
+        self._loop = E1Loop(
+            of.spoofer,
+            of.svid,
+            interval_s=self._interval_s,
+            cn0_dbhz=cn0_dbhz,
+            loop_bandwidth_hz=models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0,
+        )
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
-        self._elevation, self._cn0_e1_dbhz = elevation, cn0_e1_dbhz
 
     def advance(self, first: int, count: int) -> TruthBlock:
         """Return the truth of epochs first … first + count − 1, which are the next ones."""
         times_s = (first + np.arange(count)) * self._interval_s
         zero = np.zeros(count)
-        models = self._models
+        models = self._of.models
         clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
-        elevation, path = self._elevation, self._line_of_sight
+        elevation, path = self._of.elevation, self._of.line_of_sight
         seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
         view = seen.view
         code_m, carrier_m, doppler_hz = (
@@ -181,7 +117,7 @@ class TruthProcess:
         rays = (
             _advanced(models.multipath, self._multipath, times_s) if self._multipath else _no_rays(count, models.n_rays)
         )
-        if self._elevation:
+        if elevation:
             code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
             carrier_m = carrier_m / view.amplitude
             iono_diff_m = iono_diff_m * obliquity(view.elevation_rad)
@@ -200,8 +136,8 @@ class TruthProcess:
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
             e1=e1,
-            e1_attack=self._spoofer.effects(Band.E1, self._svid, times_s),
-            e6=self._spoofer.effects(Band.E6, self._svid, times_s),
+            e1_attack=self._of.spoofer.effects(Band.E1, self._of.svid, times_s),
+            e6=self._of.spoofer.effects(Band.E6, self._of.svid, times_s),
             rays=rays,
             view=view,
         )
@@ -210,9 +146,9 @@ class TruthProcess:
         self, view: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
-        if self._models.e1_tracking is None:
+        if self._of.models.e1_tracking is None:
             return code_m, doppler_hz
-        code, doppler = noise_growth(self._models.e1_tracking, self._cn0_e1_dbhz, 20 * np.log10(view.amplitude))
+        code, doppler = noise_growth(self._of.models.e1_tracking, self._of.cn0_e1_dbhz, 20 * np.log10(view.amplitude))
         return code_m * code, doppler_hz * doppler
 
 
@@ -225,11 +161,6 @@ def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_erro
     else:
         require_numbers(model, "advance", values, (n_errors, times_s.size)[n_errors == 1 :])
     return values
-
-
-def _rows(record: Any, rows: slice) -> Any:
-    """Return the epochs `rows` of a record of arrays."""
-    return replace(record, **{field.name: getattr(record, field.name)[rows] for field in fields(record)})
 
 
 def _no_rays(count: int, n_rays: int) -> RayBlock:

@@ -24,45 +24,24 @@ SEGMENT = 1024  # samples of one spectrum
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdcStatistics:
-    """Statistics of the first samples.
+    """Statistics of the first samples."""
 
-    Attributes
-    ----------
-    n_samples
-        Samples looked at.
-    rms
-        Root mean square of the components.
-    mean
-        Their mean, complex for complex samples.
-    deviation
-        Standard deviation of the samples (both components together).
-    n_distinct
-        Distinct values of the components.
-    outermost
-        Largest magnitude of a component.
-    outermost_fraction
-        Fraction of the components that have it: the clipping, if there are many distinct values.
-    spectral_center_hz
-        Centre of the pass band as a radio frequency in Hz; None for too few samples, or none that differ.
-    """
-
-    n_samples: int
-    rms: float
-    mean: complex
-    deviation: float
-    n_distinct: int
-    outermost: float
+    n_samples: int  # that were looked at
+    deviation: float  # standard deviation of the samples (both components together)
+    rms: float  # root mean square of the components
+    mean: complex  # mean of the components, complex for complex samples
+    n_distinct: int  # distinct values of the components
+    outermost: float  # largest magnitude of a component
+    # fraction of the components that have it: the clipping, if there are many distinct values
     outermost_fraction: float
+    # centre of the pass band as a radio frequency in Hz; None for too few samples, or none that differ
     spectral_center_hz: float | None
 
 
 def adc_statistics(reader: SampleReader, *, at_most: int = LOOKED_AT) -> AdcStatistics:
     """Return the statistics of the first `at_most` samples.
 
-    Raises
-    ------
-    InputFileError
-        If they cannot be read, or are not finite numbers.
+    Raises `InputFileError` if they cannot be read, or are not finite numbers.
     """
     samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real

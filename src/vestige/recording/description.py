@@ -36,71 +36,34 @@ TIME_UNCERTAINTY_S = (0.0, 1e6)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandFile:
-    """The sample file of one band.
-
-    Attributes
-    ----------
-    path
-        The file with the samples.
-    described_in
-        The file that says so; errors about the description name it.
-    center_frequency_hz
-        Radio frequency in Hz that stands at 0 Hz in the stored samples.
-    spectral_inversion
-        Whether the stored spectrum is turned round; reading undoes it.
-    first_sample
-        Number of the file's first sample on the counter that the bands share.
-    start
-        Time of the file's first sample on the receiver's clock; None if nothing tells.
-    bandwidth_hz
-        Two-sided bandwidth of the front end in Hz; None if not stated.
-    header_bytes, trailing_bytes
-        Bytes before the first and after the last sample.
-    stated_samples
-        How many samples the description claims; None if it does not.
-    sha512
-        Hash of the file that the description claims, as lower-case hex; None if it does not.
-    """
+    """The sample file of one band."""
 
     band: Band
     path: Path
-    described_in: Path
+    described_in: Path  # the file that says so; errors about the description name it
     form: SampleFormat
     sample_rate_hz: float
-    center_frequency_hz: float
-    spectral_inversion: bool = False
-    first_sample: int = 0
-    start: GalileoTime | None = None
-    bandwidth_hz: float | None = None
-    header_bytes: int = 0
-    trailing_bytes: int = 0
-    stated_samples: int | None = None
-    sha512: str | None = None
+    center_frequency_hz: float  # radio frequency that stands at 0 Hz in the stored samples
+    spectral_inversion: bool = False  # whether the stored spectrum is turned round; reading undoes it
+    first_sample: int = 0  # number of the file's first sample on the counter that the bands share
+    start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if nothing tells
+    bandwidth_hz: float | None = None  # of the front end, two-sided; None if not stated
+    header_bytes: int = 0  # before the first sample
+    trailing_bytes: int = 0  # after the last sample
+    stated_samples: int | None = None  # how many samples the description claims; None if it does not
+    sha512: str | None = None  # hash of the file that the description claims, as lower-case hex; None if it does not
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingDescription:
-    """Everything that is known of a recording before its samples are read.
+    """Everything that is known of a recording before its samples are read."""
 
-    Attributes
-    ----------
-    path
-        The file that describes the recording, or the folder that holds it.
-    bands
-        The sample file of each band that there is.
-    time_uncertainty_s
-        Bound on the error of the receiver's clock against Galileo System Time in s; infinite if not stated.
-    observations
-        File with E1 observations, or None.
-    notes
-        What a person should know, one line each.
-    """
-
-    path: Path
-    bands: Mapping[Band, BandFile]
+    path: Path  # the file that describes the recording, or the folder that holds it
+    bands: Mapping[Band, BandFile]  # the sample file of each band that there is
+    # bound on the error of the receiver's clock against Galileo System Time in s; infinite if not stated
     time_uncertainty_s: float = math.inf
-    observations: Path | None = None
-    notes: tuple[str, ...] = ()
+    observations: Path | None = None  # file with E1 observations
+    notes: tuple[str, ...] = ()  # what a person should know, one line each
 
     def __post_init__(self) -> None:
         require_time_uncertainty(self.time_uncertainty_s)
@@ -122,10 +85,7 @@ def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
 def sample_file(described_in: Path, place: str, name: str) -> Path:
     """Return the path of a file that a description names, relative to the description.
 
-    Raises
-    ------
-    InputFileError
-        If there is no regular file of that name.
+    Raises `InputFileError` if there is no regular file of that name.
     """
     path = described_in.parent / name
     try:

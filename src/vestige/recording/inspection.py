@@ -53,30 +53,17 @@ class ObservationCoverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """What is there.
-
-    Attributes
-    ----------
-    description
-        The recording, or None if the path holds no samples.
-    recorded_segments
-        The RECS that can be in the E6 samples.
-    assistance
-        What the assistance folder holds.
-    notes
-        What is odd, one line each.
-    missing
-        What ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says
-        of itself.
-    """
+    """What is there."""
 
     path: Path
-    description: RecordingDescription | None
+    description: RecordingDescription | None  # the recording, or None if the path holds no samples
     bands: tuple[BandInspection, ...]
     observations: ObservationCoverage | None
     assistance: AssistanceFolder
-    recorded_segments: tuple[EncryptedSegment, ...]
-    notes: tuple[str, ...]
+    recorded_segments: tuple[EncryptedSegment, ...]  # the RECS that can be in the E6 samples
+    notes: tuple[str, ...]  # what is odd, one line each
+    # what ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says of
+    # itself
     missing: tuple[str, ...]
 
 
@@ -92,6 +79,9 @@ def inspect_recording(
 ) -> Inspection:
     """Return what is at `path`, a recording, an observation file or a folder, and what is missing for ACAS.
 
+    Raises `InputFileError` or `UnsupportedError` if there is nothing at `path` that can be read, or its description,
+    samples or observations are not usable.
+
     Parameters
     ----------
     start
@@ -104,11 +94,6 @@ def inspect_recording(
         What OSNMA keys must lead to, in place of what the assistance folder holds.
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
-
-    Raises
-    ------
-    InputFileError, UnsupportedError
-        If there is nothing at `path` that can be read, or its description, samples or observations are not usable.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:

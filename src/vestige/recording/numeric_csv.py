@@ -27,18 +27,10 @@ WAYPOINTS: Mapping[str, tuple[float, float]] = {
 def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> Float[np.ndarray, "n k"]:
     """Return the rows of a table with just these columns, two or more.
 
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Name -> smallest and largest value, in the order of the file; the first rises from row to row.
+    `columns` give the smallest and the largest value of each, in the order of the file.
 
-    Raises
-    ------
-    InputFileError
-        If the header is another, a row is not as long, a value is no number within its limits, or the first column does
-        not rise.
+    Raises `InputFileError` if the header is another, a row is not as long, a value is no number within its limits, or
+    the first column does not rise.
     """
     lines = numbered_lines(path)
     check_header(path, next(lines, (1, ""))[1], columns)
@@ -63,15 +55,7 @@ def check_header(path: Path, line: str, columns: Mapping[str, tuple[float, float
 
 
 def numeric_row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
-    """Return the values of a line; raises as `read_numeric_csv`.
-
-    Parameters
-    ----------
-    path, number, line
-        The file, and the line in it.
-    columns
-        As `read_numeric_csv`.
-    """
+    """Return the values of a line; raises as `read_numeric_csv`."""
     texts = line.split(",")
     if len(texts) != len(columns):
         raise InputFileError(path, f"line {number}", f"{len(texts)} fields", f"{len(columns)}: {','.join(columns)}")

@@ -17,30 +17,16 @@ OSNMA_SUBFRAMES = 20  # in which keys are looked for at first, 10 minutes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherChannels:
-    """What a receiver has beside samples and assistance.
+    """What a receiver has beside samples and assistance."""
 
-    Attributes
-    ----------
-    second_channel
-        OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
-    accelerations
-        Of inertial sensors; None without any.
-    """
-
+    # OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
     second_channel: Assistance | None = None
-    accelerations: Accelerations | None = None
+    accelerations: Accelerations | None = None  # of inertial sensors; None without any
 
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
 
-        Parameters
-        ----------
-        snapshot
-            Of the recording.
-        assistance
-            With what was demodulated of OSNMA.
-        since
-            Time of the snapshot before; None at first.
+        `since` is the time of the snapshot before; None at first.
         """
         block = block_of(snapshot, since=since, accelerations=self.accelerations)
         if self.second_channel is None or not block.svids:

@@ -66,15 +66,7 @@ class Recording:
         interval early counts) and has ⌈duration · rate⌉ samples, the same number wherever the window lies. What lies
         outside the recording is cut away: `start`, `first_sample` and the length of the batch say what is left.
 
-        Parameters
-        ----------
-        duration_s
-            Length of the window in s, above 0.
-
-        Raises
-        ------
-        InputFileError
-            If the samples cannot be read.
+        Raises `InputFileError` if the samples cannot be read.
         """
         if not duration_s > 0 or math.isinf(duration_s):
             raise ValueError(f"a window of {duration_s} s")
@@ -91,12 +83,7 @@ class Recording:
 def find_recording(path: Path) -> Path | None:
     """Return the file that describes the recording at `path`, the folder if several do together, or None.
 
-    Raises
-    ------
-    InputFileError
-        If a folder has more than one collection.
-    UnsupportedError
-        For a SigMF archive.
+    Raises `InputFileError` if a folder has more than one collection. Raises `UnsupportedError` for a SigMF archive.
     """
     if path.is_file():
         if path.suffix == DATA:
@@ -120,12 +107,8 @@ def find_recording(path: Path) -> Path | None:
 def describe_recording(path: Path) -> RecordingDescription:
     """Return what is known of the recording at `path` without reading samples.
 
-    Raises
-    ------
-    InputFileError
-        If there is no recording, or a description is not usable.
-    UnsupportedError
-        If it is valid, but of a kind that vestige does not read.
+    Raises `InputFileError` if there is no recording, or a description is not usable. Raises `UnsupportedError` if it is
+    valid, but of a kind that vestige does not read.
     """
     found = find_recording(path)
     if found is None:
@@ -144,10 +127,7 @@ def describe_recording(path: Path) -> RecordingDescription:
 def find_observations(folder: Path) -> Path | None:
     """Return the one file of E1 observations in a folder, or None.
 
-    Raises
-    ------
-    InputFileError
-        If there are several.
+    Raises `InputFileError` if there are several.
     """
     paths = [path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and kind_of(path)]
     if len(paths) > 1:

@@ -35,8 +35,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from vestige.crypto.file_bytes import read_bytes
-from vestige.crypto.file_toml import parse_toml
+from vestige.crypto.file_toml import read_toml_file
 from vestige.errors import InputFileError
 from vestige.recording.description import (
     FIRST_SAMPLE,
@@ -92,10 +91,8 @@ class _RecordingTable(_Table):
 def read_recording_toml(path: Path) -> RecordingDescription:
     """Return the recording that `path` describes.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not TOML, lacks a key or has one too many, or a value or file name is not usable.
+    Raises `InputFileError` if the file is not TOML, lacks a key or has one too many, or a value or file name is not
+    usable.
     """
     table = _table(path)
     start = None if table.start is None else _time(path, table.start)
@@ -114,10 +111,7 @@ def read_recording_toml(path: Path) -> RecordingDescription:
 
 
 def _table(path: Path) -> _RecordingTable:
-    try:
-        content = parse_toml(read_bytes(path, at_most=MAX_BYTES).decode())
-    except ValueError as error:
-        raise InputFileError(path, "content", str(error), "a TOML file") from error
+    content = read_toml_file(path, at_most=MAX_BYTES)
     try:
         return _RecordingTable.model_validate(content)
     except ValidationError as error:

@@ -30,30 +30,17 @@ class _Content:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchLog:
-    """The states of searches, and the file that keeps them.
-
-    Attributes
-    ----------
-    path
-        The file.
-    of
-        What identifies the searches: recording, codes, settings; text and numbers.
-    states
-        By name.
-    """
+    """The states of searches, and the file that keeps them."""
 
     path: Path
-    of: Mapping[str, str | float]
-    states: dict[str, SearchState] = field(default_factory=dict)
+    of: Mapping[str, str | float]  # what identifies the searches: recording, codes, settings; text and numbers
+    states: dict[str, SearchState] = field(default_factory=dict)  # by name
 
     @classmethod
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
         """Return the log of a file, an empty one if there is no such file.
 
-        Raises
-        ------
-        InputFileError
-            If the file is something else, or of other searches.
+        Raises `InputFileError` if the file is something else, or of other searches.
         """
         if not path.exists():
             return cls(path=path, of=of)

@@ -110,14 +110,7 @@ class RecordingSource:
     ) -> Snapshot:
         """Return the snapshot of one epoch.
 
-        Parameters
-        ----------
-        index
-            Its number.
-        transmit_time, segments
-            Of `epochs`.
-        track
-            The observations, None to measure them in the E1 samples.
+        Without `track` observations are measured in the E1 samples.
         """
         svids = frozenset(segment.svid for segment in segments)
         time, observations = self._observe(transmit_time, svids, track)
@@ -187,10 +180,7 @@ def time_span(
 ) -> tuple[GalileoTime, GalileoTime] | None:
     """Return the first and last time of transmission that can be in the E6 samples, or None if there are none.
 
-    Parameters
-    ----------
-    time_tag_error_s, uncertainty_s
-        By how much the time tag of the samples is late, give or take how much.
+    The time tag of the samples is late by `time_tag_error_s`, give or take `uncertainty_s`.
     """
     reader = recording.e6
     if reader is None:

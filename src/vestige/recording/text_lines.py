@@ -17,11 +17,8 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (number from 1, line without its end); a byte is a character, so columns count bytes.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read, a line is too long for text, or the last line has no end: then the file was cut
-        off, and the last number in it may lack digits.
+    Raises `InputFileError` if the file cannot be read, a line is too long for text, or the last line has no end: then
+    the file was cut off, and the last number in it may lack digits.
     """
     with open_file(path) as stream:
         try:
@@ -50,10 +47,7 @@ class GrowingLines:
     def take(self) -> tuple[int, str] | None:
         """Return the next line and its number from 1, as `numbered_lines` gives them, or None if there is none yet.
 
-        Raises
-        ------
-        InputFileError
-            If the file cannot be read, is shorter than it was, or a line is too long for text.
+        Raises `InputFileError` if the file cannot be read, is shorter than it was, or a line is too long for text.
         """
         if not self._lines and self._path.exists():
             self._read()

@@ -46,26 +46,14 @@ _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acquisition:
-    """A signal found on E1.
-
-    Attributes
-    ----------
-    code_start_s
-        Time from the first sample to the start of the first full code period, [0, 4 ms).
-    doppler_hz
-        Doppler to ±62.5 Hz.
-    statistic, threshold
-        Non-coherent sum and its threshold, in units of the noise variance per dimension.
-    cn0_dbhz
-        Rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise).
-    """
+    """A signal found on E1."""
 
     svid: int
-    code_start_s: float
-    doppler_hz: float
-    statistic: float
-    threshold: float
-    cn0_dbhz: float
+    code_start_s: float  # time from the first sample to the start of the first full code period, [0, 4 ms)
+    doppler_hz: float  # Doppler to ±62.5 Hz
+    statistic: float  # non-coherent sum, in units of the noise variance per dimension
+    threshold: float  # in the same unit
+    cn0_dbhz: float  # rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise)
 
 
 def acquire(
@@ -78,16 +66,8 @@ def acquire(
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
-    Parameters
-    ----------
-    batch
-        E1 samples, at least 8 ms; up to 100 ms are used.
-    overall_pfa
-        Probability that noise alone gives any acquisition.
-    doppler_span_hz
-        Searched from −span to +span.
-    progress
-        Called with the number of satellites that are done, and of all, as the search goes on.
+    The batch has at least 8 ms; up to 100 ms are used. `overall_pfa` is the probability that noise alone gives any
+    acquisition, and `progress` is called with the number of satellites that are done, and of all.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -102,26 +82,15 @@ def acquire(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellPowers:
-    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension.
-
-    Attributes
-    ----------
-    powers
-        Non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom.
-    rate_hz
-        Code phases a second.
-    n_added
-        Squared magnitudes in each sum.
-    threshold
-        What noise alone exceeds in any cell of the search with the overall false-alarm probability.
-    """
+    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension."""
 
     svid: int
+    # non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom
     powers: Float32[np.ndarray, "bins phases"]
     doppler_hz: Float64[np.ndarray, " bins"]
-    rate_hz: float
-    n_added: int
-    threshold: float
+    rate_hz: float  # code phases a second
+    n_added: int  # squared magnitudes in each sum
+    threshold: float  # what noise alone exceeds in any cell of the search with the overall false-alarm probability
 
     def acquisition(self, row: int, column: int) -> Acquisition:
         """Return what one cell says."""
@@ -150,20 +119,9 @@ def search_cells(
 ) -> tuple[Acquisition, ...]:
     """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
 
-    Parameters
-    ----------
-    choose
-        Returns the signals in the powers of one satellite.
-    signals
-        Components whose powers are added.
-    max_stretches
-        K, code periods that are added at most.
-    overall_pfa
-        Probability that noise alone exceeds the threshold in any cell of any satellite.
-    doppler_span_hz
-        Searched from −span to +span.
-    progress
-        Called with the number of satellites that are done, and of all, as the search goes on.
+    `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added, over
+    `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any
+    cell of any satellite.
     """
     stretches = _stretches(batch, doppler_span_hz, max_stretches)
     n_added = len(stretches.starts_s) * len(signals)

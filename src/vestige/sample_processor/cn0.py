@@ -33,19 +33,9 @@ def narrow_to_wide_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return C/N0 = (μ − 1)/(M − μ)/T, μ the mean of |Σ_M P|² / Σ_M |P|², of each row.
 
-    Parameters
-    ----------
-    prompts
-        Rows of at least M prompts; what is left of a row after whole groups of M is not used.
-    integration_s
-        T in s.
-    together
-        M.
+    M is `together`; what is left of a row after whole groups of M is not used.
 
-    Raises
-    ------
-    ValueError
-        If a row has fewer prompts.
+    Raises `ValueError` if a row has fewer prompts.
     """
     n, k = prompts.shape
     if k < together:

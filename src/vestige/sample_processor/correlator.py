@@ -36,18 +36,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6.
+    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6."""
 
-    Attributes
-    ----------
-    batch
-        The samples in which the RECS is expected.
-    surroundings
-        Those in which a search may look for it; None for no others.
-    """
-
-    batch: SampleBatch
-    surroundings: SampleSource | None = None
+    batch: SampleBatch  # the samples in which the RECS is expected
+    surroundings: SampleSource | None = None  # those in which a search may look for it; None for no others
 
     @property
     def received_until(self) -> GalileoTime:
@@ -62,24 +54,15 @@ class CorrelatableSamples:
 def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
     """Return the correlators of `batch` with the chips of `handover`.
 
-    Parameters
-    ----------
-    batch
-        Samples; any sampling rate of at least half the chip rate.
-    handover
-        Chips, expected start, Doppler and Doppler rate on the band's carrier.
-    offsets_m
-        Tap offsets from the expected start in m; positive is later.
+    Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
+    positive is later.
+
+    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
 
     Returns
     -------
     CorrelatorBank | None
         None if the segment, at the earliest or the latest tap, is not completely in the samples.
-
-    Raises
-    ------
-    ValueError
-        If a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]

@@ -50,39 +50,21 @@ _CODE_STEPS = 3  # the code phase is measured, the taps re-centred, and so on: a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Snapshot:
-    """What a batch says of one satellite on E1.
-
-    Attributes
-    ----------
-    time
-        Receiver-clock time for which everything below holds.
-    transmit_phase_s
-        Satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s.
-    cn0_dbhz
-        C/N0 of E1-C alone, NaN where noise drove the estimate beyond its definition.
-    secondary_margin_db
-        How far the chosen secondary-code phase stands above the next best.
-    """
+    """What a batch says of one satellite on E1."""
 
     svid: int
-    time: GalileoTime
+    time: GalileoTime  # receiver-clock time for which everything below holds
+    # satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s
     transmit_phase_s: float
     doppler_hz: float
-    cn0_dbhz: float
-    secondary_margin_db: float
+    cn0_dbhz: float  # C/N0 of E1-C alone, NaN where noise drove the estimate beyond its definition
+    secondary_margin_db: float  # how far the chosen secondary-code phase stands above the next best
 
 
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
     """Return the E1 measurement of one acquired satellite, or None if the batch holds too few code periods.
 
-    Parameters
-    ----------
-    batch
-        E1 samples, at least `MIN_PERIODS` + 2 code periods.
-    acquisition
-        Where the satellite was found in this batch.
-    cn0_estimator
-        One of `ESTIMATORS`.
+    The batch holds at least `MIN_PERIODS` + 2 code periods.
     """
     start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
     for _ in range(_CODE_STEPS):

@@ -77,14 +77,7 @@ class FrontEndTable(Section):
 
     def front_end(self, sample_rate_hz: float) -> FrontEnd:
         """Return the front end at a sampling rate."""
-        return FrontEnd(
-            sample_rate_hz=sample_rate_hz,
-            bandwidth_hz=self.bandwidth_hz,
-            bits=self.bits,
-            agc=self.agc,
-            oversampling=self.oversampling,
-            transition_hz=self.transition_hz,
-        )
+        return FrontEnd(sample_rate_hz=sample_rate_hz, **dict(self))
 
 
 class ReceiverTable(Section):
@@ -294,10 +287,7 @@ class CampaignScenario(Section):
     def simulation(self) -> Simulation:
         """Return the receiver on its single line of sight.
 
-        Raises
-        ------
-        ValueError
-            If there is a sky instead.
+        Raises `ValueError` if there is a sky instead.
         """
         if self.constellation is not None:
             raise ValueError("a sky has no single line of sight")

@@ -35,8 +35,8 @@ _SCHEMA = {
 }
 
 
-class OwnKind(BaseModel):
-    """A table of a user's class of which the name alone is used."""
+class NamedKind(BaseModel):
+    """A table of a model of which the name alone is used."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -47,10 +47,7 @@ class OwnKind(BaseModel):
 class OrOwn:
     """Annotation of a field that holds a model: its table may name a class of the user's in place of vestige's kinds.
 
-    Parameters
-    ----------
-    base
-        The protocol that the class has to satisfy, or its base; None to keep the name alone (`OwnKind`).
+    `base` is the protocol that the class has to satisfy, or its base; None to keep the name alone (`NamedKind`).
     """
 
     base: type | None
@@ -68,7 +65,7 @@ class OrOwn:
             return value  # made in Python already
         kind = value["kind"]
         if self.base is None:
-            return OwnKind(kind=kind)
+            return NamedKind(kind=kind)
         cls = named_part(kind, self.base, "kind")
         if not (is_dataclass(cls) and getattr(cls, "__dataclass_params__").frozen):  # noqa: B009  (mypy knows it not)
             raise InconsistentSettingsError(

@@ -22,12 +22,7 @@ _LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
 class Presets:
     """Annotation of a field that holds a model: its table may name a preset.
 
-    Parameters
-    ----------
-    named
-        Models by the name that the key `preset` gives.
-    at_elevation
-        Model for the key `elevation_deg`; None if there is no such key.
+    `named` are models by the name that the key `preset` gives, `at_elevation` the model for the key `elevation_deg`.
     """
 
     named: Mapping[str, Callable[[], Any]]
@@ -36,10 +31,7 @@ class Presets:
     def expand(self, table: Any) -> Any:
         """Return a table with the numbers of its preset in the preset's place; anything else as it is.
 
-        Raises
-        ------
-        InconsistentSettingsError
-            If there is no such preset, or the table names two.
+        Raises `InconsistentSettingsError` if there is no such preset, or the table names two.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table

@@ -63,17 +63,7 @@ def navigation_text(scenario: CampaignScenario) -> str | None:
 def receiver_processor(
     scenario: CampaignScenario | StoredScenario, overhead: Overhead, navigation: str | None
 ) -> AcasProcessor:
-    """Return the processor of a receiver, from a scenario or from that of stored results.
-
-    Parameters
-    ----------
-    scenario
-        What the receiver's maker knows of it.
-    overhead
-        What the receiver expects to see.
-    navigation
-        As `navigation_text`.
-    """
+    """Return the processor of a receiver, from a scenario or from that of stored results."""
     receiver, table = scenario.receiver, scenario.processor
     front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
     antenna = _antenna(scenario)

@@ -231,19 +231,9 @@ def satellites_in_view(
 
     They are looked for every minute, in long runs less often.
 
-    Parameters
-    ----------
-    constellation, table
-        Satellites and receiver.
-    start, duration_s
-        Of the run.
-    longest_delay_s
-        How far back an attacker's recording reaches.
+    `longest_delay_s` is how far back an attacker's recording reaches.
 
-    Raises
-    ------
-    InconsistentSettingsError
-        If there is none, or the receiver's whereabouts are not known for the whole run.
+    Raises `InconsistentSettingsError` if there is none, or the receiver's whereabouts are not known for the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
     times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))

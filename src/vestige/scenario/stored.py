@@ -19,7 +19,7 @@ from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
 from vestige.scenario.limits import MAX_EPOCHS
-from vestige.scenario.own_tables import OrOwn, whose
+from vestige.scenario.own_tables import NamedKind, OrOwn, whose
 from vestige.scenario.processor_table import ProcessorTable
 from vestige.scenario.sky import PositionTable
 from vestige.scenario.toml.toml_file import LARGEST_NUMBER, OURS, OWN, InconsistentSettingsError
@@ -32,13 +32,7 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class StoredKind(_Part):
-    """A model of which the name alone is used."""
-
-    kind: str
-
-
-class StoredConstellation(StoredKind):
+class StoredConstellation(NamedKind):
     """The satellites, with the fall of C/N0 from the zenith to the horizon."""
 
     cn0_fall_db: Annotated[float, Field(ge=0, le=40)]
@@ -54,8 +48,8 @@ class StoredReceiver(_Part):
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)]
     front_end: FrontEndTable
     clock: Annotated[TwoStateClock, OrOwn(None)] | None
-    ionosphere: StoredKind | None
-    multipath: StoredKind | None
+    ionosphere: NamedKind | None
+    multipath: NamedKind | None
     e1_tracking: Tracking | None
     accelerometers: Accelerometers | None
 
@@ -73,7 +67,7 @@ class StoredScenario(_Part):
     receiver: StoredReceiver
     processor: ProcessorTable
     position: PositionTable
-    attack: tuple[StoredKind, ...]
+    attack: tuple[NamedKind, ...]
     constellation: StoredConstellation | None
 
     @field_validator("start")
@@ -104,15 +98,9 @@ class StoredScenario(_Part):
 def stored_scenario(text: str) -> StoredScenario:
     """Return the scenario of results.
 
-    Parameters
-    ----------
-    text
-        JSON, the attribute `scenario` of the results.
+    `text` is JSON, the attribute `scenario` of the results.
 
-    Raises
-    ------
-    VestigeError
-        If it is no scenario of a campaign.
+    Raises `VestigeError` if it is no scenario of a campaign.
     """
     try:
         return StoredScenario.model_validate_json(text, strict=True)

@@ -39,21 +39,9 @@ def encryption_key(seed: int) -> bytes:
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
     """Return the encrypted E6-C chips that a satellite sends from `transmit_time` on.
 
-    Parameters
-    ----------
-    key
-        The service's secret, any bytes.
-    svid
-        Satellite; each has a keystream of its own.
-    transmit_time
-        Satellite time of the first chip; a whole number of chips after the full second.
-    n_chips
-        Number of chips.
+    `transmit_time`, satellite time of the first chip, is a whole number of chips after the full second.
 
-    Raises
-    ------
-    ValueError
-        If `transmit_time` is not the start of a chip.
+    Raises `ValueError` if `transmit_time` is not the start of a chip.
     """
     offset = transmit_time.fraction * E6C.chip_rate_hz
     if abs(offset - round(offset)) > _GRID_CHIPS:

@@ -50,14 +50,7 @@ _C = tuple(np.float32(c) for c in (4.166664568298827e-2, -1.388731625493765e-3, 
 def noise_key(seed: int, epoch: int, stream: int) -> np.uint64:
     """Return the key of the noise of one epoch.
 
-    Parameters
-    ----------
-    seed
-        Seed of the scenario.
-    epoch
-        Number of the epoch.
-    stream
-        What the numbers are for: one constant for each band and purpose.
+    `stream` says what the numbers are for: one constant for each band and purpose.
     """
     return np.uint64(_mix_int(_mix_int(seed + epoch * GOLD) + stream))
 

@@ -17,31 +17,15 @@ from vestige.signals.pulse import RECTANGULAR_PARTS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RectangularPart:
-    """One sequence of rectangular sub-chips.
+    """One sequence of rectangular sub-chips."""
 
-    Attributes
-    ----------
-    weight
-        Its amplitude in the component of unit power.
-    per_chip
-        Sub-chips a chip.
-    chips
-        The sub-chips, ±1.
-    """
-
-    weight: float
-    per_chip: int
-    chips: Int8[np.ndarray, " n"]
+    weight: float  # its amplitude in the component of unit power
+    per_chip: int  # sub-chips a chip
+    chips: Int8[np.ndarray, " n"]  # ±1
 
 
 def rectangular_parts(component: Component, first_chip: int, n_chips: int) -> tuple[RectangularPart, ...]:
-    """Return chips number `first_chip` to `first_chip + n_chips − 1` of a component, times its symbols, part by part.
-
-    Parameters
-    ----------
-    component
-        Its chips are counted from its reference second.
-    """
+    """Return `n_chips` chips of a component from number `first_chip` on, times its symbols, part by part."""
     signal = component.signal
     index = first_chip + np.arange(n_chips)
     chips = component.chip(index)

@@ -40,35 +40,18 @@ _SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedSignal:
-    """One signal as it arrives: its chips, when they start, and the rays by which they come.
+    """One signal as it arrives: its chips, when they start, and the rays by which they come."""
 
-    Attributes
-    ----------
-    chips
-        Rectangular (BPSK) chips; before the first and after the last there is nothing.
-    start_s
-        Time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a ray without delay,
-        in s; may be negative.
-    doppler_hz, doppler_rate_hz_per_s
-        Doppler at that moment and its rate of change, on the carrier.
-    delay_m
-        float64[n_rays], positive is later.
-    amplitude
-        complex128[n_rays], amplitude and phase at that moment.
-    ray_doppler_hz
-        float64[n_rays], Doppler of each ray over `doppler_hz`.
-    lead_chips
-        Chips before the segment, for the samples there and for late rays.
-    """
-
-    chips: ChipSequence
+    chips: ChipSequence  # rectangular (BPSK) chips; before the first and after the last there is nothing
+    # time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a ray without delay, in
+    # s; may be negative
     start_s: float
-    doppler_hz: float
-    doppler_rate_hz_per_s: float
-    delay_m: Float[np.ndarray, " n_rays"]
-    amplitude: Complex128[np.ndarray, " n_rays"]
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]
-    lead_chips: int = 0
+    doppler_hz: float  # at that moment, on the carrier
+    doppler_rate_hz_per_s: float  # its rate of change
+    delay_m: Float[np.ndarray, " n_rays"]  # positive is later
+    amplitude: Complex128[np.ndarray, " n_rays"]  # with the phase at that moment
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # of each ray over `doppler_hz`
+    lead_chips: int = 0  # chips before the segment, for the samples there and for late rays
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:

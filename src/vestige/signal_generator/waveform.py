@@ -28,19 +28,11 @@ Sequence = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """One signal component of one satellite.
-
-    Attributes
-    ----------
-    chip
-        Chip ±1 for a chip number counted from the reference second.
-    symbol
-        Symbol ±1 for a symbol number counted from the reference second; None for a pilot.
-    """
+    """One signal component of one satellite."""
 
     signal: SignalDefinition
-    chip: Sequence
-    symbol: Sequence | None = None
+    chip: Sequence  # chip ±1 for a chip number counted from the reference second
+    symbol: Sequence | None = None  # symbol ±1 for a symbol number counted from the reference second; None for a pilot
 
     def modulation(self, satellite_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return d · c at satellite times in s after the reference second."""
@@ -57,14 +49,7 @@ class Component:
     ) -> Complex128[np.ndarray, " n"]:
         """Return x(t) of unit amplitude.
 
-        Parameters
-        ----------
-        t_s
-            Receiver time in s after the reference second.
-        pseudorange_m
-            P(t) of this band at the same times, in m.
-        center_frequency_hz
-            Radio frequency f_0 that the front end puts at 0 Hz.
+        `pseudorange_m` is P(t) of this band; the front end puts the radio frequency `center_frequency_hz` at 0 Hz.
         """
         delay_s = pseudorange_m / SPEED_OF_LIGHT_MPS
         cycles = (self.signal.carrier_hz - center_frequency_hz) * t_s - self.signal.carrier_hz * delay_s
@@ -74,10 +59,7 @@ class Component:
 def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Component:
     """Return a component with its published codes, and with random symbols on a data channel.
 
-    Parameters
-    ----------
-    seed
-        Seed of the symbols; the symbols of every satellite and signal differ.
+    The symbols of every satellite and signal differ.
     """
     code = tiered_code(signal, svid)
     symbols = random_signs(stream_key(seed, "symbols", signal.name, svid)) if signal.symbol_rate_hz else None

@@ -48,17 +48,9 @@ def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
 
 @dataclass(frozen=True, kw_only=True)
 class AcasTestCase:
-    """Epochs `first` to `end` − 1 of a campaign.
+    """Epochs `first` to `end` − 1 of a campaign."""
 
-    Attributes
-    ----------
-    scenario
-        The campaign; its satellite stands where one can be.
-    first, end
-        Epochs.
-    """
-
-    scenario: CampaignScenario
+    scenario: CampaignScenario  # the campaign; its satellite stands where one can be
     first: int
     end: int
 

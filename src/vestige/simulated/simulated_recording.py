@@ -37,36 +37,17 @@ _WRITING = 1.5  # times synthesis: conversion, checksum and disk
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """A recording that can be made.
+    """A recording that can be made."""
 
-    Attributes
-    ----------
-    sky
-        What each band receives.
-    reference
-        Receiver-clock time of sample 0, a whole second.
-    samples
-        Numbers of the samples.
-    seed
-        Seed of the noise.
-    time_uncertainty_s
-        What the receiver believes of its clock.
-    description
-        One line for a person.
-    companions
-        Writes all other files of the folder.
-    noise_power
-        Variance of the noise in a band at a time in s after the reference, the receiver's own being 1.
-    """
-
-    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]
-    reference: GalileoTime
+    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # what each band receives
+    reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     sample_rate_hz: float
-    samples: range
-    seed: int
-    time_uncertainty_s: float
-    description: str
-    companions: Callable[[Path], None]
+    samples: range  # numbers of the samples
+    seed: int  # seed of the noise
+    time_uncertainty_s: float  # what the receiver believes of its clock
+    description: str  # one line for a person
+    companions: Callable[[Path], None]  # writes all other files of the folder
+    # variance of the noise in a band at a time in s after the reference, the receiver's own being 1
     noise_power: Callable[[Band, float], float] = lambda _band, _t_s: 1.0
 
     @property
@@ -75,15 +56,7 @@ class SimulatedRecording:
         return len(self.samples) / self.sample_rate_hz
 
     def record(self, band: Band, *, at_most: int | None = None, noise: bool = True) -> Iterator[SampleBatch]:
-        """Yield the samples of a band.
-
-        Parameters
-        ----------
-        at_most
-            Number of samples after which to stop.
-        noise
-            Whether there is any.
-        """
+        """Yield the samples of a band."""
         return self._made(band, self.samples[:at_most], noise=noise)
 
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
@@ -136,25 +109,10 @@ class SimulatedRecording:
     ) -> tuple[Path, ...]:
         """Write the folder and return its files.
 
-        Parameters
-        ----------
-        folder
-            Made; complete or not there at all.
-        scenario_text
-            The scenario as TOML.
-        component
-            Number type of the samples.
-        exports
-            Names in `recording.exports.EXPORTS`.
-        progress
-            Called with the band, the samples written, and all.
+        `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, and
+        `progress` is called with the band, the samples written, and all.
 
-        Raises
-        ------
-        InputFileError
-            If `folder` exists.
-        VestigeError
-            If the samples do not fit on the disk.
+        Raises `InputFileError` if `folder` exists. Raises `VestigeError` if the samples do not fit on the disk.
         """
         with new_folder(folder) as part:
             free, needed = shutil.disk_usage(part).free, self.n_bytes(component, exports)

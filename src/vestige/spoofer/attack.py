@@ -12,8 +12,10 @@ it can be simulated, but says so in `outside_assumption_2`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -143,16 +145,7 @@ def delayed(
 ) -> Counterfeit:
     """Return a counterfeit by its profiles, off while the attack is.
 
-    Parameters
-    ----------
-    attack
-        Whose it is.
-    band, times_s
-        Where and when.
-    delay_m, power_db, phase
-        Profiles; a number is a constant.
-    forged_chips, forged_nav_data
-        Whether the attacker makes the chips, or the navigation data, up.
+    A number is a constant profile.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(
@@ -192,3 +185,31 @@ def check_level(level_db: AnyProfile | float) -> None:
     high_db = extremes(level_db)[1]
     if not high_db <= MAX_LEVEL_DB:
         raise ValueError(f"powers are at most {MAX_LEVEL_DB:g} dB, found {high_db:g} dB")
+
+
+def check_gain(reception_gain_db: float) -> None:
+    """Raise ValueError if the attacker's reception is worse or better than any antenna makes it."""
+    if not -50 <= reception_gain_db <= 100:
+        raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")
+
+
+_CHECKS: Mapping[str, Callable[[Any], None]] = {
+    "bands": check_bands,
+    "delay_m": check_delay,
+    "e6_lag_m": check_delay,
+    "power_db": check_level,
+    "gain_db": check_level,
+    "j_over_n_db": check_level,
+    "reception_gain_db": check_gain,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedAttack(Attack):
+    """An attack of vestige: bands, delays, powers and gains that it has are checked."""
+
+    def __post_init__(self) -> None:
+        Attack.__post_init__(self)
+        for name, check in _CHECKS.items():
+            if hasattr(self, name):
+                check(getattr(self, name))

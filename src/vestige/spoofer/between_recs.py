@@ -17,14 +17,14 @@ from jaxtyping import Bool, Float
 
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
-from vestige.spoofer.attack import Attack, Counterfeit, check_bands, check_delay, check_level
+from vestige.spoofer.attack import Attack, CheckedAttack, Counterfeit, check_delay
 from vestige.spoofer.phase import COHERENT, DelayedCarrier, Phase
 from vestige.spoofer.profiles import Profile, Ramp, as_profile
 from vestige.spoofer.repeaters import BOTH
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BetweenRecs(Attack):
+class BetweenRecs(CheckedAttack):
     """A lift-off and return within each gap between two RECS.
 
     Attributes
@@ -51,13 +51,11 @@ class BetweenRecs(Attack):
     kind: Literal["between-recs"] = "between-recs"
 
     def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_bands(self.bands)
+        CheckedAttack.__post_init__(self)
         if not 0 < self.guard_s < self.period_s / 2:
             raise ValueError(f"a guard lies between 0 and half a period, found {self.guard_s} of {self.period_s} s")
         rise_s = self.period_s / 2 - self.guard_s
         check_delay(Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0)
-        check_level(self.power_db)
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Return whether the attack is on."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from vestige.constants import FUNDAMENTAL_FREQUENCY_HZ
 from vestige.records import Band
-from vestige.spoofer.attack import Attack, Jamming, check_bands, check_level
+from vestige.spoofer.attack import CheckedAttack, Jamming
 from vestige.spoofer.jammers import WIDEBAND, Jammer
 from vestige.spoofer.profiles import Profile, as_profile
 from vestige.spoofer.repeaters import BOTH
@@ -19,7 +19,7 @@ NOISE_BANDWIDTH_HZ = 2 * FUNDAMENTAL_FREQUENCY_HZ  # main lobe of E6 with a firs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Jam(Attack):
+class Jam(CheckedAttack):
     """A jammer.
 
     Attributes
@@ -41,9 +41,7 @@ class Jam(Attack):
     kind: Literal["jamming"] = "jamming"
 
     def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_bands(self.bands)
-        check_level(self.j_over_n_db)
+        CheckedAttack.__post_init__(self)
         if not 1e3 <= self.noise_bandwidth_hz <= 1e9:
             raise ValueError(f"a noise bandwidth lies between 1 kHz and 1 GHz, found {self.noise_bandwidth_hz:g} Hz")
 
@@ -60,7 +58,7 @@ class Jam(Attack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OsnmaDenial(Attack):
+class OsnmaDenial(CheckedAttack):
     """White noise on E1, weak enough to keep tracking and strong enough to break OSNMA pages.
 
     A key that is on air while the attack is on does not reach the receiver, so its RECS cannot be decrypted.
@@ -73,10 +71,6 @@ class OsnmaDenial(Attack):
 
     j_over_n_db: Profile = 10.0
     kind: Literal["osnma-denial"] = "osnma-denial"
-
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_level(self.j_over_n_db)
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the density of white noise that it adds to a band, over N0."""

@@ -55,16 +55,8 @@ class Wideband:
     def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
         """Add the waveform to samples.
 
-        Parameters
-        ----------
-        x
-            Samples; noise has variance 1.
-        power
-            Mean |waveform|² in the samples.
-        sample_rate_hz
-            Sampling rate.
-        key
-            Key of its randomness (`noise_kernel.noise_key`).
+        Noise in the samples has variance 1, the waveform the mean power `power`; `key` is that of its randomness
+        (`noise_key`).
         """
         _add_noise(x, power, key)
 

@@ -15,10 +15,8 @@ _HEADER = "time_s,value"
 def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the times in s and the values of a table.
 
-    Raises
-    ------
-    InputFileError
-        If it is not such a file, holds fewer than two points or a number that is not finite, or times do not ascend.
+    Raises `InputFileError` if it is not such a file, holds fewer than two points or a number that is not finite, or
+    times do not ascend.
     """
     text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]

@@ -35,8 +35,6 @@ class Constant:
     ----------
     level
         The value; −inf dB is no signal.
-    kind
-        Name of the profile in a scenario.
     """
 
     level: float
@@ -63,8 +61,6 @@ class Ramp:
         In s after the scenario's start.
     smooth
         Half a cosine instead of the straight line.
-    kind
-        Name of the profile in a scenario.
     """
 
     first: float
@@ -100,8 +96,6 @@ class Sine:
         Values before `start_s`, at `turn_s` and after `stop_s`.
     start_s, turn_s, stop_s
         In s after the scenario's start.
-    kind
-        Name of the profile in a scenario.
     """
 
     first: float
@@ -143,8 +137,6 @@ class Trapezoid:
         How long each flank takes.
     smooth
         Flanks of half a cosine instead of straight lines.
-    kind
-        Name of the profile in a scenario.
     """
 
     base: float
@@ -188,8 +180,6 @@ class Table:
         CSV file with a line `time_s,value` and one point a line; empty if the points are given.
     time_s, values
         Points, times ascending.
-    kind
-        Name of the profile in a scenario.
     """
 
     path: str = ""

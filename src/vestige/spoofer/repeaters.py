@@ -21,15 +21,7 @@ from jaxtyping import Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
-from vestige.spoofer.attack import (
-    MAX_DELAY_S,
-    Attack,
-    Counterfeit,
-    check_bands,
-    check_delay,
-    check_level,
-    delayed,
-)
+from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, Counterfeit, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
@@ -38,7 +30,7 @@ RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _LiftOffAttack(Attack):
+class _LiftOffAttack(CheckedAttack):
     """A counterfeit by profiles, the same in every band that it comes in.
 
     Attributes
@@ -59,13 +51,6 @@ class _LiftOffAttack(Attack):
     bands: tuple[Band, ...] = BOTH
     reception_gain_db: float = RECEPTION_GAIN_DB
     forged_nav_data: bool = False
-
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_bands(self.bands)
-        check_delay(self.delay_m)
-        check_level(self.power_db)
-        _check_gain(self.reception_gain_db)
 
     @property
     def outside_assumption_2(self) -> str:
@@ -130,7 +115,7 @@ class TimePush(_LiftOffAttack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class E1Asynchronous(Attack):
+class E1Asynchronous(CheckedAttack):
     """An E1 spoofer that does not know where the true signal is; E6 is left alone.
 
     A tracking loop on the true signal never sees it. It captures a receiver that acquires while it is there.
@@ -150,11 +135,6 @@ class E1Asynchronous(Attack):
     acquired: bool = True
     forged_nav_data: bool = False
     kind: Literal["e1-asynchronous"] = "e1-asynchronous"
-
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_delay(self.delay_m)
-        check_level(self.power_db)
 
     @property
     def reacquired(self) -> bool:
@@ -177,7 +157,7 @@ class E1Asynchronous(Attack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Meaconing(Attack):
+class Meaconing(CheckedAttack):
     """Receives whole bands and sends them again: one delay, one power, and the noise, on every band.
 
     Attributes
@@ -202,12 +182,9 @@ class Meaconing(Attack):
     kind: Literal["meaconing"] = "meaconing"
 
     def __post_init__(self) -> None:
-        Attack.__post_init__(self)
+        CheckedAttack.__post_init__(self)
         if not 0 <= self.delay_s <= MAX_DELAY_S:
             raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
-        check_bands(self.bands)
-        check_level(self.power_db)
-        _check_gain(self.reception_gain_db)
 
     @property
     def reacquired(self) -> bool:
@@ -229,7 +206,7 @@ class Meaconing(Attack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scer(Attack):
+class Scer(CheckedAttack):
     """Security code estimation and replay: E1-B symbols guessed within a symbol, E6 meaconed.
 
     The attacker learns each E1-B symbol from its first part and is on time with code and symbol; E6-C chips are under
@@ -251,13 +228,6 @@ class Scer(Attack):
     e6_lag_m: float = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
     reception_gain_db: float = RECEPTION_GAIN_DB
     kind: Literal["scer"] = "scer"
-
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_delay(self.delay_m)
-        check_delay(self.e6_lag_m)
-        check_level(self.power_db)
-        _check_gain(self.reception_gain_db)
 
     @property
     def outside_assumption_2(self) -> str:
@@ -287,7 +257,7 @@ class Scer(Attack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Forgery(Attack):
+class Forgery(CheckedAttack):
     """Chips that the attacker made up on E6, strong: raises the power there without knowing the encryption.
 
     Attributes
@@ -302,11 +272,6 @@ class Forgery(Attack):
     delay_m: Profile = 0.0
     kind: Literal["forgery"] = "forgery"
 
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_delay(self.delay_m)
-        check_level(self.power_db)
-
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band is not Band.E6:
@@ -317,7 +282,7 @@ class Forgery(Attack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nulling(Attack):
+class Nulling(CheckedAttack):
     """The true signal with the opposite sign, not quite: |1 − g e^{je}|² of it is left.
 
     Attributes
@@ -334,11 +299,6 @@ class Nulling(Attack):
     phase_error_rad: float = 0.0
     bands: tuple[Band, ...] = (Band.E1,)
     kind: Literal["nulling"] = "nulling"
-
-    def __post_init__(self) -> None:
-        Attack.__post_init__(self)
-        check_bands(self.bands)
-        check_level(self.gain_db)
 
     @property
     def outside_assumption_2(self) -> str:
@@ -359,8 +319,3 @@ def repeated_noise(
     """Return η/G over epochs, 0 while the attack is off."""
     over_db = as_profile(power_db).value(times_s) - reception_gain_db
     return np.where(attack.on(times_s), 10 ** (over_db / 10), 0.0)
-
-
-def _check_gain(reception_gain_db: float) -> None:
-    if not -50 <= reception_gain_db <= 100:
-        raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")

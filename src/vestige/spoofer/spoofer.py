@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
@@ -42,19 +43,6 @@ from vestige.spoofer.repeaters import (
 
 _OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `Counterfeit`
 
-ALL_ATTACKS = (
-    E1Asynchronous,
-    LiftOff,
-    PositionPush,
-    TimePush,
-    Meaconing,
-    Scer,
-    BetweenRecs,
-    Nulling,
-    Forgery,
-    Jam,
-    OsnmaDenial,
-)
 Attacks = (
     E1Asynchronous
     | LiftOff
@@ -68,34 +56,24 @@ Attacks = (
     | Jam
     | OsnmaDenial
 )
+ALL_ATTACKS: tuple[type[Attack], ...] = get_args(Attacks)
 _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandEffects:
-    """What the attacks add to one band of one satellite; the second axis is that of the attacks.
+    """What the attacks add to one band of one satellite; the second axis is that of the attacks."""
 
-    Attributes
-    ----------
-    delay_m, delay_rate_mps, power_db, phase_rad, doppler_hz
-        Counterfeits relative to the line of sight (`Counterfeit`); an attack without one has −inf dB at delay 0.
-    forged_chips, forged_nav_data
-        Which counterfeits carry chips, or navigation data, of the attacker's own.
-    white
-        Density of white noise that is added, over N0: repeated noise and wideband jamming.
-    jammers
-        Jamming with a waveform of its own.
-    """
-
+    # of counterfeits against the line of sight, as what follows (`Counterfeit`); 0 and −inf dB without one
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    forged_chips: Bool[np.ndarray, " k"]
-    forged_nav_data: Bool[np.ndarray, " k"]
-    white: Float[np.ndarray, " n"]
-    jammers: tuple[Jamming, ...]
+    forged_chips: Bool[np.ndarray, " k"]  # which counterfeits carry chips of the attacker's own
+    forged_nav_data: Bool[np.ndarray, " k"]  # which carry navigation data of the attacker's own
+    white: Float[np.ndarray, " n"]  # density of white noise that is added, over N0: repeated noise and wideband jamming
+    jammers: tuple[Jamming, ...]  # jamming with a waveform of its own
 
     def part(self, rows: slice) -> BandEffects:
         """Return those of some of the epochs."""
@@ -121,26 +99,12 @@ class BandEffects:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spoofer:
-    """The attacker.
+    """The attacker."""
 
-    Attributes
-    ----------
-    attacks
-        What it does; all at once.
-    """
-
-    attacks: tuple[Attack, ...] = ()
+    attacks: tuple[Attack, ...] = ()  # all at once
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return what a receiver sees in one band of one satellite.
-
-        Parameters
-        ----------
-        band, svid
-            Where.
-        times_s
-            Epochs in s after the scenario's start.
-        """
+        """Return what a receiver sees in one band of one satellite."""
         found = []
         for attack in self.attacks:
             made = attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None

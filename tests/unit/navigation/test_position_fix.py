@@ -17,10 +17,11 @@ from vestige.navigation.position_fix import (
     transmission,
     velocity_fix,
 )
-from vestige.receiver.sky.constellation import Sky, sky, walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import CircularTrajectory
 from vestige.streams import stream
 from vestige.time import GalileoTime
+from whole_sky import Sky, sky
 
 START = GalileoTime(1372, 604_700)  # the week ends after 100 s
 TIMES = np.arange(0.0, 200.0, 10.0)

@@ -10,6 +10,7 @@ import pytest
 from tests.simulated_banks import OFFSETS_M, banks, handover_of
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import rows_of
 from vestige.records import Band
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.scenario.campaign import CampaignScenario
@@ -85,7 +86,7 @@ def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
     case = _case(path, 2, 5)
     recorded = simulated(case)
     for row, epoch in enumerate(range(2, 5)):
-        taps = banks(case.simulation, "samples", epoch, case.truth.part(slice(row, row + 1))).taps[0]
+        taps = banks(case.simulation, "samples", epoch, rows_of(case.truth, slice(row, row + 1))).taps[0]
         handover = handover_of(case.simulation, epoch, row, case.truth)
         t_s = float(case.truth.time_s[row])
         window = recorded.window(Band.E6, t_s + 0.07, t_s + 0.1)

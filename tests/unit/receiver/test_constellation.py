@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from vestige.navigation.orbit import satellite_state
-from vestige.receiver.sky.constellation import ElevationCn0, sky, walker_ephemerides
+from vestige.receiver.sky.constellation import ElevationCn0, walker_ephemerides
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.time import GalileoTime
+from whole_sky import sky
 
 TOE = GalileoTime(1372, 604_200)
 SATELLITES = walker_ephemerides(TOE)

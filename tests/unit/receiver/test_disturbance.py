@@ -22,7 +22,7 @@ N = 20_000
 def _drawn(first: int, n: int, *waveforms: AnyJammer, seed: int = 3) -> Disturbance:
     attacks = tuple(Jam(j_over_n_db=4.0, waveform=waveform) for waveform in waveforms)
     effects = Spoofer(attacks=attacks).effects(Band.E6, 11, np.arange(first, first + n, dtype=float))
-    return drawn_disturbance(effects, OFFSETS_M, np.zeros(2, bool), seed=seed, first=first, block_epochs=500)
+    return drawn_disturbance(effects, OFFSETS_M, np.zeros(2, bool), seed=seed, first=first)
 
 
 @pytest.mark.parametrize("waveform", [ContinuousWave(offset_hz=8e5), Chirp(bandwidth_hz=4e6), Pulsed()], ids=str)
@@ -47,7 +47,6 @@ def test_independent_of_the_cut() -> None:
     part = _drawn(490, 30, Chirp())
     assert part.waveforms.tobytes() == whole.waveforms[490:520].tobytes()
     assert part.unrelated.tobytes() == whole.unrelated[490:520].tobytes()
-    assert whole.part(490, 520).waveforms.tobytes() == part.waveforms.tobytes()
 
 
 def test_chips_that_do_not_match() -> None:

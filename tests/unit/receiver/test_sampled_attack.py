@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.sampled_attack import counterfeit_signals, jammer_samples, true_signal
+from vestige.receiver.samples.sampled_attack import add_jammers, counterfeit_signals, true_signal
 from vestige.receiver.samples.sampled_epoch import arrival, e6_samples, window
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.records import Band, Handover, SampleBatch
@@ -155,9 +155,8 @@ def test_power_of_a_jammer_in_the_samples() -> None:
     """A line of J/N = 7 dB in 20.46 MHz, against noise of variance 1 in 12.5 MHz."""
     simulation = _simulation(Jam(j_over_n_db=7.0, waveform=ContinuousWave(offset_hz=1e6), bands=E6))
     truth = simulation.truth().advance(0, 8)
-    (jammer,) = jammer_samples(truth, EPOCH, seed=1, epoch=EPOCH, input_rate_hz=12.5e6)
     x = np.zeros(100_000, np.complex64)
-    jammer.waveform.add(x, jammer.power, 12.5e6, jammer.key)
+    add_jammers(x, truth.e6.jammers, EPOCH, rate_hz=12.5e6, seed=1, epoch=EPOCH, first_stream=0)
     assert np.mean(np.abs(x) ** 2) == pytest.approx(10**0.7 * 20.46 / 12.5, rel=1e-4)
     spectrum = np.abs(np.fft.fft(x))
     assert np.fft.fftfreq(x.size, 1 / 12.5e6)[np.argmax(spectrum)] == pytest.approx(1e6, abs=130.0)
@@ -167,9 +166,11 @@ def test_two_jammers_are_not_one() -> None:
     """Each has noise of its own, and another one in another epoch."""
     pulses = Jam(j_over_n_db=7.0, waveform=Pulsed(), bands=E6)
     truth = _simulation(pulses, pulses).truth().advance(0, 8)
-    keys = [
-        jammer.key
-        for epoch in (3, 4)
-        for jammer in jammer_samples(truth, epoch, seed=1, epoch=epoch, input_rate_hz=1e7)
-    ]
-    assert len(set(keys)) == 4
+    found = set()
+    for epoch in (3, 4):
+        for number in (0, 1):
+            alone = tuple(replace(one, j_over_n=one.j_over_n * (k == number)) for k, one in enumerate(truth.e6.jammers))
+            x = np.zeros(100_000, np.complex64)
+            add_jammers(x, alone, epoch, rate_hz=1e7, seed=1, epoch=epoch, first_stream=0)
+            found.add(x.tobytes())
+    assert len(found) == 4

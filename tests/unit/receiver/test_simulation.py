@@ -9,6 +9,7 @@ from scipy import stats
 from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
 
 from vestige.acas_processor.measurement import Availability
+from vestige.receiver.draws import rows_of
 from vestige.receiver.samples.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.sampled_epoch import received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
@@ -51,7 +52,7 @@ def test_an_epoch_goes_through_the_real_door() -> None:
     simulation = _simulation("receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45", "epochs=40")
     truth, receiver = simulation.truth().advance(0, 40), receiver_of(simulation, "samples")
     for row in (0, 17, 39):
-        block = receiver.snapshots(row, (truth.part(slice(row, row + 1)),))
+        block = receiver.snapshots(row, (rows_of(truth, slice(row, row + 1)),))
         (verdict,) = PROCESSOR.step(None, block, receiver.assistance).verdicts
         _, key = receiver.assistance.recs_of(block).segment(0, 0)
         assert verdict.status is Status.AUTHENTIC
@@ -90,7 +91,7 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
     simulation = _simulation("epochs=5")
     assert simulation.front_end.transparent
     truth = simulation.truth().advance(0, 5)
-    block = snapshots(simulation, "samples", 3, truth.part(slice(3, 4)))
+    block = snapshots(simulation, "samples", 3, rows_of(truth, slice(3, 4)))
     assert isinstance(block.e6, SimulatedE6Samples)
     batch = block.e6.samples(0, 0)
     chips = encrypted_chips(encryption_key(simulation.seed), 11, block.time.at(0), simulation.n_chips)
@@ -150,7 +151,7 @@ def test_a_week_ends_within_the_run() -> None:
     simulation = _simulation(*settings)
     truth, receiver = simulation.truth().advance(0, 80), receiver_of(simulation, "samples")
     for row in (0, 9, 10, 39, 40, 41, 79):
-        block = receiver.snapshots(row, (truth.part(slice(row, row + 1)),))
+        block = receiver.snapshots(row, (rows_of(truth, slice(row, row + 1)),))
         (verdict,) = PROCESSOR.step(None, block, receiver.assistance).verdicts
         assert verdict.status is Status.AUTHENTIC
         assert verdict.time.week == (1421 if row < 40 else 1422)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,10 +10,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.observations.csv_observations import read_csv_observations, write_csv_observations
-from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch
+from vestige.recording.observations.csv_observations import CsvParser, write_csv_observations
+from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch, read_epochs
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
+
+
+def _read(path: Path) -> Iterator[ObservationEpoch]:
+    return read_epochs(path, CsvParser(path))
+
 
 TEXT = """\
 gst_week,gst_second,svid,pseudorange_m,carrier_phase_cycles,doppler_hz,doppler_rate_hz_per_s,cn0_dbhz,cycle_slip
@@ -58,7 +63,7 @@ def epochs(draw: st.DrawFn) -> list[ObservationEpoch]:
 def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, original: list[ObservationEpoch]) -> None:
     path = tmp_path / "observations.csv"
     write_csv_observations(path, original)
-    again = list(read_csv_observations(path))
+    again = list(_read(path))
     assert [(e.time, e.slipped, set(e.observations)) for e in again] == [
         (e.time, e.slipped, set(e.observations)) for e in original
     ]
@@ -68,7 +73,7 @@ def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, original: list[
 
 
 def test_values(tmp_path: Path) -> None:
-    first, second = read_csv_observations(write(tmp_path, TEXT))
+    first, second = _read(write(tmp_path, TEXT))
     assert first.time == GalileoTime(1161, 348018, 0.5)
     assert first.slipped == {8}
     assert first.observations[3] == E1Observation(
@@ -81,7 +86,7 @@ def test_values(tmp_path: Path) -> None:
 
 def test_columns_may_be_missing_and_in_any_order(tmp_path: Path) -> None:
     text = "\xef\xbb\xbfsvid, pseudorange_m, gst_second, gst_week\r\n3, 2.5e7, 348018, 1161\r\n\r\n"
-    (epoch,) = read_csv_observations(write(tmp_path, text))
+    (epoch,) = _read(write(tmp_path, text))
     assert epoch.time == GalileoTime(1161, 348018)
     assert math.isnan(epoch.observations[3].doppler_hz)
 
@@ -115,7 +120,7 @@ def test_bad_lines_are_named(tmp_path: Path, old: str, new: str, said: str) -> N
     assert old in TEXT
     path = write(tmp_path, TEXT.replace(old, new, 1))
     with pytest.raises(InputFileError) as caught:
-        list(read_csv_observations(path))
+        list(_read(path))
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
 
@@ -134,16 +139,16 @@ def refusal(read: Callable[[], object]) -> str:
 def test_damage_is_one_clear_line_or_observations(tmp_path: Path, cut: int, garbage: bytes) -> None:
     path = tmp_path / "observations.csv"
     path.write_bytes(TEXT[:cut].encode() + garbage + TEXT[cut + len(garbage) :].encode())
-    line = refusal(lambda: list(read_csv_observations(path)))
+    line = refusal(lambda: list(_read(path)))
     assert not line or (line.startswith(f"{path}: line ") and line.isprintable())
 
 
 @given(cut=st.integers(0, len(TEXT) - 1))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_cut_off_file_gives_no_altered_value(tmp_path: Path, cut: int) -> None:
-    whole = [dict(e.observations) for e in read_csv_observations(write(tmp_path, TEXT))]
+    whole = [dict(e.observations) for e in _read(write(tmp_path, TEXT))]
     got = []
     with contextlib.suppress(VestigeError):
-        got.extend(epoch.observations for epoch in read_csv_observations(write(tmp_path, TEXT[:cut])))
+        got.extend(epoch.observations for epoch in _read(write(tmp_path, TEXT[:cut])))
     for before, after in zip(whole, got, strict=False):
         assert all(repr(before[svid]) == repr(observation) for svid, observation in after.items())

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,8 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
-from vestige.recording.observations.rinex_observations import read_rinex_observations
+from vestige.recording.observations.observation_epoch import ObservationEpoch, read_epochs
+from vestige.recording.observations.rinex_observations import RinexParser
 from vestige.time import GalileoTime
+
+
+def _read(path: Path) -> Iterator[ObservationEpoch]:
+    return read_epochs(path, RinexParser(path))
+
 
 # Laid out by hand after the tables of the RINEX 3.05 document: mixed GPS and Galileo, events, missing observations.
 HEADER = """\
@@ -53,7 +59,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_values(tmp_path: Path) -> None:
-    first, second = read_rinex_observations(write(tmp_path, HEADER + BODY))
+    first, second = _read(write(tmp_path, HEADER + BODY))
     assert (first.time, second.time) == (GalileoTime(1161, 348018, 0.5), GalileoTime(1161, 348019, 0.5))
     combined, pilot = first.observations[3], first.observations[8]
     assert (combined.pseudorange_m, combined.carrier_phase_cycles) == (24563187.25, 129081234.062)
@@ -70,20 +76,20 @@ def test_values(tmp_path: Path) -> None:
 def test_e1c_is_taken_before_the_combined_signal(tmp_path: Path) -> None:
     both = "E03" + fields("24563187.250", "", "", "", *[""] * 8, "24563188.000", "", "", "42.000")
     text = BODY.replace(E03, both)
-    first, second = read_rinex_observations(write(tmp_path, HEADER + text))
+    first, second = _read(write(tmp_path, HEADER + text))
     assert (first.observations[3].pseudorange_m, first.observations[3].cn0_dbhz) == (24563188.0, 42.0)
     assert second.slipped == {3}  # another signal has another phase, whatever the indicator says
 
 
 def test_a_power_failure_breaks_all_phases(tmp_path: Path) -> None:
     text = BODY.replace("18.5000000  0", "18.5000000  1").replace("129080234.0621", "129080234.062 ")
-    first, second = read_rinex_observations(write(tmp_path, HEADER + text))
+    first, second = _read(write(tmp_path, HEADER + text))
     assert (first.slipped, second.slipped) == ({3, 8}, frozenset())
 
 
 def test_zero_is_not_measured(tmp_path: Path) -> None:
     text = BODY.replace("24563187.250", "       0.000").replace("1032.125", "   0.000")
-    first, _ = read_rinex_observations(write(tmp_path, HEADER + text))
+    first, _ = _read(write(tmp_path, HEADER + text))
     assert set(first.observations) == {8}
     assert math.isnan(first.observations[8].doppler_hz)
 
@@ -91,21 +97,19 @@ def test_zero_is_not_measured(tmp_path: Path) -> None:
 def test_an_event_may_change_the_observation_types(tmp_path: Path) -> None:
     event = ">                              4  1\nE    2 C1B S1B" + " " * 46 + "SYS / # / OBS TYPES\n"
     later = "> 2021 11 25 00 40 20.0000000  0  1\nE05" + fields("23000000.000", "40.000") + "\n"
-    *_, last = read_rinex_observations(write(tmp_path, HEADER + BODY + event + later))
+    *_, last = _read(write(tmp_path, HEADER + BODY + event + later))
     assert (last.observations[5].pseudorange_m, last.observations[5].cn0_dbhz) == (23e6, 40.0)
 
 
 @pytest.mark.parametrize(("system", "offset"), [("GAL", 0), ("GPS", 0), ("BDT", 14), ("QZS", 0)])
 def test_time_systems(tmp_path: Path, system: str, offset: int) -> None:
-    first, _ = read_rinex_observations(
-        write(tmp_path, HEADER.replace("GPS         TIME", f"{system}         TIME") + BODY)
-    )
+    first, _ = _read(write(tmp_path, HEADER.replace("GPS         TIME", f"{system}         TIME") + BODY))
     assert first.time == GalileoTime(1161, 348018 + offset, 0.5)
 
 
 def test_a_galileo_file_needs_no_time_system(tmp_path: Path) -> None:
     header = HEADER.replace("DATA    M", "DATA    E").replace("GPS         TIME", "            TIME")
-    first, _ = read_rinex_observations(write(tmp_path, header + BODY))
+    first, _ = _read(write(tmp_path, header + BODY))
     assert first.time == GalileoTime(1161, 348018, 0.5)
 
 
@@ -145,7 +149,7 @@ def test_bad_files_are_named(tmp_path: Path, old: str, new: str, said: str) -> N
     assert old in text
     path = write(tmp_path, text.replace(old, new, 1))
     with pytest.raises(InputFileError) as caught:
-        list(read_rinex_observations(path))
+        list(_read(path))
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
 
@@ -153,7 +157,7 @@ def test_bad_files_are_named(tmp_path: Path, old: str, new: str, said: str) -> N
 def test_files_without_galileo_e1_are_refused(tmp_path: Path) -> None:
     text = HEADER.replace("C1X", "C8X").replace("C1C  SYS", "C6C  SYS") + BODY
     with pytest.raises(InputFileError, match="a Galileo E1 pseudorange, one of C1C, C1X, C1B"):
-        list(read_rinex_observations(write(tmp_path, text)))
+        list(_read(write(tmp_path, text)))
 
 
 @pytest.mark.parametrize(
@@ -167,7 +171,7 @@ def test_files_without_galileo_e1_are_refused(tmp_path: Path) -> None:
 )
 def test_what_is_not_read_says_so(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(UnsupportedError, match=said):
-        list(read_rinex_observations(write(tmp_path, text + BODY)))
+        list(_read(write(tmp_path, text + BODY)))
 
 
 TEXT = HEADER + BODY
@@ -187,17 +191,17 @@ def refusal(read: Callable[[], object]) -> str:
 def test_damage_is_one_clear_line_or_observations(tmp_path: Path, cut: int, garbage: bytes, rest: bool) -> None:
     path = tmp_path / "observations.rnx"
     path.write_bytes(TEXT[:cut].encode() + garbage + (TEXT[cut + len(garbage) :].encode() if rest else b""))
-    line = refusal(lambda: list(read_rinex_observations(path)))
+    line = refusal(lambda: list(_read(path)))
     assert not line or (line.startswith(f"{path}: ") and line.isprintable())
 
 
 @given(cut=st.integers(0, len(TEXT) - 1))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_cut_off_file_gives_no_altered_value(tmp_path: Path, cut: int) -> None:
-    whole = [repr(epoch) for epoch in read_rinex_observations(write(tmp_path, TEXT))]
+    whole = [repr(epoch) for epoch in _read(write(tmp_path, TEXT))]
     got = []
     with contextlib.suppress(VestigeError):
-        got.extend(repr(epoch) for epoch in read_rinex_observations(write(tmp_path, TEXT[:cut])))
+        got.extend(repr(epoch) for epoch in _read(write(tmp_path, TEXT[:cut])))
     assert got == whole[: len(got)]
 
 
@@ -207,4 +211,4 @@ def test_bytes_are_not_rinex(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "observations.rnx"
     path.write_bytes(content)
     with pytest.raises(InputFileError):
-        list(read_rinex_observations(path))
+        list(_read(path))

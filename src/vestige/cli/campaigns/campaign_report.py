@@ -72,10 +72,7 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
 
     Where there is an attack, or a level above 1, what came of it takes the place of the theory.
 
-    Parameters
-    ----------
-    file
-        Where the same table is as CSV.
+    `file` is where the same table is as CSV.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vestige.cli.options import parts_option
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, raise_last
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
@@ -51,10 +51,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
             echo(*_lines(path, scenario))
     if as_json:
         echo(json.dumps(resolved))
-    for earlier in errors[:-1]:
-        echo(f"vestige: {earlier}", err=True)
-    if errors:
-        raise errors[-1]
+    raise_last(errors)
 
 
 def _lines(path: Path, scenario: Scenario) -> list[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.options import assistance_folder
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -208,11 +209,9 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         around_s=around_s if searchable else 0.0,
     )
     bias_m = options["hardware_bias_m"]
-    folder = options["assistance_path"]
-    if folder is None:
-        if recording == STDIN:
-            raise click.UsageError("samples on standard input need --assistance")
-        folder = (recording if recording.is_dir() else recording.parent) / "assistance"
+    if recording == STDIN and options["assistance_path"] is None:
+        raise click.UsageError("samples on standard input need --assistance")
+    folder = assistance_folder(recording, options["assistance_path"])
     trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
     second, sensed = options["second_channel"], options["accelerations"]
     return Following(

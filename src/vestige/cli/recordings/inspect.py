@@ -136,6 +136,8 @@ def _json(found: Inspection) -> dict[str, Any]:
 
 
 def _json_band(band: BandInspection) -> dict[str, Any]:
+    from dataclasses import asdict
+
     from vestige.recording.exact_time import exact_gst
 
     reader, statistics = band.reader, band.adc_statistics
@@ -153,16 +155,7 @@ def _json_band(band: BandInspection) -> dict[str, Any]:
         "start": None if file.start is None else str(file.start),
         "start_gst": None if file.start is None else exact_gst(file.start),
         "hash_agrees": band.hash_agrees,
-        "levels": {
-            "n_samples": statistics.n_samples,
-            "deviation": statistics.deviation,
-            "rms": statistics.rms,
-            "mean": [statistics.mean.real, statistics.mean.imag],
-            "n_distinct": statistics.n_distinct,
-            "outermost": statistics.outermost,
-            "outermost_fraction": statistics.outermost_fraction,
-            "spectral_center_hz": statistics.spectral_center_hz,
-        },
+        "levels": asdict(statistics) | {"mean": [statistics.mean.real, statistics.mean.imag]},
     }
 
 

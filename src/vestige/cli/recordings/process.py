@@ -10,6 +10,7 @@ import click
 
 from vestige.cli.options import (
     FiniteRange,
+    assistance_folder,
     cipher_mode,
     cipher_mode_option,
     group_delay_convention,
@@ -125,10 +126,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
 
     recording = open_recording(recording_path, start=options["start"])
     around_s = _label_uncertainty_s(recording, options["time_uncertainty"])
-    folder = (
-        options["assistance_path"]
-        or (recording_path if recording_path.is_dir() else recording_path.parent) / "assistance"
-    )
+    folder = assistance_folder(recording_path, options["assistance_path"])
     check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)

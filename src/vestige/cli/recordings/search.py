@@ -13,6 +13,7 @@ import click
 
 from vestige.cli.options import (
     FiniteRange,
+    assistance_folder,
     cipher_mode,
     cipher_mode_option,
     group_delay_convention,
@@ -152,7 +153,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     recording = _open(recording_path, start)
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
-    folder = _assistance_folder(recording_path, options["assistance"])
+    folder = assistance_folder(recording_path, options["assistance"])
     codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
@@ -220,7 +221,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.theory.search_budget import search_budget
 
     recording = _open(recording_path, start)
-    folder = _assistance_folder(recording_path, options["assistance"])
+    folder = assistance_folder(recording_path, options["assistance"])
     check_output(options["output"], (recording_path, *recording.description.files, folder))
     e6 = _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
@@ -315,10 +316,6 @@ def _reader(recording: Recording, band: Any) -> SampleReader:
     if reader is None:
         raise VestigeError(f"the recording has no {band.value} samples")
     return reader
-
-
-def _assistance_folder(recording: Path, given: Path | None) -> Path:
-    return given or (recording if recording.is_dir() else recording.parent) / "assistance"
 
 
 def _codes(

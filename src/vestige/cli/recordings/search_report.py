@@ -25,17 +25,11 @@ _NOWHERE = "no signal on E1 to hand over, or no place in the samples within the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a search says of one RECS.
-
-    Attributes
-    ----------
-    proof
-        Which of its arrivals are from before the disclosure of its key.
-    """
+    """What a search says of one RECS."""
 
     decision: VestigialDecision
     budget: SearchBudget
-    proof: ReceptionProof
+    proof: ReceptionProof  # which of its arrivals are from before the disclosure of its key
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:
@@ -76,14 +70,8 @@ def follow(
 
     What is found is said at once, and so is how fast the search is and how long it takes.
 
-    Parameters
-    ----------
-    before
-        State that an earlier run came to, None if there was none.
-    each
-        Called with the first start and the strongest magnitude of every block.
-    keep
-        Called with the state now and then, with every peak and at the end.
+    `before` is the state that an earlier run came to. `each` is called with the first start and the strongest magnitude
+    of every block, `keep` with the state now and then, with every peak and at the end.
     """
     state, done = before, 0.0
     if before is not None:

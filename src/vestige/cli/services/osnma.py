@@ -66,10 +66,7 @@ def verify(
     public_keys = load_public_keys(public_key, merkle_tree)
     receiver = OsnmaReceiver(public_keys, None if merkle_tree is None else read_merkle_tree(merkle_tree))
     counts = SbfCounts()
-    for page in read_pages(file, start=start, counts=counts):
-        receiver.process(page)
-    receiver.finish()
-    report = receiver.report()
+    report = receiver.process_all(read_pages(file, start=start, counts=counts))
     keys = receiver.filled_keys() if fill_gaps else report.keys
     if output is not None and keys:
         write_key_file(output, keys, report.verified_roots, report.alerts)

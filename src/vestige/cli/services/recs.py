@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import time_option
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, raise_last
 from vestige.output import check_output, replacement
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
             _print_description(described[-1])
     if as_json:
         echo(json.dumps({"files": described}))
-    _raise_last(errors)
+    raise_last(errors)
 
 
 @command.command()
@@ -210,10 +210,3 @@ def _decrypt_segments(
             packed += chips
         rows.append(row)
     return bytes(packed), rows
-
-
-def _raise_last(errors: Sequence[VestigeError]) -> None:
-    for earlier in errors[:-1]:
-        echo(f"vestige: {earlier}", err=True)
-    if errors:
-        raise errors[-1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
@@ -11,9 +11,6 @@ from vestige.cli.options import FiniteRange, time_option
 from vestige.cli.terminal import echo
 
 _path = click.Path(path_type=Path)
-
-if TYPE_CHECKING:
-    from vestige.time import GalileoTime
 
 
 @click.command()
@@ -35,19 +32,7 @@ if TYPE_CHECKING:
 @click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
 @click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def command(
-    recording_path: Path,
-    keys_path: Path,
-    public_key: Path | None,
-    merkle_tree: Path | None,
-    output: Path,
-    length_ms: str,
-    interval_s: float,
-    kdi: int,
-    svids: str,
-    start: GalileoTime | None,
-    as_json: bool,
-) -> None:
+def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:
     """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
 
     Writes RECS, BGD (zero: not known), the keys and their trust anchor: what `vestige process --assistance` needs.
@@ -59,18 +44,18 @@ def command(
     from vestige.recording.assistance.made_recs import make_assistance
     from vestige.recording.recording import open_recording
 
-    recording = open_recording(recording_path, start=start)
-    wanted = parse_svids(svids)
+    recording = open_recording(recording_path, start=options["start"])
+    wanted = parse_svids(options["svids"])
     with progress() as report:
         made = make_assistance(
             recording,
-            keys_path=keys_path,
-            public_key=public_key,
-            merkle_tree=merkle_tree,
+            keys_path=options["keys_path"],
+            public_key=options["public_key"],
+            merkle_tree=options["merkle_tree"],
             output=output,
             duration_ms=int(length_ms),
-            interval_s=interval_s,
-            key_delay=kdi,
+            interval_s=options["interval_s"],
+            key_delay=options["kdi"],
             svids=wanted,
             progress=lambda done, total: report("E1 search", done, total),
         )

@@ -57,21 +57,11 @@ _MAX_WEEK = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyFile:
-    """What a key file holds.
+    """What a key file holds."""
 
-    Attributes
-    ----------
-    keys
-        Validated keys in time order.
-    roots
-        Verified root keys in the order in which they were received.
-    alerts
-        Subframes in which an alert message was received.
-    """
-
-    keys: tuple[ValidatedKey, ...]
-    roots: tuple[RootKey, ...]
-    alerts: tuple[GalileoTime, ...]
+    keys: tuple[ValidatedKey, ...]  # validated keys in time order
+    roots: tuple[RootKey, ...]  # verified root keys in the order in which they were received
+    alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was received
 
 
 def write_key_file(
@@ -79,16 +69,7 @@ def write_key_file(
 ) -> None:
     """Write keys with the signed root keys that they chain to; the file is replaced only when it is complete.
 
-    Parameters
-    ----------
-    path
-        The file.
-    keys
-        Validated keys.
-    roots
-        All verified root keys: those of their chains, and those that withdraw chains.
-    alerts
-        Subframes in which an alert message was verified.
+    `roots` are all verified root keys: those of the keys' chains, and those that withdraw chains.
     """
     lines = [FIRST_LINE]
     for root in sorted(roots, key=lambda root: root.received_at):
@@ -117,23 +98,10 @@ def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[Validat
 def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     """Return what a key file holds, each key validated down to a root key that a public key signed.
 
-    Parameters
-    ----------
-    path
-        The file.
-    public_keys
-        Keys that the root keys may be signed with.
-
-    Raises
-    ------
-    AuthenticationError
-        If a root key's signature, a key or its chain does not verify, or a signed root key withdraws a key.
-    VestigeError
-        If a root key is signed with another public key than those given.
-    InputFileError
-        If the file is not a key file, is cut off, or contradicts itself.
-    UnsupportedError
-        If a root key uses a part of the standard that vestige does not support.
+    Raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed root key
+    withdraws a key. Raises `VestigeError` if a root key is signed with another public key than those given. Raises
+    `InputFileError` if the file is not a key file, is cut off, or contradicts itself. Raises `UnsupportedError` if a
+    root key uses a part of the standard that vestige does not support.
     """
     lines = _lines(path)
     roots: list[tuple[int, RootKey]] = []
@@ -179,10 +147,7 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
 def read_raw_keys(path: Path) -> tuple[Key, ...]:
     """Return the keys of an `<OsnmaKeys>` XML file in its order; they prove nothing until they are validated.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not of this kind.
+    Raises `InputFileError` if the file is not of this kind.
     """
     try:
         document = ElementTree.fromstring(read_bytes(path, at_most=MAX_FILE_BYTES))

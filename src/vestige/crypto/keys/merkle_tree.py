@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, Trust, load_point
 from vestige.crypto.keys.signature_scheme import scheme_of_point, scheme_of_type
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, PKR_BLOCKS
-from vestige.errors import AuthenticationError, UnsupportedError
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
+from vestige.errors import AuthenticationError
 
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
 LEAVES = 1 << HEIGHT
@@ -26,18 +26,11 @@ NODE_BYTES = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MerkleTree:
-    """A Merkle tree as far as it is published.
+    """A Merkle tree as far as it is published."""
 
-    Attributes
-    ----------
-    nodes
-        Hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root.
-    public_keys
-        The keys that the publication holds, still to be verified.
-    """
-
+    # hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root
     nodes: Mapping[tuple[int, int], bytes]
-    public_keys: tuple[ClaimedPublicKey, ...] = ()
+    public_keys: tuple[ClaimedPublicKey, ...] = ()  # the keys that the publication holds, still to be verified
 
     @property
     def root(self) -> bytes:
@@ -48,26 +41,13 @@ class MerkleTree:
 def leaf_hash(pkid: int, point: bytes) -> bytes:
     """Return the leaf of a public key, 32 bytes.
 
-    Raises
-    ------
-    AuthenticationError
-        If `point` has the length of no compressed point.
+    Raises `AuthenticationError` if `point` has the length of no compressed point.
     """
     return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
 
 def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
-    """Return the root that follows from a leaf and the siblings on its way up, 32 bytes.
-
-    Parameters
-    ----------
-    leaf
-        Place of the leaf, 0 … 15.
-    value
-        The leaf's hash.
-    siblings
-        The four siblings, the leaf's own first.
-    """
+    """Return the root that follows from a leaf and the siblings on its way up, 32 bytes."""
     for height, sibling in enumerate(siblings):
         pair = sibling + value if leaf >> height & 1 else value + sibling
         value = hashlib.sha256(pair).digest()
@@ -79,10 +59,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 
     A claim that does not know its number or its leaf takes them from the tree's own entry with that point or number.
 
-    Raises
-    ------
-    AuthenticationError
-        If the tree does not know the key, or another root follows.
+    Raises `AuthenticationError` if the tree does not know the key, or another root follows.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -99,10 +76,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
     """Return all public keys that a published tree holds, each verified against its root.
 
-    Raises
-    ------
-    AuthenticationError
-        If one of them, or one of the published nodes above them, does not lead to the root.
+    Raises `AuthenticationError` if one of them, or one of the published nodes above them, does not lead to the root.
     """
     return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
 
@@ -134,19 +108,10 @@ def _verified(pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], roo
 def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     """Return the public key of a DSM-PKR, verified against the tree's root.
 
-    Parameters
-    ----------
-    message
-        All blocks of the DSM-PKR.
-    tree
-        Only its root is used.
+    `message` is all blocks; of the tree only the root is used.
 
-    Raises
-    ------
-    AuthenticationError
-        If the message is malformed or leads to another root.
-    UnsupportedError
-        If it holds no key (an alert message, a reserved value).
+    Raises `AuthenticationError` if the message is malformed or leads to another root. Raises `UnsupportedError` if it
+    holds no key (an alert message, a reserved value).
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * BLOCK_BYTES:
@@ -158,17 +123,3 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     if len(message) < end:
         raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a key of {scheme.name}")
     return _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root)
-
-
-def pkr_blocks(first_byte: int) -> int:
-    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
-
-    Raises
-    ------
-    UnsupportedError
-        If the code is reserved.
-    """
-    code = first_byte >> 4
-    if code not in PKR_BLOCKS:
-        raise UnsupportedError(f"DSM-PKR: NB (number of blocks) is {code}; supported are {sorted(PKR_BLOCKS)}")
-    return PKR_BLOCKS[code]

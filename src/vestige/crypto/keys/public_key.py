@@ -27,46 +27,25 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimedPublicKey:
-    """A public key as a file or the signal claims it.
+    """A public key as a file or the signal claims it."""
 
-    Attributes
-    ----------
-    pkid
-        Number of the key, PKID 0 … 15; None if the source does not say (PEM).
-    leaf
-        Its place among the 16 leaves of the Merkle tree; None if the source does not say.
-    point
-        Compressed point on P-256, 33 bytes, or on P-521, 67 bytes.
-    """
-
-    pkid: int | None
-    leaf: int | None
-    point: bytes
+    pkid: int | None  # number of the key, PKID 0 … 15; None if the source does not say (PEM)
+    leaf: int | None  # its place among the 16 leaves of the Merkle tree; None if the source does not say
+    point: bytes  # compressed point on P-256, 33 bytes, or on P-521, 67 bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublicKey:
-    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`.
+    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`."""
 
-    Attributes
-    ----------
-    pkid
-        Number of the key; None (only from PEM, trusted by the user) stands for any.
-    trust
-        What the trust rests on.
-    """
-
-    pkid: int | None
+    pkid: int | None  # number of the key; None (only from PEM, trusted by the user) stands for any
     point: bytes
     trust: Trust
 
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.
 
-        Raises
-        ------
-        AuthenticationError
-            If `signature` is not that of `message` under this key.
+        Raises `AuthenticationError` if `signature` is not that of `message` under this key.
         """
         scheme = scheme_of_point(self.point)
         if len(signature) != scheme.signature_bytes:
@@ -88,10 +67,7 @@ class PublicKey:
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
     """Return the key of a compressed point; its length says on which curve it is.
 
-    Raises
-    ------
-    AuthenticationError
-        If the bytes are no point on P-256 or P-521.
+    Raises `AuthenticationError` if the bytes are no point on P-256 or P-521.
     """
     scheme = scheme_of_point(point)
     try:
@@ -112,10 +88,7 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
     """Return the key for use on the user's own word, without a Merkle tree.
 
-    Raises
-    ------
-    AuthenticationError
-        If it is no point on the curve.
+    Raises `AuthenticationError` if it is no point on the curve.
     """
     load_point(claim.point)
     return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)

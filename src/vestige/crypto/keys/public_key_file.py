@@ -30,12 +30,8 @@ _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 def read_public_key(path: Path) -> ClaimedPublicKey:
     """Return the public key of an XML file (elements PKID, PKType, i, point) or of a PEM file; not yet trusted.
 
-    Raises
-    ------
-    InputFileError
-        If the file is neither.
-    UnsupportedError
-        If it is a key of another kind than ECDSA P-256 and P-521.
+    Raises `InputFileError` if the file is neither. Raises `UnsupportedError` if it is a key of another kind than ECDSA
+    P-256 and P-521.
     """
     text = _read_text(path)
     if "-----BEGIN" in text:
@@ -54,12 +50,8 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
 def read_merkle_tree(path: Path) -> MerkleTree:
     """Return the Merkle tree of an XML file; not yet verified.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not a complete Merkle tree publication.
-    UnsupportedError
-        If the tree has another shape, hash function or kind of key than OSNMA's.
+    Raises `InputFileError` if the file is not a complete Merkle tree publication. Raises `UnsupportedError` if the tree
+    has another shape, hash function or kind of key than OSNMA's.
     """
     text = _read_text(path)
     try:
@@ -91,14 +83,8 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
     With a Merkle tree every key is verified against its root, and so is every key that the tree's own file holds. With
     a public key alone the user vouches for it.
 
-    Raises
-    ------
-    AuthenticationError
-        If a key does not lead to the root of the tree.
-    InputFileError, UnsupportedError
-        If a file cannot be read.
-    ValueError
-        If neither file is given.
+    Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
+    `UnsupportedError` if a file cannot be read. Raises `ValueError` if neither file is given.
     """
     if public_key is None and merkle_tree is None:
         raise ValueError("needs a public key or a Merkle tree")

@@ -16,26 +16,14 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureScheme:
-    """One scheme.
+    """One scheme."""
 
-    Attributes
-    ----------
-    key_type
-        NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree.
-    name, curve_name
-        As the European GNSS Service Centre writes them.
-    curve, hash
-        Of ECDSA.
-    coordinate_bytes
-        Length of a coordinate of the curve in bytes.
-    """
-
-    key_type: int
-    name: str
+    key_type: int  # NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree
+    name: str  # as the European GNSS Service Centre writes it, and the next
     curve_name: str
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
-    coordinate_bytes: int
+    coordinate_bytes: int  # of a coordinate of the curve
 
     @property
     def point_bytes(self) -> int:
@@ -64,10 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the scheme of a public key's type (NPKT).
 
-    Raises
-    ------
-    UnsupportedError
-        If the type is reserved, or that of an alert message, which is no key.
+    Raises `UnsupportedError` if the type is reserved, or that of an alert message, which is no key.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:
@@ -80,10 +65,7 @@ def scheme_of_type(key_type: int) -> SignatureScheme:
 def scheme_of_point(point: bytes) -> SignatureScheme:
     """Return the scheme of a compressed point.
 
-    Raises
-    ------
-    AuthenticationError
-        If no curve has compressed points of this length.
+    Raises `AuthenticationError` if no curve has compressed points of this length.
     """
     for scheme in SCHEMES:
         if len(point) == scheme.point_bytes:

@@ -90,10 +90,7 @@ class ChainRegister:
 
         Root keys come in the order in which they were received. The same one may come again with another time.
 
-        Raises
-        ------
-        RevokedKeyError
-            If the public key that signed it was revoked by an earlier root key.
+        Raises `RevokedKeyError` if the public key that signed it was revoked by an earlier root key.
         """
         for revoker in self._revoked_by:
             if _comes_before(root.public_key, revoker):
@@ -128,11 +125,8 @@ class ChainRegister:
     def refusal_of(self, key: ValidatedKey) -> str:
         """Return why a key that was validated before may not be used; "" if it may.
 
-        Parameters
-        ----------
-        key
-            A key, perhaps of another program run; it counts for the first chain that holds it. If none does, its root
-            key was refused, and so is the key from the first withdrawal on.
+        The key, perhaps of another program run, counts for the first chain that holds it. If none does, its root key
+        was refused, and so is the key from the first withdrawal on.
         """
         if not self._withdrawals:
             return ""

@@ -28,6 +28,8 @@ def provably_before_disclosure(
 ) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before their key was on air.
 
+    Raises `VestigeError` if the bound is negative or NaN.
+
     Parameters
     ----------
     lead_s
@@ -35,11 +37,6 @@ def provably_before_disclosure(
         clock, in s.
     time_uncertainty_s
         Bound on the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
-
-    Raises
-    ------
-    VestigeError
-        If the bound is negative or NaN.
     """
     require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
     return lead_s > time_uncertainty_s
@@ -47,23 +44,12 @@ def provably_before_disclosure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceptionProof:
-    """Which arrivals of one RECS are provably from before the disclosure of its key.
+    """Which arrivals of one RECS are provably from before the disclosure of its key."""
 
-    Attributes
-    ----------
-    disclosed_at
-        When the first bit of the key was on air.
-    duration_s
-        Length of the RECS in s.
-    time_uncertainty_s
-        Bound on the error of the receiver's clock in s; infinite if it is not known.
-    labels_behind_s
-        By how much the time tags of the samples are behind the clock of that bound, 0 or more.
-    """
-
-    disclosed_at: GalileoTime
-    duration_s: float
-    time_uncertainty_s: float
+    disclosed_at: GalileoTime  # when the first bit of the key was on air
+    duration_s: float  # length of the RECS in s
+    time_uncertainty_s: float  # bound on the error of the receiver's clock in s; infinite if it is not known
+    # by how much the time tags of the samples are behind the clock of that bound, 0 or more
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from vestige.crypto.keys.merkle_tree import pkr_blocks
-from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks
+from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, NmaHeader, kroot_blocks, pkr_blocks
 from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
@@ -26,21 +25,11 @@ _ALL = 0  # stands for the collection of all satellites together
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmMessage:
-    """A complete DSM as received.
+    """A complete DSM as received."""
 
-    Attributes
-    ----------
-    header
-        The NMA header that came with every block.
-    dsm_id
-        0 … 11 DSM-KROOT, 12 … 15 DSM-PKR.
-    data
-        All blocks.
-    """
-
-    header: NmaHeader
-    dsm_id: int
-    data: bytes
+    header: NmaHeader  # that came with every block
+    dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
+    data: bytes  # all blocks
 
     @property
     def is_root_key(self) -> bool:
@@ -81,10 +70,7 @@ class DsmCollector:
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
 
-        Raises
-        ------
-        UnsupportedError
-            If the message has a reserved length.
+        Raises `UnsupportedError` if the message has a reserved length.
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:

@@ -14,7 +14,7 @@ from vestige.crypto.osnma.messages.alert_message import is_alert, verify_alert
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader, parse_kroot
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.subframe import Epoch
-from vestige.crypto.osnma.osnma_report import Problem, ProblemKind, ProblemLog, RootCheck
+from vestige.crypto.osnma.osnma_report import ProblemKind, ProblemLog, RootCheck
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 
@@ -22,16 +22,7 @@ from vestige.time import GalileoTime
 class DsmVerifier:
     """Collects DSM blocks and enters what verifies in the register of chains.
 
-    Parameters
-    ----------
-    public_keys
-        Keys that DSM-KROOTs may be signed with.
-    tree
-        Merkle tree to verify broadcast public keys and alert messages against, or None.
-    register
-        Gets the verified root keys and alerts.
-    problems
-        Where problems go.
+    Broadcast public keys and alert messages are verified against `tree`, if there is one.
     """
 
     def __init__(
@@ -100,7 +91,7 @@ class DsmVerifier:
         except VestigeError as error:
             reason, kind = str(error), ProblemKind.IGNORED
         if root is None:
-            self._problems.report(Problem(kind=kind, time=time, text=f"DSM {message.dsm_id}: {reason}"))
+            self._problems.report(kind, time, f"DSM {message.dsm_id}: {reason}")
         self._place[message] = len(self.roots)
         self.roots.append(
             RootCheck(

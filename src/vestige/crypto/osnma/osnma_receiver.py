@@ -35,7 +35,6 @@ from vestige.crypto.osnma.osnma_report import (
     Count,
     KeyGap,
     OsnmaReport,
-    Problem,
     ProblemKind,
     ProblemLog,
     WithheldKey,
@@ -76,18 +75,13 @@ class _Claim:
 class OsnmaReceiver:
     """Verifies OSNMA, page by page.
 
-    Parameters
-    ----------
-    public_keys
-        Keys that DSM-KROOTs may be signed with.
-    tree
-        Merkle tree to verify broadcast public keys against; without one they are only reported.
+    Without a tree broadcast public keys are only reported.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
         self._problems = ProblemLog()
         self._intake = PageIntake(self._problems)
-        self._tags = TagVerifier(self._problems.report)
+        self._tags = TagVerifier(self._problems)
         self._register = ChainRegister()
         self._dsms = DsmVerifier(public_keys, tree, self._register, self._problems)
         self._keys: dict[int, ValidatedKey] = {}
@@ -106,16 +100,20 @@ class OsnmaReceiver:
     def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
         """Return the keys that this page makes valid: it closes the subframes before it.
 
-        Parameters
-        ----------
-        page
-            The next page. Satellites may come in any order, and pages some seconds late.
+        Satellites may come in any order, and pages some seconds late.
         """
         return self._take(self._intake.add(page))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of the subframes that are still open: no more pages come."""
         return self._take(self._intake.flush())
+
+    def process_all(self, pages: Iterable[InavPage]) -> OsnmaReport:
+        """Return the report of all pages of a stretch, which ends with them."""
+        for page in pages:
+            self.process(page)
+        self.finish()
+        return self.report()
 
     def filled_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the validated keys with those of lost subframes between them, which follow from later ones.
@@ -284,7 +282,7 @@ class OsnmaReceiver:
                 text = (
                     f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
                 )
-                self._problems.report(Problem(kind=ProblemKind.STATUS, time=message.time, text=text))
+                self._problems.report(ProblemKind.STATUS, message.time, text)
                 keys += self._accept(message, claim.subframes, claim.chain, claim.key, proven)
         return keys
 
@@ -308,9 +306,7 @@ class OsnmaReceiver:
                 accepted = chain, valid
         if len(candidates) > 1:
             said = "; ".join(f"{key.data.hex()} from {_names(svids)}" for key, svids in candidates.items())
-            self._problems.report(
-                Problem(kind=ProblemKind.DISAGREEMENT, time=message.time, text=f"different keys: {said}")
-            )
+            self._problems.report(ProblemKind.DISAGREEMENT, message.time, f"different keys: {said}")
         time = message.time.gst_seconds
         if (self._keys or self._withheld) and time not in self._keys and time not in self._withheld:
             self._steps[accepted[1] is None] += 1
@@ -325,17 +321,13 @@ class OsnmaReceiver:
                 return chain, validate(key, chain)
             except AuthenticationError as error:
                 reason = reason or str(error)
-        self._problems.report(Problem(kind=ProblemKind.KEY, time=time, text=f"{_names(svids)}: {reason}"))
+        self._problems.report(ProblemKind.KEY, time, f"{_names(svids)}: {reason}")
         return chains[0], None
 
 
 def verify(pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> OsnmaReport:
     """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
-    receiver = OsnmaReceiver(public_keys, tree)
-    for page in pages:
-        receiver.process(page)
-    receiver.finish()
-    return receiver.report()
+    return OsnmaReceiver(public_keys, tree).process_all(pages)
 
 
 def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:

@@ -50,15 +50,15 @@ class ProblemLog:
         self._problems: list[Problem] = []
         self._once: set[tuple[ProblemKind, str]] = set()
 
-    def report(self, problem: Problem) -> None:
+    def report(self, kind: ProblemKind, time: GalileoTime, text: str) -> None:
         """Take a problem."""
-        self._problems.append(problem)
+        self._problems.append(Problem(kind=kind, time=time, text=text))
 
     def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
         """Take a problem, unless one with this kind and text (details apart) is there."""
         if (kind, text) not in self._once:
             self._once.add((kind, text))
-            self.report(Problem(kind=kind, time=time, text=text + details))
+            self.report(kind, time, text + details)
 
     def problems(self) -> tuple[Problem, ...]:
         """Return all problems."""
@@ -67,29 +67,15 @@ class ProblemLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootCheck:
-    """A DSM-KROOT and what became of it.
-
-    Attributes
-    ----------
-    dsm_id, header, kroot
-        The message; no `kroot` if its fields make no sense or are not supported.
-    received_at
-        Subframe that completed it.
-    root
-        The root key if signature and padding verify, else None.
-    on_known_chain
-        Whether it lies on the chain of an earlier root key.
-    reason
-        Why it was not verified ("" if it was).
-    """
+    """A DSM-KROOT and what became of it."""
 
     dsm_id: int
     header: NmaHeader
-    kroot: DsmKroot | None
-    received_at: GalileoTime
-    root: RootKey | None
-    on_known_chain: bool = False
-    reason: str = ""
+    kroot: DsmKroot | None  # None if its fields make no sense or are not supported
+    received_at: GalileoTime  # subframe that completed it
+    root: RootKey | None  # the root key if signature and padding verify, else None
+    on_known_chain: bool = False  # whether it lies on the chain of an earlier root key
+    reason: str = ""  # why it was not verified ("" if it was)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,129 +115,58 @@ class Count:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCounts:
-    """Figures of the MACSEQ fields and the tags.
-
-    Attributes
-    ----------
-    macseq
-        MACSEQ fields.
-    by_adkd
-        Tags with a cut-off point other than 0, by kind of data.
-    dummy
-        Tags with cut-off point 0.
-    no_data
-        Not counted: the navigation data was not received, or may have changed while it was not.
-    no_key
-        Not counted: the key that comes later was not received.
-    unsupported
-        Not counted: unknown kind of data.
-    data_before
-        How many of `by_adkd` verify with the word before one that changed without a new IODnav.
-    """
+    """Figures of the MACSEQ fields and the tags."""
 
     macseq: Count = field(default_factory=Count)
+    # tags with a cut-off point other than 0, by kind of data
     by_adkd: Mapping[int, Count] = field(default_factory=dict)
-    dummy: int = 0
-    no_data: int = 0
-    no_key: int = 0
-    unsupported: int = 0
-    data_before: int = 0
+    dummy: int = 0  # tags with cut-off point 0
+    no_data: int = 0  # not counted: the navigation data was not received, or may have changed while it was not
+    no_key: int = 0  # not counted: the key that comes later was not received
+    unsupported: int = 0  # not counted: unknown kind of data
+    data_before: int = 0  # how many of `by_adkd` verify with the word before one that changed without a new IODnav
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthenticatedData:
-    """Navigation data of one satellite that tags verified.
-
-    Attributes
-    ----------
-    adkd
-        0 ephemeris, clock and status; 4 timing parameters.
-    iod_nav
-        Issue of data; None for timing parameters.
-    first, last
-        First and last subframe with a tag on it.
-    n_tags, tag_bits
-        Tags that verified, and their bits together.
-    authenticated
-        Whether these are enough bits.
-    """
+    """Navigation data of one satellite that tags verified."""
 
     svid: int
-    adkd: int
-    iod_nav: int | None
-    first: GalileoTime
-    last: GalileoTime
-    n_tags: int
-    tag_bits: int
-    authenticated: bool
+    adkd: int  # 0 ephemeris, clock and status; 4 timing parameters
+    iod_nav: int | None  # issue of data; None for timing parameters
+    first: GalileoTime  # subframe with a tag on it
+    last: GalileoTime  # the same
+    n_tags: int  # tags that verified
+    tag_bits: int  # their bits together
+    authenticated: bool  # whether these are enough bits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReport:
-    """The result of a stretch of OSNMA.
+    """The result of a stretch of OSNMA."""
 
-    Attributes
-    ----------
-    first, last
-        Start of the first and the last page that was used; None without pages.
-    n_pages, n_crc_failures, n_alert_pages
-        Pages given; those with a wrong checksum; those without word and OSNMA.
-    pages
-        What became of the others.
-    n_missing_pages
-        Pages lost out of subframes of which others were received.
-    subframes
-        Subframes of satellites by what they hold.
-    satellites, osnma_satellites
-        SVIDs of all satellites, and of those that send OSNMA.
-    time_stamps
-        Navigation words that tell the time, by whether they agree with the recording.
-    roots
-        The DSM-KROOTs.
-    keys
-        Validated keys in time order.
-    withheld
-        Keys that chain, but come with the status "don't use", signed or not.
-    alerts
-        Subframes in which an alert message was verified.
-    chain_steps
-        Keys after the first, by whether they chain to what was validated before.
-    tags
-        Figures of MACSEQ and tags.
-    navigation
-        Navigation data that tags verified.
-    gaps
-        Stretches without keys.
-    problems
-        Everything that is not as it should be, in the order it was found.
-    n_without_root
-        Subframes of satellites with OSNMA for whose chain there is no verified root key.
-    dsm_progress
-        How much of the DSM-KROOTs was received.
-    """
-
-    first: GalileoTime | None
-    last: GalileoTime | None
-    n_pages: int
-    n_crc_failures: int
-    n_alert_pages: int
-    pages: Mapping[PageStatus, int]
-    n_missing_pages: int
-    subframes: Mapping[Content, int]
-    satellites: tuple[int, ...]
-    osnma_satellites: tuple[int, ...]
-    time_stamps: Count
+    first: GalileoTime | None  # start of the first page that was used; None without pages
+    last: GalileoTime | None  # the same of the last
+    n_pages: int  # given
+    n_crc_failures: int  # with a wrong checksum
+    n_alert_pages: int  # without word and OSNMA
+    pages: Mapping[PageStatus, int]  # what became of the others
+    n_missing_pages: int  # pages lost out of subframes of which others were received
+    subframes: Mapping[Content, int]  # subframes of satellites by what they hold
+    satellites: tuple[int, ...]  # all
+    osnma_satellites: tuple[int, ...]  # those that send OSNMA
+    time_stamps: Count  # navigation words that tell the time, by whether they agree with the recording
     roots: tuple[RootCheck, ...]
-    keys: tuple[ValidatedKey, ...]
-    withheld: tuple[WithheldKey, ...]
-    alerts: tuple[GalileoTime, ...]
-    chain_steps: Count
+    keys: tuple[ValidatedKey, ...]  # validated keys in time order
+    withheld: tuple[WithheldKey, ...]  # keys that chain, but come with the status "don't use", signed or not
+    alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
+    chain_steps: Count  # keys after the first, by whether they chain to what was validated before
     tags: TagCounts
-    navigation: tuple[AuthenticatedData, ...]
+    navigation: tuple[AuthenticatedData, ...]  # that tags verified
     gaps: tuple[KeyGap, ...]
-    problems: tuple[Problem, ...]
-    n_without_root: int
-    dsm_progress: str
+    problems: tuple[Problem, ...]  # everything that is not as it should be, in the order it was found
+    n_without_root: int  # subframes of satellites with OSNMA for whose chain there is no verified root key
+    dsm_progress: str  # how much of the DSM-KROOTs was received
 
     @property
     def verified_roots(self) -> tuple[RootKey, ...]:
@@ -274,10 +189,7 @@ class OsnmaReport:
     def raise_if_failed(self) -> None:
         """Check that the root key and the chain verify.
 
-        Raises
-        ------
-        AuthenticationError
-            With the first reason, if they do not.
+        Raises `AuthenticationError` with the first reason, if they do not.
         """
         failures = self.failures
         if failures:

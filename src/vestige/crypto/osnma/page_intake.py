@@ -7,18 +7,12 @@ from collections.abc import Iterable
 
 from vestige.crypto.osnma.messages.inav import InavPage, time_in_word
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, PageStatus, SubframeAssembler
-from vestige.crypto.osnma.osnma_report import Problem, ProblemKind, ProblemLog
+from vestige.crypto.osnma.osnma_report import ProblemKind, ProblemLog
 from vestige.time import GalileoTime
 
 
 class PageIntake:
-    """Puts pages together to subframes and counts them.
-
-    Parameters
-    ----------
-    problems
-        Where problems with pages go.
-    """
+    """Puts pages together to subframes and counts them."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems
@@ -45,7 +39,7 @@ class PageIntake:
         self.statuses[status] += 1
         if status is PageStatus.CONTRADICTION:
             text = f"E{page.svid:02d}: two different pages of one time; the first one is used"
-            self._problems.report(Problem(kind=ProblemKind.PAGE, time=page.time, text=text))
+            self._problems.report(ProblemKind.PAGE, page.time, text)
         elif status is PageStatus.TAKEN:
             self.first = page.time if self.first is None else min(self.first, page.time)
             self.last = page.time if self.last is None else max(self.last, page.time)

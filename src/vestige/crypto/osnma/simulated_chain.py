@@ -29,25 +29,13 @@ _HOUR_S = 3600
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedChain:
-    """A chain with everything that its operator knows.
+    """A chain with everything that its operator knows."""
 
-    Attributes
-    ----------
-    keys
-        The keys in time order, the first one in the subframe that was asked for.
-    kroot, header
-        The signed DSM-KROOT and the NMA header that belongs to it.
-    tree
-        A Merkle tree with the public key as one of its leaves.
-    private_key
-        Signs further DSM-KROOTs.
-    """
-
-    keys: tuple[Key, ...]
-    kroot: DsmKroot
-    header: NmaHeader
-    tree: MerkleTree
-    private_key: ec.EllipticCurvePrivateKey
+    keys: tuple[Key, ...]  # the keys in time order, the first one in the subframe that was asked for
+    kroot: DsmKroot  # signed
+    header: NmaHeader  # signed with it
+    tree: MerkleTree  # a Merkle tree with the public key as one of its leaves
+    private_key: ec.EllipticCurvePrivateKey  # signs further DSM-KROOTs
 
     @property
     def public_key(self) -> PublicKey:

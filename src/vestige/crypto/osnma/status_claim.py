@@ -22,14 +22,7 @@ from vestige.errors import AuthenticationError, UnsupportedError
 def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
     """Return the NMA status other than "don't use" that a tag proves; 0 if none does, None if its key is to come.
 
-    Parameters
-    ----------
-    subframe
-        What the satellite sent.
-    navigation
-        The navigation words by SVID that had been received before the subframe.
-    chain
-        The chain of the subframe's key.
+    `navigation` are the words by SVID that had been received before the subframe, `chain` that of the subframe's key.
     """
     try:
         key = chain.derive(subframe.time + KEY_DELAY_S).data

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vestige.constants import SUBFRAME_S
@@ -11,7 +11,7 @@ from vestige.crypto.osnma.messages.mac_lookup import Slot, slots
 from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS, ADKD_SLOW, NavigationData, NavigationWords
 from vestige.crypto.osnma.messages.tags import KEY_DELAY_S, MIN_TAG_BITS, Mack, Tag, macseq_ok, make_tag
 from vestige.crypto.osnma.messages.tesla import Chain
-from vestige.crypto.osnma.osnma_report import AuthenticatedData, Count, Problem, ProblemKind, TagCounts
+from vestige.crypto.osnma.osnma_report import AuthenticatedData, Count, ProblemKind, ProblemLog, TagCounts
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
@@ -37,16 +37,10 @@ class _Check:
 
 
 class TagVerifier:
-    """Waits for the keys of tags.
+    """Waits for the keys of tags."""
 
-    Parameters
-    ----------
-    report
-        Called with every problem.
-    """
-
-    def __init__(self, report: Callable[[Problem], None]) -> None:
-        self._report = report
+    def __init__(self, problems: ProblemLog) -> None:
+        self._problems = problems
         self._pending: dict[Chain, dict[int, list[_Check]]] = {}
         self._macseq = [0, 0]
         self._tags: dict[int, list[int]] = {}
@@ -168,4 +162,4 @@ class TagVerifier:
         )
 
     def _problem(self, kind: ProblemKind, mack: Mack, text: str) -> None:
-        self._report(Problem(kind=kind, time=mack.time, text=f"E{mack.svid:02d}: {text}"))
+        self._problems.report(kind, mack.time, f"E{mack.svid:02d}: {text}")

@@ -75,10 +75,7 @@ def parse_signature_name(name: str) -> SignatureName | None:
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
     """Return the signatures in `folder`, sorted by name, for each signed file's name.
 
-    Raises
-    ------
-    InputFileError
-        If the folder cannot be listed.
+    Raises `InputFileError` if the folder cannot be listed.
     """
     found: dict[str, tuple[Path, ...]] = {}
     for path in list_folder(folder):
@@ -90,10 +87,7 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    Raises
-    ------
-    InputFileError
-        If it is neither, or its key is not of P-256, P-384 or P-521.
+    Raises `InputFileError` if it is neither, or its key is not of P-256, P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
@@ -117,14 +111,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
 def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: int = 1) -> Path:
     """Sign the file `path` as a server does, write the signature beside it and return where.
 
-    Parameters
-    ----------
-    path
-        The file.
-    private_key
-        Key of P-256, P-384 or P-521.
-    certificate
-        KN, the number of the certificate, 0 … 99.
+    `certificate` is KN, the number of the certificate, 0 … 99.
     """
     curve = _SUFFIX[private_key.curve.name]
     name = SignatureName(signed=path.name, certificate=certificate, curve=curve)
@@ -147,23 +134,10 @@ def verify_data(
 ) -> SignatureStatus:
     """Return what is known of the origin of `data`.
 
-    Parameters
-    ----------
-    data
-        Content of the signed file.
-    path
-        The signed file, for messages.
-    signatures
-        Its signature files. One that verifies with one of the keys is enough.
-    public_keys
-        Keys that the user trusts.
+    One signature that verifies with one of the keys that the user trusts is enough; `path` is for messages.
 
-    Raises
-    ------
-    AuthenticationError
-        If there are signatures of a curve for which a key is given, and none of them verifies.
-    InputFileError
-        If a signature cannot be read.
+    Raises `AuthenticationError` if there are signatures of a curve for which a key is given, and none of them verifies.
+    Raises `InputFileError` if a signature cannot be read.
     """
     if not signatures:
         return SignatureStatus.NOT_SIGNED

@@ -98,37 +98,18 @@ def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_
     """Return T_R6 − T_R1, by how much the satellite sends E6 later than E1, in s.
 
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6) in the default convention [OS-ICD, 5.1.5].
-
-    Parameters
-    ----------
-    bgd_s
-        BGD(E1,E6) in s.
-    convention
-        How the value is meant.
     """
     return convention.sign * _FACTOR[convention.scale] * bgd_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDelayFile:
-    """A BGD file.
+    """A BGD file."""
 
-    Attributes
-    ----------
-    provider
-        Four letters or digits.
-    valid_from
-        Time in the header, whole deciseconds.
-    delays
-        Values of the satellites in the mask, by rising SVID.
-    validity
-        The six bytes of unknown meaning, kept so that they are not lost.
-    """
-
-    provider: str
-    valid_from: GalileoTime
-    delays: tuple[GroupDelay, ...]
-    validity: bytes = bytes(6)
+    provider: str  # four letters or digits
+    valid_from: GalileoTime  # time in the header, whole deciseconds
+    delays: tuple[GroupDelay, ...]  # values of the satellites in the mask, by rising SVID
+    validity: bytes = bytes(6)  # the six bytes of unknown meaning, kept so that they are not lost
 
     @property
     def name(self) -> str:
@@ -139,19 +120,11 @@ class GroupDelayFile:
 def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     """Return the BGD file at `path`.
 
-    Parameters
-    ----------
-    path
-        The file, of any name.
-    reference
-        A time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 … 4095.
+    `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 …
+    4095.
 
-    Raises
-    ------
-    InputFileError
-        If it is not a file of the layout above, or a value is beyond the ± 119 ns that the field can hold.
-    UnsupportedError
-        If its interface version is not known.
+    Raises `InputFileError` if it is not a file of the layout above, or a value is beyond the ± 119 ns that the field
+    can hold. Raises `UnsupportedError` if its interface version is not known.
     """
     return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
@@ -185,10 +158,7 @@ def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> G
 def serialize(file: GroupDelayFile) -> bytes:
     """Return the bytes of a BGD file, values rounded to 2⁻³² s.
 
-    Raises
-    ------
-    ValueError
-        If a field does not fit the format.
+    Raises `ValueError` if a field does not fit the format.
     """
     slots, mask = np.zeros(MAX_SVID, "<i2"), np.zeros(160, np.uint8)
     for delay in file.delays:
@@ -213,12 +183,12 @@ def serialize(file: GroupDelayFile) -> bytes:
     return (header + slots.tobytes()).ljust(_TYPICAL_BYTES, b"\0")
 
 
-def write(delays: Sequence[GroupDelay], folder: Path, *, provider: str = "GSCX") -> Path:
+def write(delays: Sequence[GroupDelay], folder: Path) -> Path:
     """Write the values of one time as a BGD file into `folder` and return its path."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")
-    file = GroupDelayFile(provider=provider, valid_from=ordered[0].valid_from, delays=ordered)
+    file = GroupDelayFile(provider="GSCX", valid_from=ordered[0].valid_from, delays=ordered)
     path = folder / file.name
     path.write_bytes(serialize(file))
     return path

@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import NamedTuple
 
 from vestige.constants import MAX_SVID
 from vestige.crypto.file_bytes import read_bytes
@@ -55,14 +54,6 @@ class FileKind(Enum):
 
     AGGREGATED = "aggregated"
     UNITARY = "unitary"
-
-
-class _Fault(NamedTuple):
-    """Why a file is none."""
-
-    place: str
-    found: object
-    expected: object
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +138,9 @@ class RecsFile:
 def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
+    Raises `InputFileError` if it is not a RECS file, or is truncated, or contradicts itself or its name. Raises
+    `UnsupportedError` if its interface version is not known.
+
     Parameters
     ----------
     path
@@ -154,13 +148,6 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. Without it
         the file name does, and without a RECS name the week is taken as 0 … 4095, right until 2078.
-
-    Raises
-    ------
-    InputFileError
-        If it is not a RECS file, or is truncated, or contradicts itself or its name.
-    UnsupportedError
-        If its interface version is not known.
     """
     return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
 
@@ -194,13 +181,10 @@ def has_recs_header(head: bytes) -> bool:
 def serialize(file: RecsFile) -> bytes:
     """Return the bytes of a RECS file.
 
-    Raises
-    ------
-    ValueError
-        If a field does not fit the format or contradicts another.
+    Raises `ValueError` if a field does not fit the format or contradicts another.
     """
     if fault := _fault(file):
-        raise ValueError(f"{fault.place}: found {fault.found}, expected {fault.expected}")
+        raise ValueError("{}: found {}, expected {}".format(*fault))
     exact = time_of_deciseconds(file.start.week, deciseconds_of_week(file.start))
     provider, atow = file.provider.encode("ascii"), deciseconds_of_week(exact).to_bytes(3, "big")
     if file.kind is FileKind.UNITARY:
@@ -223,13 +207,11 @@ def write(file: RecsFile, folder: Path) -> Path:
     return path
 
 
-def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX", file_version: int = 1) -> RecsFile:
+def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX") -> RecsFile:
     """Return the file that holds `segments`: unitary for one, aggregated for several at equal intervals.
 
-    Raises
-    ------
-    ValueError
-        If they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole deciseconds.
+    Raises `ValueError` if they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole
+    deciseconds.
     """
     first = segments[0]
     epochs = [s.transmit_time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(s.transmit_time) for s in segments]
@@ -248,7 +230,6 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
         body=b"".join(s.cipher for s in segments),
         duration_ds=len(segments) * period,
         period_ds=period,
-        file_version=file_version,
     )
 
 
@@ -326,8 +307,8 @@ def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
     return time_of_deciseconds(week, deciseconds)
 
 
-def _fault(file: RecsFile) -> _Fault | None:
-    """Return the first thing that is wrong with a file, for the reader and the writer alike."""
+def _fault(file: RecsFile) -> tuple[str, object, object] | None:
+    """Return where the first fault of a file is, what stands there and what should, for reader and writer alike."""
     unitary = file.kind is FileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),
@@ -344,12 +325,10 @@ def _fault(file: RecsFile) -> _Fault | None:
     )
     for place, value, allowed in fields:
         if value not in allowed:
-            return _Fault(place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
+            return (place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
     if not _PROVIDER.fullmatch(file.provider.encode("ascii", "replace")):
-        return _Fault("provider", file.provider, "letters and digits")
+        return ("provider", file.provider, "letters and digits")
     n_bytes = LENGTHS[file.n_chip_code].n_bytes
     if len(file.body) != file.n_segments * n_bytes:
-        return _Fault(
-            "body", f"{len(file.body)} bytes", f"{file.n_segments} RECS of {n_bytes} bytes as the header says"
-        )
+        return ("body", f"{len(file.body)} bytes", f"{file.n_segments} RECS of {n_bytes} bytes as the header says")
     return None

@@ -37,25 +37,15 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecsName:
-    """What the name of a RECS file says.
+    """What the name of a RECS file says."""
 
-    Attributes
-    ----------
-    provider
-        Four characters; only unitary names have it, so an empty provider means an aggregated file.
-    start
-        Epoch of the (first) RECS, a whole number of deciseconds.
-    duration_s, period_ds, n_chip_code
-        Only in aggregated names: time covered in s, time between RECS in ds, NChip code.
-    """
-
-    start: GalileoTime
+    start: GalileoTime  # epoch of the (first) RECS, a whole number of deciseconds
     svid: int
     key_delay: int
     random_offset: int
-    provider: str = ""
-    duration_s: int = 0
-    period_ds: int = 0
+    provider: str = ""  # four characters; only unitary names have it, so an empty provider means an aggregated file
+    duration_s: int = 0  # only in aggregated names, as the next two
+    period_ds: int = 0  # RTBA
     n_chip_code: int = 0
     interface_version: int = 1
     file_version: int = 1
@@ -76,10 +66,7 @@ class RecsName:
 def parse_name(name: str) -> RecsName | None:
     """Return what the file name says, or None if it does not have the form of a RECS name (a renamed file).
 
-    Raises
-    ------
-    InputFileError
-        If it has the form but its date does not exist.
+    Raises `InputFileError` if it has the form but its date does not exist.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -107,10 +94,7 @@ def format_time_code(time: GalileoTime) -> str:
 def parse_time_code(text: str) -> GalileoTime:
     """Return the time of `YYDDDHHMMSSS`; years 99 and 00 … 98 are 1999 and 2000 … 2098.
 
-    Raises
-    ------
-    ValueError
-        If there is no such date or time.
+    Raises `ValueError` if there is no such date or time.
     """
     match = _TIME_CODE.fullmatch(text)
     if match is None:
@@ -127,10 +111,7 @@ def parse_time_code(text: str) -> GalileoTime:
 def deciseconds_of_week(time: GalileoTime) -> int:
     """Return the time of week in deciseconds, which is how RECS files count; 6,048,000 just before a week's end.
 
-    Raises
-    ------
-    ValueError
-        If the time is not a whole number of deciseconds (to 1 ns).
+    Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """
     tenths = round(10 * time.fraction)
     if abs(time.fraction - tenths / 10) > 1e-9:

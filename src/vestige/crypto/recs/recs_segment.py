@@ -52,21 +52,11 @@ class CipherMode(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentLength:
-    """One length that a RECS may have.
+    """One length that a RECS may have."""
 
-    Attributes
-    ----------
-    code
-        NChip field of the aggregated header.
-    duration_ms
-        E6-C primary code periods that it covers, 1 ms each.
-    n_bytes
-        Length of the body: the chips, filled up to whole AES blocks.
-    """
-
-    code: int
-    duration_ms: int
-    n_bytes: int
+    code: int  # NChip field of the aggregated header
+    duration_ms: int  # E6-C primary code periods that it covers, 1 ms each
+    n_bytes: int  # length of the body: the chips, filled up to whole AES blocks
 
     @property
     def n_chips(self) -> int:
@@ -90,13 +80,6 @@ def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
     """Return the start of the subframe that transmits the key of a RECS, which is the GST_SF of that key.
 
     Assumption: KDI 0 is the key sent in the subframe in which the RECS begins, KDI 1 that of the next one [SASLIB].
-
-    Parameters
-    ----------
-    transmit_time
-        Satellite time at which the first chip leaves the satellite.
-    key_delay
-        KDI of the file, 0 or 1.
     """
     if key_delay not in (0, 1):
         raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")
@@ -111,12 +94,7 @@ def wrapping_key(key_data: bytes) -> bytes:
 def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
     """Return P, the 16 bytes whose hash gives the IV: GST_SF, RAND and eleven zero bytes [SASLIB].
 
-    Parameters
-    ----------
-    gst_sf
-        Start of the subframe that transmits the key; not the epoch of the RECS.
-    random_offset
-        RAND of the file, one byte.
+    `gst_sf` is the start of the subframe that transmits the key; not the epoch of the RECS.
     """
     if gst_sf != gst_sf.subframe:
         raise ValueError(f"{gst_sf} is not the start of a subframe")
@@ -144,18 +122,7 @@ def decrypt_body(
     Nothing here tells whether the key was right: AES has no check value, and a wrong key gives random chips. A wrong IV
     damages only the first 128 chips in CBC mode.
 
-    Parameters
-    ----------
-    body
-        Whole AES blocks.
-    key_data
-        TESLA key.
-    gst_sf
-        Start of the subframe that transmits the key.
-    random_offset
-        RAND of the file.
-    mode
-        Assumption on the cipher, see `CipherMode`.
+    `gst_sf` is the start of the subframe that transmits the key.
     """
     return _through(_cipher(key_data, gst_sf, random_offset, mode).decryptor(), body)
 
@@ -185,18 +152,8 @@ def encrypt(
 ) -> EncryptedSegment:
     """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, zero bits as filling.
 
-    Parameters
-    ----------
-    chips
-        1, 2, 4, 8 or 16 ms of E6-C.
-    key_data
-        TESLA key of the subframe that `key_time` gives. The server knows it before it is disclosed.
-    key_delay
-        KDI, 0 or 1.
-    random_offset
-        RAND, 0 or 1.
-    mode
-        Assumption on the cipher, see `CipherMode`.
+    `chips` are 1, 2, 4, 8 or 16 ms of E6-C, `key_data` the key of the subframe that `key_time` gives: the server knows
+    it before it is disclosed.
     """
     length = LENGTH_BY_CHIPS.get(chips.chips.size)
     if length is None:
@@ -217,21 +174,10 @@ def encrypt(
 def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = CipherMode.CBC) -> ChipSequence:
     """Return the E6-C chips of a RECS, without the filling of its last AES block.
 
-    Parameters
-    ----------
-    segment
-        The RECS.
-    key
-        The validated key of `segment.key_time`.
-    mode
-        Assumption on the cipher, see `CipherMode`.
+    `key` is the validated key of `segment.key_time`.
 
-    Raises
-    ------
-    TypeError
-        If the key is not a validated one.
-    ValueError
-        If the key is of another subframe, or the segment contradicts itself.
+    Raises `TypeError` if the key is not a validated one. Raises `ValueError` if the key is of another subframe, or the
+    segment contradicts itself.
     """
     if not is_validated(key):
         raise TypeError(f"a RECS is decrypted with a ValidatedKey, not with a {type(key).__name__}")

@@ -43,29 +43,14 @@ class Draws:
     noise: Complex128[np.ndarray, "n_epochs n_taps"]
     floor: Float[np.ndarray, " n_epochs"]
 
-    def part(self, first: int, last: int) -> Draws:
-        """Return the draws of some of the epochs."""
-        return Draws(
-            correlation=self.correlation[first:last], noise=self.noise[first:last], floor=self.floor[first:last]
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:
-    """Draws banks of correlators.
+    """Draws banks of correlators."""
 
-    Attributes
-    ----------
-    offsets_m
-        Offsets of the taps in m.
-    n_chips
-        Chips of a RECS.
-    front_end
-        What the samples went through; without filter and quantiser it makes no difference.
-    """
-
-    offsets_m: tuple[float, ...]
-    n_chips: int
+    offsets_m: tuple[float, ...]  # of the taps
+    n_chips: int  # chips of a RECS
+    # what the samples went through; without filter and quantiser it makes no difference
     front_end: FrontEnd | None = None
 
     @property
@@ -81,10 +66,7 @@ class CorrelatorModel:
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
         """Return L for σ = 1.
 
-        Raises
-        ------
-        ValueError
-            If two taps coincide.
+        Raises `ValueError` if two taps coincide.
         """
         chips = np.asarray(self.offsets_m) * CHIPS_A_METRE
         lags = np.subtract.outer(chips, chips)
@@ -119,20 +101,9 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        Parameters
-        ----------
-        draws
-            The randomness of these epochs.
-        cn0_dbhz
-            C/N0 of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1.
-        delay_m
-            Delay of every ray after the hand-over's prediction in m; the line of sight is the first ray.
-        amplitude
-            Complex amplitude of every ray; 1 is the line of sight's magnitude.
-        doppler_hz
-            Residual Doppler of every ray in Hz.
-        disturbance
-            What an attack adds beside its counterfeits; None without one.
+        C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Rays have delays after
+        the hand-over's prediction, amplitudes over the line of sight's magnitude, and residual Dopplers; the line of
+        sight is the first ray.
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)

@@ -17,11 +17,13 @@ the self-noise of the code without its peak. Each signal has its own B.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
@@ -31,37 +33,13 @@ CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The part of an attack on E6 that is not rays, over epochs.
+    """The part of an attack on E6 that is not rays, over epochs."""
 
-    Attributes
-    ----------
-    white
-        Density of white noise over N0.
-    waveforms
-        What jamming waveforms leave in the taps, for noise of σ = 1 there.
-    rise
-        By how much they raise the noise power, in the same unit.
-    unrelated
-        B of every ray, of variance 1.
-    forged_chips
-        Rays whose chips never match.
-    """
-
-    white: Float[np.ndarray, " n"]
-    waveforms: Complex128[np.ndarray, "n n_taps"]
-    rise: Float[np.ndarray, " n"]
-    unrelated: Float[np.ndarray, "n n_rays n_lags"]
-    forged_chips: Bool[np.ndarray, " n_rays"]
-
-    def part(self, first: int, last: int) -> Disturbance:
-        """Return that of some of the epochs."""
-        return Disturbance(
-            white=self.white[first:last],
-            waveforms=self.waveforms[first:last],
-            rise=self.rise[first:last],
-            unrelated=self.unrelated[first:last],
-            forged_chips=self.forged_chips,
-        )
+    white: Float[np.ndarray, " n"]  # density of white noise over N0
+    waveforms: Complex128[np.ndarray, "n n_taps"]  # what jamming waveforms leave in the taps, for noise of σ = 1 there
+    rise: Float[np.ndarray, " n"]  # by how much they raise the noise power, in the same unit
+    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every ray, of variance 1
+    forged_chips: Bool[np.ndarray, " n_rays"]  # rays whose chips never match
 
 
 def drawn_disturbance(
@@ -71,41 +49,26 @@ def drawn_disturbance(
     *,
     seed: int,
     first: int,
-    block_epochs: int,
     labels: tuple[int, ...] = (),
 ) -> Disturbance:
     """Return the disturbance of the epochs from `first` on; independent of the cut.
 
-    Parameters
-    ----------
-    effects
-        Of E6, over the epochs.
-    offsets_m
-        Offsets of the taps.
-    forged_chips
-        Rays whose chips never match.
-    seed, first, block_epochs
-        Seed, number of the first epoch, and how many epochs share a stream of draws.
-    labels
-        Whose streams they are, beside the block's number.
+    `labels` say whose streams of draws they are, beside the block's number.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2
-    blocks = range(first // block_epochs, (first + n - 1) // block_epochs + 1) if n else range(0)
-    mine = slice(first % block_epochs, first % block_epochs + n)
-    shape = (block_epochs, forged_chips.size, n_lags)
-    drawn = [stream(seed, "unrelated chips", block, *labels).standard_normal(shape) for block in blocks]
-    unrelated = np.concatenate(drawn or [np.zeros((0, *shape[1:]))])[mine]
+    shape = (DRAW_BLOCK, forged_chips.size, n_lags)
+    unrelated = drawn_rows(
+        first, n, lambda block: stream(seed, "unrelated chips", block, *labels).standard_normal(shape)
+    )
     waveforms, rise = np.zeros((n, chips.size), np.complex128), np.zeros(n)
     lags = np.subtract.outer(chips, chips)
     for number, one in enumerate(effects.jammers):
         covariance = one.waveform.covariance(E6C, lags.ravel(), one.noise_bandwidth_hz).reshape(lags.shape)
         power, vectors = np.linalg.eigh(covariance)
         factor = vectors * np.sqrt(np.maximum(power, 0.0))
-        coloured = [
-            _circular(seed, (number, block, *labels), (block_epochs, chips.size)) @ factor.T for block in blocks
-        ]
-        waveforms += np.concatenate(coloured)[mine] * np.sqrt(one.j_over_n)[:, None]
+        coloured = drawn_rows(first, n, partial(_coloured, seed, number, labels, factor))
+        waveforms += coloured * np.sqrt(one.j_over_n)[:, None]
         rise += one.j_over_n * covariance[0, 0].real
     return Disturbance(
         white=effects.white, waveforms=waveforms, rise=rise, unrelated=unrelated, forged_chips=forged_chips
@@ -115,15 +78,7 @@ def drawn_disturbance(
 def unrelated_correlation(
     noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
 ) -> Float[np.ndarray, "n n_taps"]:
-    """Return R_u at each tap, B counted from the tap with the smallest distance.
-
-    Parameters
-    ----------
-    noise
-        B.
-    distance_chips
-        Delay of the signal after each tap.
-    """
+    """Return R_u at each tap, B counted from the tap with the smallest distance."""
     lag = np.floor(distance_chips).astype(np.int64)
     part = distance_chips - lag
     lag -= lag.min(axis=1, keepdims=True)
@@ -131,6 +86,8 @@ def unrelated_correlation(
     return (1 - part) * noise[rows, lag] + part * noise[rows, lag + 1]
 
 
-def _circular(seed: int, labels: tuple[int, ...], shape: tuple[int, int]) -> Complex128[np.ndarray, "n n_taps"]:
-    rng = stream(seed, "jamming", *labels)
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5)
+def _coloured(
+    seed: int, number: int, labels: tuple[int, ...], factor: Complex128[np.ndarray, "n_taps n_taps"], block: int
+) -> Complex128[np.ndarray, "n n_taps"]:
+    rng, shape = stream(seed, "jamming", number, block, *labels), (DRAW_BLOCK, len(factor))
+    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5) @ factor.T

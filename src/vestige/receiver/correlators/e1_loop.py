@@ -25,7 +25,7 @@ dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import ceil, pi
 
 import numpy as np
@@ -33,13 +33,15 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop_kernel import follow
+from vestige.receiver.draws import joined
 from vestige.records import Band
 from vestige.signals.definitions import E1C
-from vestige.signals.pulse import BOC11, Pulse, autocorrelation
+from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
 _LOCK_RANGE_DB = 6.0  # a receiver that tracks a signal as weak as this above LOCK_DBHZ also tracks it a little weaker
+_SPACING_CHIPS = 0.1  # d
 _STEP_S = 0.1
 _MAX_STEPS = 300  # an epoch
 _PIECE_STEPS = 60_000  # at once, so that memory does not grow
@@ -49,47 +51,21 @@ _NO_POWER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's.
+    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's."""
 
-    Attributes
-    ----------
-    error_m
-        Error of the pseudorange.
-    worst_error_m
-        Error of largest magnitude since the epoch before.
-    rate_error_mps
-        Error of the range rate, from the Doppler of what is tracked.
-    gain
-        C/N0 of what is tracked over that of the undisturbed true signal.
-    captured
-        Whether a counterfeit is the strongest signal in the prompt correlator.
-    forged_nav_data
-        Whether it is one with navigation data of the attacker's own, and those are what is demodulated.
-    """
-
-    error_m: Float[np.ndarray, " n"]
-    worst_error_m: Float[np.ndarray, " n"]
-    rate_error_mps: Float[np.ndarray, " n"]
-    gain: Float[np.ndarray, " n"]
-    captured: Bool[np.ndarray, " n"]
+    error_m: Float[np.ndarray, " n"]  # error of the pseudorange
+    worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before
+    rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of what is tracked
+    gain: Float[np.ndarray, " n"]  # C/N0 of what is tracked over that of the undisturbed true signal
+    captured: Bool[np.ndarray, " n"]  # whether a counterfeit is the strongest signal in the prompt correlator
+    # whether it is one with navigation data of the attacker's own, and those are what is demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
 
 
 class E1Loop:
     """Tracks one satellite through an attack, epoch after epoch.
 
-    Parameters
-    ----------
-    spoofer, svid
-        Who attacks, and the satellite.
-    interval_s
-        Time between epochs.
-    cn0_dbhz
-        C/N0 of undisturbed E1-C.
-    loop_bandwidth_hz
-        B.
-    spacing_chips, pulse
-        Early-late spacing d, and the pulse of signal and replica.
+    `cn0_dbhz` is that of undisturbed E1-C, `loop_bandwidth_hz` B.
     """
 
     def __init__(
@@ -100,14 +76,12 @@ class E1Loop:
         interval_s: float,
         cn0_dbhz: float,
         loop_bandwidth_hz: float = 1.0,
-        spacing_chips: float = 0.1,
-        pulse: Pulse = BOC11,
     ) -> None:
         self._spoofer, self._svid, self._interval_s = spoofer, svid, interval_s
         self._steps = min(max(ceil(interval_s / _STEP_S - 1e-9), 1), _MAX_STEPS)
-        half = len(pulse.levels)
-        self._levels = autocorrelation(pulse, np.arange(-half, half + 1) / half)
-        self._half_spacing, self._pole_hz = spacing_chips / 2, 4 * loop_bandwidth_hz / (2 * pi)
+        half = len(BOC11.levels)
+        self._levels = autocorrelation(BOC11, np.arange(-half, half + 1) / half)
+        self._pole_hz = 4 * loop_bandwidth_hz / (2 * pi)
         self._lock = 10 ** ((min(LOCK_DBHZ, cn0_dbhz - _LOCK_RANGE_DB) - cn0_dbhz) / 10)
         self._place = 0.0
 
@@ -127,8 +101,7 @@ class E1Loop:
         pieces = [
             self._piece(begin, min(at_once, first + count - begin)) for begin in range(first, first + count, at_once)
         ] or [self._piece(first, 0)]
-        names = [field.name for field in fields(E1Tracking)]
-        return E1Tracking(**{name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names})
+        return joined(pieces)
 
     def _piece(self, first: int, count: int) -> E1Tracking:
         epochs = np.repeat(first + np.arange(count), self._steps)
@@ -148,7 +121,7 @@ class E1Loop:
             doppler_hz,
             self._spoofer.acquired_anew(self._svid, before_s, times_s),
             self._lock * noise,
-            self._half_spacing,
+            _SPACING_CHIPS / 2,
             self._pole_hz,
         )
         self._place = float(place[-1]) if place.size else self._place

@@ -42,18 +42,7 @@ def e1_multipath_error_m(
 ) -> Float[np.ndarray, " n"]:
     """Return the error of the pseudorange in m, positive if it is too long; 0 without rays.
 
-    Parameters
-    ----------
-    delay_m
-        Excess delays τ_i in m.
-    amplitude
-        Complex amplitudes a_i on this carrier relative to the line of sight.
-    spacing_chips
-        d, distance of the early from the late correlator in chips.
-    pulse
-        Pulse of the signal and the replica.
-    chip_rate_hz
-        Chip rate in chips/s.
+    `amplitude` is that on this carrier relative to the line of sight; `spacing_chips` is d.
     """
     if not 0 < spacing_chips < 1:
         raise ValueError(f"a spacing lies between 0 and 1 chip, found {spacing_chips}")

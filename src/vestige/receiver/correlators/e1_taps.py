@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signals.definitions import E1C
@@ -45,7 +46,6 @@ POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 _RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # rays have their Doppler on E6
-_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 
 
 class Arriving(NamedTuple):
@@ -82,16 +82,7 @@ def e1_taps(
 ) -> Complex128[np.ndarray, "n n_taps"]:
     """Return ξ of one satellite before the gain control.
 
-    Parameters
-    ----------
-    truth
-        Of the satellite.
-    cn0_dbhz
-        C/N0 of the true signal without interference.
-    multipath_m, with_rays
-        Error of the pseudorange by rays, and whether they are in E1.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
+    `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by rays.
     """
     n, arrived = truth.time_s.size, arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
@@ -141,22 +132,13 @@ def _beating_power(
     return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 
-def power_rise_db(
-    truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float = POWER_BANDWIDTH_HZ
-) -> Float[np.ndarray, " n"]:
+def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
     """Return by how much the power of E1 is above that without attack, −20 log₁₀ g, in dB.
 
-    Parameters
-    ----------
-    truth
-        Of each satellite.
-    cn0_dbhz
-        C/N0 of the true signals; NaN out of view.
-    bandwidth_hz
-        W.
+    `cn0_dbhz` is that of the true signals, NaN out of view.
     """
     heard = np.stack([_power(one) for one in truth], axis=1)
-    return _rise_db(truth[0].e1_attack, cn0_dbhz, heard, bandwidth_hz)
+    return _rise_db(truth[0].e1_attack, cn0_dbhz, heard, POWER_BANDWIDTH_HZ)
 
 
 def e6_power_rise_db(
@@ -206,22 +188,17 @@ def power_noise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the scatter of the power reading of n epochs in dB."""
     sigma_db = _DB_PER_NEPER / np.sqrt(bandwidth_hz * averaging_s)
-    blocks, mine = _blocks(first, n)
-    drawn = [stream(seed, f"{band.value} power", block).standard_normal(_DRAW_BLOCK) for block in blocks]
-    return sigma_db * np.concatenate(drawn)[mine]
+    return sigma_db * drawn_rows(
+        first, n, lambda block: stream(seed, f"{band.value} power", block).standard_normal(DRAW_BLOCK)
+    )
 
 
 def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "n n_taps"]:
     lags = np.subtract.outer(TAP_CHIPS, TAP_CHIPS)
     factor = np.linalg.cholesky(autocorrelation(BOC11, lags.ravel()).reshape(lags.shape))
-    blocks, mine = _blocks(first, n)
-    shape = (2, _DRAW_BLOCK, len(TAP_CHIPS))
-    drawn = [stream(seed, "E1 taps", block, svid).standard_normal(shape) for block in blocks]
-    # a product for each block of draws: its last bits depend on the number of rows
-    return np.concatenate([(real + 1j * imaginary) @ factor.T for real, imaginary in drawn])[mine]
 
+    def draw(block: int) -> Complex128[np.ndarray, "n n_taps"]:
+        real, imaginary = stream(seed, "E1 taps", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS)))
+        return (real + 1j * imaginary) @ factor.T  # its last bits depend on the number of rows
 
-def _blocks(first: int, n: int) -> tuple[range, slice]:
-    """Return the blocks of draws that hold n epochs, and where in them these are."""
-    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
-    return blocks, slice(first % _DRAW_BLOCK, first % _DRAW_BLOCK + n)
+    return drawn_rows(first, n, draw)

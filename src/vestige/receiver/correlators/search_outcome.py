@@ -38,6 +38,7 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int64
 
 from vestige.constants import E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.sample_processor.acquisition import CROSS_CORRELATION_DB, MAX_STRETCHES
@@ -60,61 +61,37 @@ _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
 _MEASURE_SIGMA_M = 3.0  # of a code phase out of 100 ms of E1
-_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
 _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 divides it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
-    """What the searches of one satellite find, over epochs.
+    """What the searches of one satellite find, over epochs."""
 
-    Attributes
-    ----------
-    e1_signals
-        Signals on E1; 0 if there is none, and then no hand-over.
-    handover_carrying
-        Those of them that carry the encrypted chips in E6; 0 where the hand-over was not run.
-    handover_error_m
-        Error of the range of the earliest in E6, as one of E1; NaN where it was not run or found nothing.
-    exhaustive_signals, exhaustive_error_m
-        The same of the exhaustive search.
-    """
-
-    e1_signals: Float[np.ndarray, " n"]
+    e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
+    # those of them that carry the encrypted chips in E6; 0 where the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
+    # of the range of the earliest in E6, as one of E1; NaN where it found nothing or was not run
     handover_error_m: Float[np.ndarray, " n"]
-    exhaustive_signals: Float[np.ndarray, " n"]
+    exhaustive_signals: Float[np.ndarray, " n"]  # the same of the exhaustive search
     exhaustive_error_m: Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
-    """The signals of one satellite in one band over epochs; the true one is the first.
+    """The signals of one satellite in one band over epochs; the true one is the first."""
 
-    Attributes
-    ----------
-    amplitude, delay_m, doppler_hz
-        Relative to the true signal; an amplitude of 0 is none.
-    cn0_dbhz
-        Of the true signal, over the noise that there is.
-    """
-
-    amplitude: Complex128[np.ndarray, "n k"]
+    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 is none
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    cn0_dbhz: Float[np.ndarray, " n"]
+    cn0_dbhz: Float[np.ndarray, " n"]  # of the true signal, over the noise that there is
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
-    Parameters
-    ----------
-    effects
-        What the attacks add.
-    band, cn0_dbhz
-        The band, and the C/N0 of the true signal without attack; −∞ or NaN is no signal.
+    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN is no signal.
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
@@ -130,28 +107,15 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """What is random in the searches of a block of epochs, a column for each signal.
+    """What is random in the searches of a block of epochs, a column for each signal."""
 
-    Attributes
-    ----------
-    e1_cell, e6_cell
-        Places between the cells of code and Doppler, in steps, −½ … ½.
-    e1_z, e6_z
-        Noise of unit variance per dimension in the tested cell.
-    e1_rest
-        The other K − 1 squared magnitudes of E1, χ²(2K − 2).
-    measured
-        Errors of E1's code phase and of the range in E6, σ = 1.
-    alarm
-        Uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where.
-    """
-
-    e1_cell: Float[np.ndarray, "n k 2"]
+    e1_cell: Float[np.ndarray, "n k 2"]  # place between the cells of code and Doppler, in steps, −½ … ½
     e6_cell: Float[np.ndarray, "n k 2"]
-    e1_z: Complex128[np.ndarray, "n k"]
+    e1_z: Complex128[np.ndarray, "n k"]  # noise of unit variance per dimension in the tested cell
     e6_z: Complex128[np.ndarray, "n k"]
-    e1_rest: Float[np.ndarray, "n k"]
-    measured: Float[np.ndarray, "n k 2"]
+    e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
+    measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
+    # uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where
     alarm: Float[np.ndarray, "n 4"]
 
 
@@ -183,32 +147,13 @@ def search_outcome(
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
-    Parameters
-    ----------
-    truth
-        Of the satellite.
-    cn0_e1_dbhz, cn0_e6_dbhz
-        Of its undisturbed pilots, before what its elevation makes of them.
-    integration_s
-        Of E6.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
-    p_fa
-        As `e1_p_fa` and `exhaustive_p_fa` of `outcome`.
+    C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
     """
     seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
     e6 = band_signals(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
     n, signals = e1.amplitude.shape
-    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
-    drawn = [search_draws(stream(seed, "searches", block, svid), _DRAW_BLOCK, signals) for block in blocks]
-    rows = slice(first % _DRAW_BLOCK, first % _DRAW_BLOCK + n)
-    draws = SearchDraws(
-        **{
-            name: np.concatenate([getattr(one, name) for one in drawn])[rows]
-            for name in SearchDraws.__dataclass_fields__
-        }
-    )
+    draws = drawn_rows(first, n, lambda block: search_draws(stream(seed, "searches", block, svid), DRAW_BLOCK, signals))
     return outcome(
         e1,
         e6,
@@ -234,22 +179,8 @@ def outcome(
 ) -> SearchOutcome:
     """Return what the searches find.
 
-    Parameters
-    ----------
-    e1, e6
-        The signals of both bands.
-    draws
-        What is random.
-    shift_m
-        By how much E6 is later than E1 in truth and not in the prediction.
-    integration_s
-        Of E6.
-    e1_p_fa, exhaustive_p_fa
-        Of one search of one satellite, on E1 and in E6 at the hand-over each, and of all E6.
-    window_s
-        Time uncertainty either way.
-    periods
-        Of E1's code that are added, as for the draws.
+    `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
+    satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
@@ -356,16 +287,8 @@ def _separate(
 ) -> Bool[np.ndarray, "n k"]:
     """Return the signals that are further than the separation rule says from every stronger one that is kept.
 
-    Parameters
-    ----------
-    found
-        Above the threshold.
-    strength
-        Their powers.
-    delay_m, period_m
-        Their places, and modulo what.
-    blind_m, fine_m
-        The rule: `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger).
+    The rule is `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger); places
+    count modulo `period_m`.
     """
     order = np.argsort(np.where(found, -strength, np.inf), axis=1)
     rows = np.arange(found.shape[0])

@@ -15,10 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.navigation.earth import local_axes_at
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.receiver.sky.trajectory import Trajectory
 from vestige.streams import stream
-
-_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +30,6 @@ class Accelerometers:
         Standard deviation of the bias of an axis: 1 mg.
     walk_mps_per_sqrt_s
         N, velocity random walk.
-    kind
-        Name of the model in a scenario.
     """
 
     sigma_bias_mps2: float = 0.01
@@ -47,25 +44,17 @@ class Accelerometers:
     def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
-        """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run.
-
-        Parameters
-        ----------
-        trajectory
-            What is true.
-        time_s, interval_s
-            Epochs in s after the start, and the time between them.
-        seed, first
-            Whose random numbers, and the number of the first epoch.
-        """
+        """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run."""
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0
         now, before = trajectory.motion(time_s), trajectory.motion(np.where(started, begun, time_s))
         axes = local_axes_at(now.position_m)
         gained = np.einsum("nij,nj->ni", axes, now.velocity_mps - before.velocity_mps)
         bias = self.sigma_bias_mps2 * stream(seed, "accelerometer bias").standard_normal(3)
-        blocks = range(first // _DRAW_BLOCK, (first + time_s.size - 1) // _DRAW_BLOCK + 1)
-        drawn = [stream(seed, "accelerometer noise", block).standard_normal((_DRAW_BLOCK, 3)) for block in blocks]
-        noise = np.concatenate(drawn)[first % _DRAW_BLOCK :][: time_s.size]
+        noise = drawn_rows(
+            first,
+            time_s.size,
+            lambda block: stream(seed, "accelerometer noise", block).standard_normal((DRAW_BLOCK, 3)),
+        )
         found = gained + bias * interval_s + self.walk_mps_per_sqrt_s * np.sqrt(interval_s) * noise
         return np.where(started[:, None], found, np.nan)

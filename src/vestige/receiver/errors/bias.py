@@ -32,8 +32,6 @@ class BiasResiduals:
         Standard deviation of the receiver's delay E6 − E1.
     hardware_drift_mps
         Standard deviation of its rate.
-    kind
-        Name of the model in a scenario.
     """
 
     bgd_sigma_m: float = 0.0
@@ -63,11 +61,5 @@ class BiasProcess:
     drift_mps: float
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return b(t), part of E6 − E1, in m.
-
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start.
-        """
+        """Return b(t), part of E6 − E1, in m."""
         return self.satellite_m + (self.hardware_m + self.drift_mps * times_s)

@@ -42,8 +42,6 @@ class TwoStateClock:
         h0, white frequency noise, in 1/Hz = s.
     h_minus_2_hz
         h−2, random-walk frequency noise, in Hz.
-    kind
-        Name of the model in a scenario.
     """
 
     h0_s: float = 7.115e-24  # [WFO, Sec. V]
@@ -89,15 +87,7 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return clock error in m and its rate in m/s at later times; both are 0 at the scenario's start.
 
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start, ascending, not negative.
-
-        Raises
-        ------
-        ValueError
-            If time runs backwards.
+        Raises `ValueError` if time runs backwards.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

@@ -33,8 +33,6 @@ class EmpiricalIonosphere:
         Differential residuals E6 − E1 in m, in any order.
     correlation, tau_s
         Memory, and its correlation time τ in s.
-    kind
-        Name of the model in a scenario.
     """
 
     samples_m: Float[np.ndarray, " n"]
@@ -60,15 +58,7 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number a line.
 
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    InputFileError
-        If it cannot be read, has another header or no sample, or a line is not a plausible number.
+    Raises `InputFileError` if it cannot be read, has another header or no sample, or a line is not a plausible number.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != COLUMN:

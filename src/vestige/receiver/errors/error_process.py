@@ -130,12 +130,7 @@ class BiasModel(Protocol):
 def named_streams(seed: int, *labels: str | int) -> Streams:
     """Return the streams of one owner: a function from the name of a variable to its generator.
 
-    Parameters
-    ----------
-    seed
-        Seed of the scenario.
-    labels
-        Whose streams they are, an SVID for instance; nothing for the receiver's own.
+    `labels` say whose they are, an SVID for instance; none are the receiver's own.
     """
     return lambda name: stream(seed, name, *labels)
 
@@ -143,17 +138,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the time since the epoch before, for each epoch in s.
 
-    Parameters
-    ----------
-    last_s
-        Time of the epoch before the first one.
-    times_s
-        Times of the epochs in s after the scenario's start.
-
-    Raises
-    ------
-    ValueError
-        If time runs backwards.
+    Raises `ValueError` if time runs backwards.
     """
     steps = np.diff(times_s, prepend=last_s)
     if not np.all(steps >= 0):

@@ -16,12 +16,8 @@ from vestige.receiver.errors.error_process import steps_s
 class GaussMarkovProcess:
     """One realisation.
 
-    Parameters
-    ----------
-    rng
-        Gives one normal an epoch.
-    tau_s
-        Correlation time τ in s; 0 makes every epoch independent, even of one at the same time.
+    `rng` gives one normal an epoch. A correlation time of 0 makes every epoch independent, even of one at the same
+    time.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
@@ -32,13 +28,7 @@ class GaussMarkovProcess:
         self._z = 0.0
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return z of mean 0 and variance 1 at later times.
-
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start, ascending.
-        """
+        """Return z of mean 0 and variance 1 at later times."""
         if times_s.size == 0:
             return np.zeros(0)
         drive = self._rng.standard_normal(times_s.size)

@@ -53,8 +53,6 @@ class HeavyTailedIonosphere:
         Cut the core at ±u, so that P(|e| > u) is exactly p. Otherwise the core reaches beyond u too.
     correlation, tau_s
         Memory, and its correlation time τ in s.
-    kind
-        Name of the model in a scenario.
     """
 
     core_sigma_m: float
@@ -165,17 +163,7 @@ PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
 
 
 class IonosphereProcess:
-    """One realisation of the residual of one satellite.
-
-    Parameters
-    ----------
-    quantile
-        F⁻¹(Φ(z)) in m.
-    correlation, tau_s
-        Memory of z.
-    streams
-        The satellite's.
-    """
+    """One realisation of the residual of one satellite."""
 
     def __init__(
         self,
@@ -191,26 +179,12 @@ class IonosphereProcess:
         self._share = 0.0
 
     def shared(self, receiver: Streams, share: float) -> IonosphereProcess:
-        """Return this realisation with a share of the variance of z taken from the receiver's streams.
-
-        Parameters
-        ----------
-        receiver
-            Streams that all satellites have in common.
-        share
-            ρ, 0 … 1.
-        """
+        """Return this realisation with a share of the variance of z taken from the receiver's streams."""
         self._common, self._share = GaussMarkovProcess(receiver("ionosphere"), self._tau_s), share
         return self
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the differential residual E6 − E1 in m at later times.
-
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start, ascending.
-        """
+        """Return the differential residual E6 − E1 in m at later times."""
         z = self._z.advance(times_s)
         if self._common is not None:
             z = np.sqrt(self._share) * self._common.advance(times_s) + np.sqrt(1 - self._share) * z

@@ -88,8 +88,6 @@ class LmsLiteMultipath:
         v, speed of the receiver in m/s.
     mean_life_m, mean_life_s
         L in m of travel, T in s.
-    kind
-        Name of the model in a scenario.
     """
 
     power_db: float

@@ -71,8 +71,6 @@ class BetzTrackingNoise:
         B of the code, phase and frequency loop.
     integration_s
         T.
-    kind
-        Name of the model in a scenario.
     """
 
     pulse: PulseName = "BOC(1,1)"
@@ -144,13 +142,7 @@ class TrackingNoiseProcess:
     def advance(
         self, times_s: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return errors of pseudorange in m, carrier phase in m and Doppler in Hz at later times.
-
-        Parameters
-        ----------
-        times_s
-            Times in s after the scenario's start, ascending.
-        """
+        """Return errors of pseudorange in m, carrier phase in m and Doppler in Hz at later times."""
         code, carrier, doppler = (
             sigma * noise.advance(times_s) for sigma, noise in zip(self._sigmas, self._noises, strict=True)
         )

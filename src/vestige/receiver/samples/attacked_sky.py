@@ -31,22 +31,12 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CounterfeitSignal:
-    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start.
-
-    Attributes
-    ----------
-    true
-        The true signal in the band.
-    path
-        The truth that it repeats.
-    number
-        Which of the spoofer's attacks makes it.
-    """
+    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start."""
 
     true: ReceivedSatellite
-    path: ContinuousTruth
+    path: ContinuousTruth  # the truth that it repeats
     spoofer: Spoofer
-    number: int
+    number: int  # which of the spoofer's attacks makes it
     band: Band
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -103,15 +93,7 @@ class CounterfeitSignal:
 def counterfeit_satellites(
     true: ReceivedSatellite, path: ContinuousTruth, spoofer: Spoofer, band: Band, forged: tuple[Component, ...]
 ) -> Iterator[ReceivedSatellite]:
-    """Yield what the attacks add to a band of a satellite.
-
-    Parameters
-    ----------
-    true, path
-        The true signal, and the truth of its path.
-    forged
-        Components with chips that an attacker makes up.
-    """
+    """Yield what the attacks add to a band of a satellite."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)

@@ -28,23 +28,12 @@ from vestige.signal_generator.range_model import RangeHistory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuousTruth:
-    """A truth at any time.
-
-    Attributes
-    ----------
-    line_of_sight
-        Range against time.
-    truth
-        At the epochs, at least two, and beyond the times that are asked for.
-    e1_multipath
-        Whether the rays are in E1 too.
-    group_delay_m
-        Delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m.
-    """
+    """A truth at any time."""
 
     line_of_sight: RangeHistory
-    truth: TruthBlock
-    e1_multipath: bool
+    truth: TruthBlock  # at the epochs, at least two, and beyond the times that are asked for
+    e1_multipath: bool  # whether the rays are in E1 too
+    # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

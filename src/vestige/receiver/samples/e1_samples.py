@@ -28,6 +28,7 @@ from vestige.receiver.correlators.e1_taps import (
     TAP_CHIPS,
     arriving,
 )
+from vestige.receiver.samples.sampled_attack import add_jammers
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate
@@ -35,7 +36,6 @@ from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E1C
-from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
 SAMPLE_RATE_HZ = 4e6  # no small multiple of the chip rate
@@ -44,7 +44,7 @@ _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
 _SPARE_CHIPS = 64  # on both sides of the segment, 9 km
 _MARGIN_S = 5e-6
 _ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch know no other
-_NOISE, _BAND_NOISE, _JAMMER = 1, 2, 16  # stream numbers on E1, those of a satellite after `_STREAMS_A_SATELLITE`
+_NOISE = 1  # stream number on E1, those of a satellite after `_STREAMS_A_SATELLITE`
 _STREAMS_A_SATELLITE, _E1 = 1 << 16, 1 << 32
 
 
@@ -115,14 +115,7 @@ def sampled_power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the power of the band over that without attack, as samples have it, in dB.
 
-    Parameters
-    ----------
-    truth, cn0_dbhz
-        As for `power_rise_db`.
-    svids
-        Of the satellites.
-    seed, first
-        Whose random numbers, and the number of the first epoch.
+    Parameters are those of `power_rise_db`.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     rise_db = np.empty(cn0_dbhz.shape[0])
@@ -206,11 +199,7 @@ def _samples(
         carrier_hz=E1_CARRIER_HZ,
         center_frequency_hz=E1_CARRIER_HZ,
     )
-    for number, jamming in enumerate(attack.jammers):
-        if jamming.j_over_n[row] > 0:
-            level = float(jamming.j_over_n[row])
-            power = power_in_samples(jamming.waveform, level, jamming.noise_bandwidth_hz, rate_hz)
-            jamming.waveform.add(samples, power, rate_hz, noise_key(seed, epoch, first_stream + _JAMMER + number))
+    add_jammers(samples, attack.jammers, row, rate_hz=rate_hz, seed=seed, epoch=epoch, first_stream=first_stream)
     return samples
 
 

@@ -32,26 +32,14 @@ LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate: the signal then adds 1
 
 
 def signal_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R_h.
-
-    Parameters
-    ----------
-    delay_chips
-        x in chips of E6-C.
-    """
+    """Return R_h."""
     taps = front_end.filter_taps().astype(np.float64)
     lags = (np.arange(taps.size) - taps.size // 2) * (E6C.chip_rate_hz / front_end.input_rate_hz)
     return _smoothed(delay_chips, taps, lags) / np.sum(taps)
 
 
 def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R_n; R_n(0)/R_h(0)² is the loss of the front end.
-
-    Parameters
-    ----------
-    delay_chips
-        δ in chips of E6-C.
-    """
+    """Return R_n; R_n(0)/R_h(0)² is the loss of the front end."""
     taps = front_end.filter_taps().astype(np.float64)
     every = np.correlate(taps, taps, mode="full")[(taps.size - 1) % front_end.oversampling :: front_end.oversampling]
     lags = (np.arange(every.size) - every.size // 2) * (E6C.chip_rate_hz / front_end.sample_rate_hz)
@@ -65,11 +53,6 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
     Three taps are read as points of a triangle [WFO, Sec. III-C], and behind a filter the peak is round. The slope is
     that of the line of least squares over delays up to a quarter of the spacing, where nearly all offsets are.
-
-    Parameters
-    ----------
-    spacing_m
-        From the early to the punctual tap, in m.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
@@ -81,15 +64,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return what each lag of a code's autocorrelation, even and given at whole chips, adds at |x| on a finer grid.
-
-    Parameters
-    ----------
-    n_lags
-        The lags are 0 … n_lags − 1 chips, and so is the grid.
-    steps_per_chip
-        Points of the grid in a chip.
-    """
+    """Return what each lag of a code's autocorrelation, even and given at whole chips, adds at |x| on a finer grid."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)

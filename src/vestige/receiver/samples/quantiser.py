@@ -30,24 +30,12 @@ _ORDERS = 60  # of Hermite polynomials; what follows them is below 1e-3 up to |�
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantiser:
-    """A uniform quantiser of each dimension.
+    """A uniform quantiser of each dimension."""
 
-    Attributes
-    ----------
-    step_sigma
-        Step that loses least, in standard deviations of a Gaussian input.
-    outermost
-        Largest output.
-    zero
-        Whether 0 is an output (levels …, −1, 0, 1, …), or not (levels …, −3, −1, 1, 3, …, two a step).
-    full_scale_sigma
-        Where it clips, in the same unit as `step_sigma`; one bit never does.
-    """
-
-    step_sigma: float
-    outermost: int
-    zero: bool
-    full_scale_sigma: float
+    step_sigma: float  # step that loses least, in standard deviations of a Gaussian input
+    outermost: int  # largest output
+    zero: bool  # whether 0 is an output (levels …, −1, 0, 1, …), or not (levels …, −3, −1, 1, 3, …, two a step)
+    full_scale_sigma: float  # where it clips, in the same unit as `step_sigma`; one bit never does
 
     def quantise(self, x: Float32[np.ndarray, " n"]) -> Float32[np.ndarray, " n"]:
         """Return the outputs for inputs in steps."""

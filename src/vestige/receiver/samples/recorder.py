@@ -55,27 +55,15 @@ class Pseudorange(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """What holds for a while between satellite and receiver.
+    """What holds for a while between satellite and receiver."""
 
-    Attributes
-    ----------
-    delay_m
-        Group delay of the line of sight beyond the pseudorange, in m.
-    at_s
-        Receiver time after the reference at which all amplitudes hold.
-    ray_delay_m, ray_amplitude, ray_doppler_hz
-        Rays relative to the line of sight: excess delay, complex amplitude, Doppler.
-    amplitude, doppler_hz
-        Of the line of sight, beyond its C/N0 and the Doppler of its pseudorange; amplitude 0 is nothing on air.
-    """
-
-    delay_m: float
-    at_s: float
-    ray_delay_m: Float[np.ndarray, " n_rays"]
-    ray_amplitude: Complex128[np.ndarray, " n_rays"]
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]
-    amplitude: complex = 1.0 + 0j
-    doppler_hz: float = 0.0
+    delay_m: float  # group delay of the line of sight beyond the pseudorange, in m
+    at_s: float  # receiver time after the reference at which all amplitudes hold
+    ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay against the line of sight
+    ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
+    amplitude: complex = 1.0 + 0j  # of the line of sight, beyond its C/N0; 0 is nothing on air
+    doppler_hz: float = 0.0  # of the line of sight, beyond that of its pseudorange
 
 
 def straight(delay_m: float = 0.0) -> Propagation:
@@ -88,25 +76,13 @@ def straight(delay_m: float = 0.0) -> Propagation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedSatellite:
-    """One satellite in one band.
-
-    Attributes
-    ----------
-    components
-        Its components in the band, counted from the reference.
-    cn0_dbhz
-        C/N0 of each of them.
-    pseudorange
-        P(t), which moves code and carrier.
-    propagation
-        What holds at a receiver time in s after the reference.
-    """
+    """One satellite in one band."""
 
     svid: int
-    components: tuple[Component, ...]
-    cn0_dbhz: float
-    pseudorange: Pseudorange
-    propagation: Callable[[float], Propagation]
+    components: tuple[Component, ...]  # its components in the band, counted from the reference
+    cn0_dbhz: float  # C/N0 of each of them
+    pseudorange: Pseudorange  # P(t), which moves code and carrier
+    propagation: Callable[[float], Propagation]  # what holds at a receiver time in s after the reference
 
 
 def stretch_samples(sample_rate_hz: float) -> int:
@@ -127,18 +103,8 @@ def record_band(
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order; the receiver's noise has variance 1 a sample.
 
-    Parameters
-    ----------
-    sky
-        All satellites in the band.
-    reference
-        Receiver-clock time of sample 0, a whole second.
-    first_sample, n_samples
-        Which samples.
-    noise_key
-        Key of the noise (`noise_kernel.noise_key`); None for no noise.
-    noise_power
-        Variance of the noise with interference as white, against receiver time in s after the reference.
+    `reference` is the receiver-clock time of sample 0, a whole second. Without `noise_key` there is no noise;
+    `noise_power` is its variance with interference as white, against receiver time in s after the reference.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")

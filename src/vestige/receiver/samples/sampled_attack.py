@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from jaxtyping import Complex64
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.sampled_epoch import JammerSamples, Window, arrival, received_signal
+from vestige.receiver.samples.sampled_epoch import Window, arrival, received_signal
 from vestige.receiver.truth import TruthBlock
 from vestige.signal_generator.keystream import encrypted_chips
 from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal
 from vestige.signals.definitions import E6C
+from vestige.spoofer.attack import Jamming
 from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
@@ -42,18 +44,8 @@ def counterfeit_signals(
 ) -> tuple[ReceivedSignal, ...]:
     """Return the counterfeits that are on air in a window; `start_s` counts from the epoch.
 
-    Parameters
-    ----------
-    keys
-        Of the encryption, and of the chips that attackers make up.
-    svid, sent
-        Satellite, and time of transmission of the RECS.
-    line_of_sight, truth, row
-        Range against time, the truth of a block, and the epoch's place in it.
-    taken
-        The samples.
-    amplitude
-        Of the line of sight.
+    `keys` are those of the encryption, and of the chips that attackers make up; `amplitude` is that of the line of
+    sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []
@@ -104,29 +96,21 @@ def true_signal(
     return received_signal(chips, line_of_sight, truth, row, amplitude=amplitude, later_s=later_s)
 
 
-def jammer_samples(
-    truth: TruthBlock, row: int, *, seed: int, epoch: int, input_rate_hz: float, first_stream: int = 0
-) -> tuple[JammerSamples, ...]:
-    """Return the jamming waveforms of an epoch, in samples whose noise has variance 1 at `input_rate_hz`.
-
-    Parameters
-    ----------
-    truth, row
-        The truth of a block, and the epoch's place in it.
-    seed, epoch, first_stream
-        Whose random numbers: streams from `first_stream` on.
-    input_rate_hz
-        Rate of the samples.
-    """
-    return tuple(
-        JammerSamples(
-            waveform=one.waveform,
-            power=power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, input_rate_hz),
-            key=noise_key(seed, epoch, first_stream + _JAMMER + number),
-        )
-        for number, one in enumerate(truth.e6.jammers)
-        if one.j_over_n[row] > 0
-    )
+def add_jammers(
+    samples: Complex64[np.ndarray, " n"],
+    jammers: tuple[Jamming, ...],
+    row: int,
+    *,
+    rate_hz: float,
+    seed: int,
+    epoch: int,
+    first_stream: int,
+) -> None:
+    """Add the jamming waveforms of an epoch, row `row` of its block, to samples whose noise has variance 1."""
+    for number, one in enumerate(jammers):
+        if one.j_over_n[row] > 0:
+            power = power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, rate_hz)
+            one.waveform.add(samples, power, rate_hz, noise_key(seed, epoch, first_stream + _JAMMER + number))
 
 
 def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:

@@ -9,11 +9,12 @@ with the Doppler, its rate and the carrier phase −f6 P6/c of that moment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
@@ -23,7 +24,6 @@ from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import ReceivedSignal, synthesize
 from vestige.signals.definitions import E6C
-from vestige.spoofer.jammers import AnyJammer
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -48,17 +48,7 @@ class Arrival:
 
 
 def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
-    """Return how the chips arrive that are sent `later_s` after the epochs.
-
-    Parameters
-    ----------
-    line_of_sight
-        Range against time.
-    truth, rows
-        The truth of a block, and the epochs in it.
-    later_s
-        Time of transmission after the epoch; may be negative.
-    """
+    """Return how the chips arrive that are sent `later_s` after the epochs."""
     sent_s = truth.time_s[rows] + later_s
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
@@ -86,18 +76,7 @@ def received_signal(
 ) -> ReceivedSignal:
     """Return the line of sight and its rays as they arrive; `start_s` counts from the epoch.
 
-    Parameters
-    ----------
-    chips
-        What the satellite sends.
-    line_of_sight
-        Range against time.
-    truth, row
-        The truth of a block, and the epoch's place in it.
-    amplitude
-        Of the line of sight.
-    later_s
-        When the first of the chips is sent, after the epoch.
+    `later_s` is when the first of the chips is sent, after the epoch.
     """
     direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
     to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
@@ -115,24 +94,12 @@ def received_signal(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Which samples are taken around a RECS.
+    """Which samples are taken around a RECS."""
 
-    Attributes
-    ----------
-    expected_s
-        When the receiver expects the RECS, after transmission.
-    first
-        Number of the first sample, counted from the time of transmission at the output rate.
-    n_samples
-        How many come out of the front end.
-    start_s, stop_s
-        Times after transmission between which signals must be there: what the front end's filter needs, too.
-    """
-
-    expected_s: float
-    first: int
-    n_samples: int
-    start_s: float
+    expected_s: float  # when the receiver expects the RECS, after transmission
+    first: int  # number of the first sample, counted from the time of transmission at the output rate
+    n_samples: int  # how many come out of the front end
+    start_s: float  # after transmission; between it and `stop_s` signals must be there: what the filter needs, too
     stop_s: float
 
 
@@ -161,15 +128,6 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JammerSamples:
-    """A jamming waveform of mean power `power`, over that of noise in the samples, with the key of its randomness."""
-
-    waveform: AnyJammer
-    power: float
-    key: np.uint64
-
-
 def e6_samples(
     signals: tuple[ReceivedSignal, ...],
     sent: GalileoTime,
@@ -178,26 +136,12 @@ def e6_samples(
     front_end: FrontEnd,
     noise_key: np.uint64 | None,
     noise_power: float = 1.0,
-    jammers: tuple[JammerSamples, ...] = (),
+    jam: Callable[[Complex64[np.ndarray, " n"]], None] = lambda _: None,
 ) -> tuple[SampleBatch, FrontEndStatus]:
     """Return the E6 samples of an epoch, and what the front end says of itself.
 
-    Parameters
-    ----------
-    signals
-        All that is in the band, at the front end's input rate; `start_s` counts from `sent`.
-    sent
-        Time of transmission of the RECS.
-    taken
-        Where the samples lie.
-    front_end
-        What they go through.
-    noise_key
-        Key of the noise; None for no noise.
-    noise_power
-        White noise, that of the receiver being 1.
-    jammers
-        Interference with a waveform.
+    Signals are at the front end's input rate, their `start_s` counts from `sent`. White noise of the receiver has power
+    1. `jam` adds jamming waveforms.
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     at_antenna = synthesize(
@@ -208,8 +152,7 @@ def e6_samples(
         noise_power=noise_power,
         first_sample=-front_end.margin_samples,
     )
-    for jammer in jammers:
-        jammer.waveform.add(at_antenna, jammer.power, input_hz, jammer.key)
+    jam(at_antenna)
     samples, status = front_end.process(at_antenna)
     batch = SampleBatch(
         band=Band.E6,

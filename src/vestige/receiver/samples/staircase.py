@@ -32,13 +32,6 @@ def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircas
     f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the tread is 1/p chip. The rate that counts is that of the samples that are
     correlated, since the replica's chips fall on p phases there. So a filter does not help, nor does a higher rate
     before it, which has as many phases or more.
-
-    Parameters
-    ----------
-    sample_rate_hz
-        Sampling rate, at least half the chip rate.
-    chip_rate_hz
-        Chip rate.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
     if p is None:

@@ -1,4 +1,4 @@
-"""The sky: satellites on nominal or broadcast orbits, and what a receiver has of them at each epoch.
+"""The sky: satellites on nominal orbits, and how strong they are.
 
 The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]: circular orbits in three
 planes 120° apart, eight slots of 45° in each, the next plane ahead by 360°/24 = 15°. It comes as ephemerides, so that
@@ -10,16 +10,14 @@ Orbit and clock of an ephemeris are taken for true: what the broadcast message i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.navigation.line_of_sight import LineOfSight, ReceiverMotion, line_of_sight
 from vestige.time import GalileoTime
 
 # Reference constellation of 2016-11-21T00:00:00 UTC [GSC-ORBITS]
@@ -68,74 +66,6 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sky:
-    """All satellites that are in view at some epoch, n epochs by m satellites.
-
-    Attributes
-    ----------
-    svids
-        One for each column, ascending.
-    range_m, rate_mps, acceleration_mps2, azimuth_rad, elevation_rad, satellite_clock_m, satellite_clock_mps
-        As in `LineOfSight`; also while a satellite is not in view.
-    in_view
-        Whether it is at or above the elevation mask.
-    """
-
-    svids: tuple[int, ...]
-    range_m: Float[np.ndarray, "n m"]
-    rate_mps: Float[np.ndarray, "n m"]
-    acceleration_mps2: Float[np.ndarray, "n m"]
-    azimuth_rad: Float[np.ndarray, "n m"]
-    elevation_rad: Float[np.ndarray, "n m"]
-    satellite_clock_m: Float[np.ndarray, "n m"]
-    satellite_clock_mps: Float[np.ndarray, "n m"]
-    in_view: Bool[np.ndarray, "n m"]
-
-
-def sky(
-    ephemerides: Sequence[Ephemeris],
-    start: GalileoTime,
-    elapsed_s: Float[np.ndarray, " n"],
-    motion: ReceiverMotion,
-    *,
-    mask_deg: float = 5.0,
-) -> Sky:
-    """Return the satellites that a receiver has in view at reception times `start` + `elapsed_s` in system time.
-
-    Parameters
-    ----------
-    ephemerides
-        One for each satellite.
-    start, elapsed_s
-        Times of reception.
-    motion
-        The receiver at these times.
-    mask_deg
-        Lowest elevation at which a satellite is in view.
-
-    Raises
-    ------
-    ValueError
-        If a satellite has two ephemerides.
-    """
-    svids = [ephemeris.svid for ephemeris in ephemerides]
-    if len(set(svids)) != len(svids):
-        raise ValueError("one ephemeris for each satellite")
-    mask = np.radians(mask_deg)
-    seen = {}
-    for ephemeris in sorted(ephemerides, key=lambda one: one.svid):
-        sight = line_of_sight(ephemeris, start, elapsed_s, motion)
-        if np.any(sight.elevation_rad >= mask):
-            seen[ephemeris.svid] = sight
-    empty = np.zeros((elapsed_s.size, 0))
-    columns = {
-        field.name: np.stack([getattr(sight, field.name) for sight in seen.values()], axis=1) if seen else empty
-        for field in fields(LineOfSight)
-    }
-    return Sky(svids=tuple(seen), in_view=columns["elevation_rad"] >= mask, **columns)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationCn0:
     """C/N0 against elevation: an antenna that loses `fall_db` from the zenith to the horizon, as sin(elevation).
 
@@ -146,8 +76,6 @@ class ElevationCn0:
     fall_db
         How much less it is at the horizon. A patch antenna has 5 dBi above and −3 to −5 dBi at low elevation; the
         satellite's own pattern makes up for the longer path.
-    kind
-        Name of the model in a scenario.
     """
 
     zenith_dbhz: float = 45.0

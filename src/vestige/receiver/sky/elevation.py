@@ -34,25 +34,14 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """How a satellite is seen at n epochs; on a single line of sight always, with its full strength.
+    """How a satellite is seen at n epochs; on a single line of sight always, with its full strength."""
 
-    Attributes
-    ----------
-    clock_offset_s
-        By how much the receiver's clock is ahead of the time at which the line of sight is to be taken.
-    amplitude
-        Amplitude of the line of sight over the nominal one.
-    azimuth_rad, elevation_rad
-        Direction; NaN on a single line of sight.
-    in_view
-        Whether it is above the elevation mask.
-    """
-
+    # by how much the receiver's clock is ahead of the time at which the line of sight is to be taken
     clock_offset_s: Float[np.ndarray, " n"]
-    amplitude: Float[np.ndarray, " n"]
-    azimuth_rad: Float[np.ndarray, " n"]
-    elevation_rad: Float[np.ndarray, " n"]
-    in_view: Bool[np.ndarray, " n"]
+    amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight over the nominal one
+    azimuth_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
+    elevation_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
+    in_view: Bool[np.ndarray, " n"]  # whether it is above the elevation mask
 
     @classmethod
     def single(cls, n: int) -> SatelliteGeometry:
@@ -88,21 +77,11 @@ def single_line_of_sight(line_of_sight: RangeHistory, time_s: Float[np.ndarray, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteRange:
-    """Range from a satellite to a receiver, less the satellite's clock error, at reception times in system time.
+    """Range from a satellite to a receiver, less the satellite's clock error, at reception times in system time."""
 
-    Attributes
-    ----------
-    ephemeris
-        Orbit and clock, which are taken for true.
-    start
-        The scenario's start.
-    trajectory
-        The receiver.
-    """
-
-    ephemeris: Ephemeris
-    start: GalileoTime
-    trajectory: Trajectory
+    ephemeris: Ephemeris  # orbit and clock, which are taken for true
+    start: GalileoTime  # of the scenario
+    trajectory: Trajectory  # of the receiver
 
     def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
         """Return the line of sight at times in s after the start."""
@@ -125,27 +104,13 @@ class SatelliteRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationEffects:
-    """What the elevation does to one satellite of a sky.
-
-    Attributes
-    ----------
-    path
-        Where it is.
-    mask_deg
-        Lowest elevation at which it is received.
-    highest_rad
-        Elevation at which its C/N0 is the nominal one.
-    antenna
-        C/N0 against elevation.
-    ionosphere_common
-        ρ, share of the variance of the ionosphere that all satellites have in common.
-    """
+    """What the elevation does to one satellite of a sky."""
 
     path: SatelliteRange
-    mask_deg: float
-    highest_rad: float
-    antenna: ElevationCn0 = field(default_factory=ElevationCn0)
-    ionosphere_common: float = 0.0
+    mask_deg: float  # lowest elevation at which it is received
+    highest_rad: float  # elevation at which its C/N0 is the nominal one
+    antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
+    ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
 
     @property
     def nominal_db(self) -> float:

@@ -35,8 +35,6 @@ class StaticTrajectory:
     ----------
     latitude_deg, longitude_deg, height_m
         Geodetic, on the WGS 84 ellipsoid.
-    kind
-        Name of the model in a scenario.
     """
 
     latitude_deg: float
@@ -61,8 +59,6 @@ class CircularTrajectory:
         Centre, geodetic.
     radius_m, speed_mps
         Of the circle; it starts east of the centre.
-    kind
-        Name of the model in a scenario.
     """
 
     latitude_deg: float
@@ -117,10 +113,7 @@ class WaypointTrajectory:
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times after the scenario's start.
 
-        Raises
-        ------
-        ValueError
-            If a time is before the first or after the last waypoint.
+        Raises `ValueError` if a time is before the first or after the last waypoint.
         """
         if np.any(elapsed_s < self.time_s[0]) or np.any(elapsed_s > self.time_s[-1]):
             raise ValueError(f"the waypoints reach from {self.time_s[0]:g} s to {self.time_s[-1]:g} s")

@@ -26,19 +26,10 @@ class SimulatedAssistance:
     """RECS and keys of a simulated receiver; nothing is predicted of the delay between the bands.
 
     Which keys the receiver gets hangs on what it hears: a lookup asks the block's own E6, which knows.
-
-    Attributes
-    ----------
-    simulations
-        Of each satellite.
-    every
-        Every how many epochs there is a RECS.
-    mode
-        Cipher of the service.
     """
 
-    simulations: tuple[Simulation, ...]
-    every: int
+    simulations: tuple[Simulation, ...]  # of each satellite
+    every: int  # every how many epochs there is a RECS
     mode: CipherMode = CipherMode.CBC
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0
@@ -53,21 +44,11 @@ class SimulatedAssistance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedRecs:
-    """The RECS of a block; each is encrypted when it is asked for.
-
-    Attributes
-    ----------
-    assistance
-        Of the receiver.
-    block
-        What there is.
-    first
-        Number of the first epoch.
-    """
+    """The RECS of a block; each is encrypted when it is asked for."""
 
     assistance: SimulatedAssistance
     block: RecsBlock
-    first: int
+    first: int  # number of the first epoch
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
@@ -95,14 +76,7 @@ def recs_with_keys(
 ) -> RecsBlock:
     """Return RECS with the times of their keys.
 
-    Parameters
-    ----------
-    second
-        Whole seconds of the epochs since the GST epoch.
-    found, with_key
-        Where there is a RECS, and where its key is received.
-    key_delay
-        KDI of the RECS.
+    `second` counts whole seconds since the GST epoch.
     """
     key_s = _key_second(second, key_delay)
 
@@ -125,12 +99,7 @@ def _key_second(second: Int64[np.ndarray, " n"], key_delay: int) -> Int64[np.nda
 def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Return whether the receiver gets the key of a RECS that is sent at each epoch.
 
-    Parameters
-    ----------
-    of
-        The block.
-    key_s
-        Start of the subframe of the key, in s after the scenario's start.
+    `key_s` is the start of the subframe of the key, after the scenario's start.
     """
     simulation = of.simulations[0]
     if simulation.elevation is not None:

@@ -14,12 +14,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.streams import stream
 
 PROMPTS = 50
 INTEGRATION_S = 0.02
 _LEAST_SNR = 1e-3  # of an estimate that the noise drove below zero
-_DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 
 
 def estimated_cn0_dbhz(
@@ -27,22 +27,14 @@ def estimated_cn0_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return estimates of the C/N0 of one satellite.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        True C/N0 behind the loop, over all noise that there is.
-    seed, svid, first
-        Whose random numbers, and the number of the first epoch.
+    `cn0_dbhz` is the true one behind the loop, over all noise that there is.
     """
-    n = cn0_dbhz.size
-    blocks = range(first // _DRAW_BLOCK, (first + n - 1) // _DRAW_BLOCK + 1)
-    drawn = [_draws(seed, block, svid) for block in blocks]
-    normal, rest = np.concatenate(drawn, axis=1)[:, first % _DRAW_BLOCK :][:, :n]
+    normal, rest = drawn_rows(first, cn0_dbhz.size, lambda block: _draws(seed, block, svid)).T
     mean = 2 * PROMPTS * 10 ** (cn0_dbhz / 10) * INTEGRATION_S
     power = (normal + np.sqrt(mean)) ** 2 + rest
     return 10 * np.log10(np.maximum(power / (2 * PROMPTS) - 1, _LEAST_SNR) / INTEGRATION_S)
 
 
-def _draws(seed: int, block: int, svid: int) -> Float[np.ndarray, "2 n"]:
+def _draws(seed: int, block: int, svid: int) -> Float[np.ndarray, "n 2"]:
     rng = stream(seed, "E1 C/N0", block, svid)
-    return np.stack([rng.standard_normal(_DRAW_BLOCK), 2 * rng.standard_gamma(PROMPTS - 0.5, _DRAW_BLOCK)])
+    return np.stack([rng.standard_normal(DRAW_BLOCK), 2 * rng.standard_gamma(PROMPTS - 0.5, DRAW_BLOCK)], axis=1)

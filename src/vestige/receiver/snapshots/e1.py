@@ -60,14 +60,7 @@ def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
     """Return what E1 tracking and the front end of E1 say; without correlators there is no power either.
 
-    Parameters
-    ----------
-    of
-        The block.
-    fidelity
-        Whether correlators and power come out of samples.
-    with_taps
-        Whether E1 is tracked between two RECS.
+    `with_taps` says whether E1 is tracked between two RECS.
     """
     shown = is_tracked(of)
     taps, front_end = _taps_and_power(of, fidelity) if with_taps else (None, None)

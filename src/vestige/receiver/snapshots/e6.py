@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.draws import rows_of
 from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
@@ -151,7 +152,7 @@ class SimulatedE6Samples:
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""
-        return self.of.truth[column].part(slice(epoch, epoch + 1))
+        return rows_of(self.of.truth[column], slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
         """Return what the front end said around the RECS of all satellites: mean power and gain, and if any clipped."""

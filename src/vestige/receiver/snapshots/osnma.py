@@ -42,13 +42,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, kw_only=True)
 class OsnmaReception:
-    """OSNMA of a block of epochs of a sky.
-
-    Attributes
-    ----------
-    of
-        The block.
-    """
+    """OSNMA of a block of epochs of a sky."""
 
     of: ReceiverTruth
 
@@ -70,13 +64,7 @@ class OsnmaReception:
         return np.stack(self._whole(pages), axis=1)
 
     def pages(self, interval_s: float) -> PagesReceived:
-        """Return the pages beside those of a second channel, which knows what every satellite in view sent.
-
-        Parameters
-        ----------
-        interval_s
-            Between epochs.
-        """
+        """Return the pages beside those of a second channel, which knows what every satellite in view sent."""
         start = self.of.simulations[0].start
         page = pages_due(self.week_s, interval_s)
         return PagesReceived(
@@ -116,28 +104,14 @@ class OsnmaReception:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PagesReceived:
-    """Pages of n epochs and m satellites, as received and as sent.
+    """Pages of n epochs and m satellites, as received and as sent."""
 
-    Attributes
-    ----------
-    start, interval_s
-        Of the scenario, and between epochs.
-    page
-        As `pages_due` has it.
-    in_view
-        Whether a second channel hears the satellite.
-    received
-        bool[n, m, 15]: pages that were received.
-    forged
-        Whether what is demodulated of a satellite is the attacker's own.
-    """
-
-    start: GalileoTime
-    interval_s: float
-    page: Int64[np.ndarray, "n 15"]
-    in_view: Bool[np.ndarray, "n m"]
-    received: Bool[np.ndarray, "n m 15"]
-    forged: Bool[np.ndarray, "n m"]
+    start: GalileoTime  # of the scenario
+    interval_s: float  # between epochs
+    page: Int64[np.ndarray, "n 15"]  # as `pages_due` has it
+    in_view: Bool[np.ndarray, "n m"]  # whether a second channel hears the satellite
+    received: Bool[np.ndarray, "n m 15"]  # pages that were received
+    forged: Bool[np.ndarray, "n m"]  # whether what is demodulated of a satellite is the attacker's own
 
     @property
     def block(self) -> OsnmaBlock:
@@ -166,12 +140,7 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces have the end of a subframe that the run holds from its first page on.
 
-    Parameters
-    ----------
-    page, subframe
-        Pages that were due at the epoch of each piece, and the number of its subframe.
-    begun_s, interval_s
-        When the first epoch began to look, in s after the start of the week, and how long an epoch looks.
+    The first epoch began to look at `begun_s` after the start of the week; an epoch looks for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES) > begun_s)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
+from vestige.receiver.draws import rows_of
 from vestige.receiver.samples.sampled_epoch import Arrival
 from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
@@ -16,22 +17,12 @@ from vestige.receiver.truth import TruthBlock
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverTruth:
-    """What is true of n epochs and m satellites.
+    """What is true of n epochs and m satellites."""
 
-    Attributes
-    ----------
-    simulations, truth
-        Of each satellite.
-    first
-        Number of the first epoch.
-    every
-        Every how many epochs there is a RECS.
-    """
-
-    simulations: tuple[Simulation, ...]
-    truth: tuple[TruthBlock, ...]
-    first: int
-    every: int
+    simulations: tuple[Simulation, ...]  # one of each satellite
+    truth: tuple[TruthBlock, ...]  # one of each satellite
+    first: int  # number of the first epoch
+    every: int  # every how many epochs there is a RECS
 
     @property
     def n(self) -> int:
@@ -76,7 +67,7 @@ class ReceiverTruth:
     @cached_property
     def of_recs(self) -> tuple[TruthBlock, ...]:
         """The truth of the epochs with RECS."""
-        return self.truth if self.every == 1 else tuple(one.part(self.rows) for one in self.truth)
+        return self.truth if self.every == 1 else tuple(rows_of(one, self.rows) for one in self.truth)
 
     @cached_property
     def arrived(self) -> tuple[Arrival, ...]:

@@ -38,43 +38,25 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchFinds:
-    """What the searches would find in each of n epochs, if they were made; NaN without RECS and out of view.
+    """What the searches would find in each of n epochs, if they were made; NaN without RECS and out of view."""
 
-    Attributes
-    ----------
-    e1_signals, handover_carrying, exhaustive_signals
-        Signals on E1, those of them that carry the encrypted chips, and signals in an exhaustive search of E6.
-    handover_earliest_m, exhaustive_earliest_m
-        How much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only.
-    earliest_s
-        When the earliest signal's last sample was received, in s after the scenario's start.
-    """
-
-    e1_signals: Float[np.ndarray, "n m"]
-    handover_carrying: Float[np.ndarray, "n m"]
+    e1_signals: Float[np.ndarray, "n m"]  # signals on E1
+    handover_carrying: Float[np.ndarray, "n m"]  # those of them that carry the encrypted chips
+    # by how much the earliest of several signals is later than E1 puts it; NaN of one alone
     handover_earliest_m: Float[np.ndarray, "n m"]
-    exhaustive_signals: Float[np.ndarray, "n m"]
-    exhaustive_earliest_m: Float[np.ndarray, "n m"]
+    exhaustive_signals: Float[np.ndarray, "n m"]  # signals in an exhaustive search of E6
+    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # the same of the exhaustive search
+    # when the earliest signal's last sample was received, in s after the scenario's start
     earliest_s: Float[np.ndarray, "n m"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownSearches:
-    """Searches of which it is known what they would find.
-
-    Attributes
-    ----------
-    finds
-        That.
-    start
-        Of the scenario.
-    recs
-        RECS and keys of the block.
-    """
+    """Searches of which it is known what they would find."""
 
     finds: SearchFinds
-    start: GalileoTime
-    recs: RecsBlock
+    start: GalileoTime  # of the scenario
+    recs: RecsBlock  # RECS and keys of the block
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return what the search of E1 with hand-over to E6 finds."""
@@ -118,17 +100,10 @@ class KnownSearches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSearches:
-    """What the searches of a block would find; drawn once for all its RECS, when it is first asked for.
-
-    Attributes
-    ----------
-    of
-        The block.
-    received_s
-        When the receiver has the last sample of each RECS, in s after the scenario's start.
-    """
+    """What the searches of a block would find; drawn once for all its RECS, when it is first asked for."""
 
     of: ReceiverTruth
+    # when the receiver has the last sample of each RECS, in s after the scenario's start
     received_s: Float[np.ndarray, "n m"]
 
     def e1(self, request: SearchRequest) -> SearchBlock:

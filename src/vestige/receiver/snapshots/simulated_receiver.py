@@ -28,32 +28,14 @@ from vestige.records.times import GalileoTimes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedReceiver:
-    """A receiver on one line of sight or under a sky.
+    """A receiver on one line of sight or under a sky."""
 
-    Attributes
-    ----------
-    simulations
-        Of each satellite, by ascending SVID.
-    fidelity
-        Whether E6 is drawn, or made as samples; E1's correlators and power as well.
-    interval_s
-        Time between epochs.
-    every
-        Every how many of them there is a RECS.
-    accelerometers
-        None without; only under a sky.
-    with_taps
-        Whether E1 is tracked between RECS: its correlators and the power of its band.
-    mode
-        Cipher of the service.
-    """
-
-    simulations: tuple[Simulation, ...]
-    fidelity: Fidelity
-    interval_s: float
-    every: int = 1
-    accelerometers: Accelerometers | None = None
-    with_taps: bool = True
+    simulations: tuple[Simulation, ...]  # of each satellite, by ascending SVID
+    fidelity: Fidelity  # whether E6 is drawn, or made as samples; E1's correlators and power as well
+    interval_s: float  # between epochs
+    every: int = 1  # every how many of them there is a RECS
+    accelerometers: Accelerometers | None = None  # None without; only under a sky
+    with_taps: bool = True  # whether E1 is tracked between RECS: its correlators and the power of its band
     mode: CipherMode = CipherMode.CBC
 
     @property
@@ -66,15 +48,7 @@ class SimulatedReceiver:
         return tuple(one.truth() for one in self.simulations)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
-        """Return what the receiver hands over for the epochs from `first` on.
-
-        Parameters
-        ----------
-        first
-            Number of the first epoch.
-        truth
-            What `truth()` gave of each satellite for these epochs.
-        """
+        """Return what the receiver hands over for the epochs from `first` on."""
         return self.snapshots_of(
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )

@@ -72,29 +72,17 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trust:
-    """What OSNMA keys must lead to.
+    """What OSNMA keys must lead to."""
 
-    Attributes
-    ----------
-    public_keys
-        Keys that root keys may be signed with.
-    tree
-        The Merkle tree that they were verified against, or None.
-    """
-
-    public_keys: tuple[PublicKey, ...]
-    tree: MerkleTree | None
+    public_keys: tuple[PublicKey, ...]  # keys that root keys may be signed with
+    tree: MerkleTree | None  # that they were verified against
 
     @classmethod
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> Trust:
         """Return the keys of public key files and of a Merkle tree file, verified against the tree if there is one.
 
-        Raises
-        ------
-        AuthenticationError
-            If a key does not lead to the root of the tree.
-        InputFileError, UnsupportedError
-            If a file is not usable.
+        Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
+        `UnsupportedError` if a file is not usable.
         """
         paths: Sequence[Path | None] = public_keys or [None]  # a tree alone holds keys too
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
@@ -103,45 +91,24 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the readers need beside the file.
+    """What the readers need beside the file."""
 
-    Attributes
-    ----------
-    trust
-        What OSNMA keys must lead to; None if nothing is known to trust.
-    server_keys
-        Keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them.
-    signatures
-        Signature files by folder and name of the signed file.
-    reference
-        Resolves 12-bit weeks.
-    window
-        First and last time of transmission of the RECS that are kept.
-    """
-
-    trust: Trust | None = None
+    trust: Trust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
+    # keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them
     server_keys: Sequence[EllipticCurvePublicKey] = ()
+    # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
-    reference: GalileoTime | None = None
+    reference: GalileoTime | None = None  # resolves 12-bit weeks
+    # first and last time of transmission of the RECS that are kept
     window: tuple[GalileoTime, GalileoTime] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What one file holds.
+    """What one file holds."""
 
-    Attributes
-    ----------
-    summary
-        In one line.
-    signature
-        What is known of its origin; None for kinds that are not signed.
-    problems
-        What is wrong with a file of which a part is usable all the same.
-    """
-
-    summary: str
-    signature: SignatureStatus | None = None
+    summary: str  # in one line
+    signature: SignatureStatus | None = None  # what is known of its origin; None for kinds that are not signed
     segments: tuple[EncryptedSegment, ...] = ()
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
@@ -150,16 +117,13 @@ class Contents:
     received: tuple[ReceivedOsnma, ...] = ()
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
-    problems: tuple[VestigeError, ...] = ()
+    problems: tuple[VestigeError, ...] = ()  # what is wrong with a file of which a part is usable all the same
 
 
 def kind_of(path: Path) -> FileKind | None:
     """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
 
-    Raises
-    ------
-    InputFileError
-        If it cannot be read, or has the name of a RECS file with a date that does not exist.
+    Raises `InputFileError` if it cannot be read, or has the name of a RECS file with a date that does not exist.
     """
     suffix = path.suffix.lower()
     named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)
@@ -215,10 +179,7 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     """
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
-    for page in read_pages(path):
-        receiver.process(page)
-    receiver.finish()
-    report = receiver.report()
+    report = receiver.process_all(read_pages(path))
     keys = receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",

@@ -22,7 +22,6 @@ def write_assistance(
     assistance: Assistance,
     *,
     roots: Sequence[RootKey] = (),
-    provider: str = "GSCX",
     server_key: EllipticCurvePrivateKey | None = None,
 ) -> tuple[Path, ...]:
     """Write all that `assistance` holds into `folder` as the server and the receiver would, and return the files.
@@ -38,15 +37,13 @@ def write_assistance(
         What is written. Group delays are rounded to 2⁻³² s.
     roots
         Verified root keys that the keys lead to; a key file cannot do without.
-    provider
-        Four letters or digits.
     server_key
         Signs RECS and BGD files if given.
     """
     if assistance.keys and not roots:
         raise ValueError("keys are written with the root keys that they lead to")
     folder.mkdir(parents=True, exist_ok=True)
-    files = [recs_file.from_segments(run, provider=provider) for run in _runs(assistance.segments)]
+    files = [recs_file.from_segments(run) for run in _runs(assistance.segments)]
     if len({str(file.name) for file in files}) < len(files):
         raise ValueError(
             "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
@@ -54,7 +51,7 @@ def write_assistance(
     signed = [recs_file.write(file, folder) for file in files]
     delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
     for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
-        signed.append(group_delay.write(list(same_time), folder, provider=provider))
+        signed.append(group_delay.write(list(same_time), folder))
     written = list(signed)
     if server_key is not None:
         written += [file_signature.sign(path, server_key) for path in signed]

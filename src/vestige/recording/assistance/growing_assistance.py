@@ -28,12 +28,7 @@ _Stamp = frozenset[tuple[Path, int, int]]
 class GrowingAssistance:
     """What a folder holds by now.
 
-    Parameters
-    ----------
-    folder, public_key, merkle_tree, certificates
-        As `read_assistance`.
-    warn
-        Is told what is wrong with a file, once.
+    `warn` is told what is wrong with a file, once; all else is as for `read_assistance`.
     """
 
     def __init__(
@@ -64,10 +59,7 @@ class GrowingAssistance:
     def look(self, first: GalileoTime, last: GalileoTime) -> bool:
         """Bring `found` up to date, for RECS from one time to another; return whether something changed.
 
-        Raises
-        ------
-        VestigeError
-            As `read_assistance`.
+        Raises `VestigeError` as `read_assistance`.
         """
         now_s = time.monotonic()
         stamp = self._files()

@@ -34,16 +34,8 @@ def transmit_times(
 ) -> tuple[GalileoTime, ...]:
     """Return the deciseconds of transmission whose segments all satellites bring completely into the samples.
 
-    Parameters
-    ----------
-    first, last
-        Receiver-clock time of the first and after the last sample.
-    travel_s
-        Apparent travel times of the satellites, c · pseudorange, in s.
-    duration_s
-        Length of a segment.
-    interval_s
-        Time between segments, a multiple of 0.1 s.
+    They lie between the receiver-clock times `first` and `last`; `travel_s` are the apparent travel times of the
+    satellites.
     """
     travel = tuple(travel_s)
     step = round(interval_s * 10)
@@ -68,21 +60,7 @@ def make_segments(
     length: SegmentLength,
     key_delay: int = 0,
 ) -> tuple[EncryptedSegment, ...]:
-    """Return the RECS of every satellite at every time for which there is a key.
-
-    Parameters
-    ----------
-    svids
-        Satellites.
-    times
-        Times of transmission on whole deciseconds.
-    keys
-        Validated keys, in any order.
-    length
-        Length of the segments.
-    key_delay
-        KDI: 0 the key of the segment's own subframe, 1 that of the next.
-    """
+    """Return the RECS of every satellite at every time for which there is a key."""
     by_time = {key.time: key for key in keys}
     segments = []
     for time in times:
@@ -124,27 +102,12 @@ def make_assistance(
 ) -> MadeAssistance:
     """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor.
 
-    Parameters
-    ----------
-    keys_path
-        Key file, or navigation pages with OSNMA; copied into the folder.
-    output
-        Folder to make; must not exist.
-    public_key, merkle_tree
-        What the keys must lead to; copied into the folder.
-    duration_ms, interval_s
-        Length of the RECS and the time between them.
-    svids
-        Satellites to make RECS for; () for those that E1 sees.
-    progress
-        Called with the number of satellites that E1 was searched for, and of all.
+    Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
+    seen, no segment fits into the recording, or no key is of its time.
 
-    Raises
-    ------
-    InputFileError
-        If the folder exists, or a file is not usable.
-    VestigeError
-        If no satellite is seen, no segment fits into the recording, or no key is of its time.
+    `keys_path` is a key file, or navigation pages with OSNMA; like the files that the keys must lead to, it is copied
+    into the folder. Without `svids` RECS are made for the satellites that E1 sees; `progress` is called with the number
+    of those that it was searched for, and of all.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name

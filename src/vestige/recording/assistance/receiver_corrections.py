@@ -12,16 +12,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.file_bytes import read_bytes
-from vestige.crypto.file_toml import parse_toml
+from vestige.crypto.file_toml import read_toml_file
 from vestige.errors import InputFileError
 from vestige.output import replacement
-from vestige.recording.observations.observation_epoch import checked_svid
+from vestige.recording.observations.observation_epoch import NUMBER, checked_svid
 from vestige.recording.text_lines import numbered_lines
 
 RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
@@ -30,21 +28,15 @@ MAX_BIAS_S = 1e-3  # beyond is a slip of the unit; the largest that was publishe
 MAX_DELAY_M = 1000.0  # beyond is no ionosphere
 
 _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_LIGHT_MPS}
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 def read_hardware_bias(path: Path) -> float:
     """Return the delay of the E6 front end minus that of E1 in s that `receiver.toml` gives.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not TOML, or does not hold exactly one of the two keys with a number of at most ± 1 ms.
+    Raises `InputFileError` if the file is not TOML, or does not hold exactly one of the two keys with a number of at
+    most ± 1 ms.
     """
-    try:
-        table = parse_toml(read_bytes(path, at_most=1 << 20).decode())
-    except ValueError as error:
-        raise InputFileError(path, "content", str(error), "a TOML file") from error
+    table = read_toml_file(path, at_most=1 << 20)
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
         raise InputFileError(path, "keys", ", ".join(table) or "none", f"one of {' and '.join(_UNIT_S)}")
     ((key, value),) = table.items()
@@ -57,10 +49,8 @@ def read_hardware_bias(path: Path) -> float:
 def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delay on E1 in m by SVID that `ionosphere.csv` gives.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000 m.
+    Raises `InputFileError` if the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000
+    m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)
@@ -76,7 +66,7 @@ def read_ionosphere(path: Path) -> Mapping[int, float]:
         svid = checked_svid(path, number, values[0])
         if svid in delays:
             raise InputFileError(path, f"line {number}: svid", svid, "each satellite once")
-        if not _NUMBER.fullmatch(values[1]) or not 0 <= float(values[1]) <= MAX_DELAY_M:
+        if not NUMBER.fullmatch(values[1]) or not 0 <= float(values[1]) <= MAX_DELAY_M:
             raise InputFileError(
                 path, f"line {number}: slant_delay_e1_m", values[1], f"a number from 0 to {MAX_DELAY_M:g}"
             )

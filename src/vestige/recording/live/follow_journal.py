@@ -38,19 +38,11 @@ _Count = Annotated[int, Field(ge=0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowProgress:
-    """How far a recording was followed.
+    """How far a recording was followed."""
 
-    Attributes
-    ----------
-    index, sent
-        Number of the last snapshot, and when its RECS was sent.
-    state
-        What is remembered after it.
-    """
-
-    index: _Count
-    sent: GalileoTime
-    state: ReceiverState
+    index: _Count  # of the last snapshot
+    sent: GalileoTime  # when its RECS was sent
+    state: ReceiverState  # what is remembered after it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,17 +57,9 @@ class _State:
 class FollowJournal:
     """The folder, open for one writer; a context manager.
 
-    Parameters
-    ----------
-    folder
-        Made if it is not there.
-    settings
-        What the verdicts depend on, in words; a folder of other settings is refused.
+    `settings` are what the verdicts depend on, in words; a folder of other settings is refused.
 
-    Raises
-    ------
-    InputFileError
-        If the folder holds something else, was made with other settings, is damaged, or is in use.
+    Raises `InputFileError` if the folder holds something else, was made with other settings, is damaged, or is in use.
     """
 
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:

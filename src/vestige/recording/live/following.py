@@ -43,78 +43,39 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitLimits:
-    """How long to wait for what, in s.
+    """How long to wait for what, in s."""
 
-    Attributes
-    ----------
-    poll_s
-        Between two looks.
-    wait_s
-        For the key and the observations of an epoch whose samples are there.
-    idle_s
-        For anything new before the recording counts as finished; None to wait for ever.
-    """
-
-    poll_s: float = 1.0
-    wait_s: float = 180.0
-    idle_s: float | None = None
+    poll_s: float = 1.0  # between two looks
+    wait_s: float = 180.0  # for the key and the observations of an epoch whose samples are there
+    idle_s: float | None = None  # for anything new before the recording counts as finished; None to wait for ever
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedEpoch:
-    """A RECS epoch that is ready.
+    """A RECS epoch that is ready."""
 
-    Attributes
-    ----------
-    sent
-        Time of transmission of its RECS.
-    assistance
-        What is known by now.
-    channels
-        What the second channel has of OSNMA by now, and the accelerations since the epoch before and further.
-    """
-
-    sent: GalileoTime
+    sent: GalileoTime  # time of transmission of its RECS
     snapshot: Snapshot
-    assistance: Assistance
+    assistance: Assistance  # what is known by now
+    # what the second channel has of OSNMA by now, and the accelerations since the epoch before and further
     channels: OtherChannels
 
 
 @dataclass(slots=True, kw_only=True)
 class Following:
-    """The epochs of a recording that grows; iterate once.
-
-    Attributes
-    ----------
-    live, folder, second, accelerations
-        What grows; the second channel's folder of OSNMA keys and the file of inertial sensors, if there are such.
-    time_uncertainty_s
-        Bound on the receiver clock's error.
-    searchable
-        As `RecordingSource`.
-    cn0_estimator
-        As `RecordingSource`.
-    hardware_bias_s
-        Delay of E6 minus E1 in the receiver, in place of that of the folder.
-    patience
-        How long to wait.
-    index
-        Number of the next snapshot.
-    after
-        Time of the last RECS that needs no snapshot any more, None at first.
-    """
+    """The epochs of a recording that grows; iterate once."""
 
     live: LiveRecording
     folder: GrowingAssistance
-    second: GrowingAssistance | None = None
-    accelerations: GrowingAccelerations | None = None
-    time_uncertainty_s: float
-    searchable: bool
+    second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
+    accelerations: GrowingAccelerations | None = None  # file of inertial sensors
+    time_uncertainty_s: float  # bound on the receiver clock's error
+    searchable: bool  # as `RecordingSource`, and the next
     cn0_estimator: str = NOISE_FLOOR
-    hardware_bias_s: float | None = None
+    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of that of the folder
     patience: WaitLimits
-    index: int = 0
-    after: GalileoTime | None = None
+    index: int = 0  # number of the next snapshot
+    after: GalileoTime | None = None  # time of the last RECS that needs no snapshot any more, None at first
 
     def __iter__(self) -> Iterator[FollowedEpoch]:
         """Yield the epochs in the order of time; raises as what it reads."""

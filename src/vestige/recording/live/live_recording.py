@@ -32,6 +32,8 @@ ROOM = 1.5  # windows that a buffer has to hold at least
 class LiveRecording:
     """A recording that grows.
 
+    Raises `InputFileError` if there are no E6 samples, or nothing tells their time.
+
     Parameters
     ----------
     description
@@ -54,11 +56,6 @@ class LiveRecording:
         Snapshots so far whose samples were read out of a pipe and dropped.
     full
         Whether nothing more can be read out of a pipe before a RECS that waits has its snapshot.
-
-    Raises
-    ------
-    InputFileError
-        If there are no E6 samples, or nothing tells their time.
     """
 
     def __init__(
@@ -104,10 +101,7 @@ class LiveRecording:
     def observed(self) -> ObservationTrack | None:
         """Return the observations to judge an epoch by that is not waited for any longer; None to measure E1 anew.
 
-        Raises
-        ------
-        InputFileError
-            If nothing more is written, and no observation was.
+        Raises `InputFileError` if nothing more is written, and no observation was.
         """
         file = self._observations
         if file is None or file.begun:

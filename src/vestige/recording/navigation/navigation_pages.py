@@ -20,19 +20,10 @@ def read_pages(
 ) -> Iterator[InavPage]:
     """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells which it is.
 
-    Parameters
-    ----------
-    path
-        The file.
-    start
-        Start of the first page of a test vector; without it, it is read from the navigation words. SBF tells the time.
-    counts
-        Filled while an SBF file is read.
+    `start` is that of the first page of a test vector; without it, it is read from the navigation words. SBF tells the
+    time, and fills `counts`.
 
-    Raises
-    ------
-    InputFileError
-        If the file is neither, or is damaged in a way that leaves nothing to read.
+    Raises `InputFileError` if the file is neither, or is damaged in a way that leaves nothing to read.
     """
     with open_file(path) as file:
         head = file.read(_HEAD_BYTES)

@@ -71,12 +71,8 @@ def is_rinex_navigation(first_line: str) -> bool:
 def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
     """Return the Galileo I/NAV ephemerides of the file in its order, each issue of a satellite once.
 
-    Raises
-    ------
-    InputFileError
-        If it is not such a file, is cut off, has a number that cannot be, or no Galileo I/NAV ephemeris.
-    UnsupportedError
-        For RINEX 2.
+    Raises `InputFileError` if it is not such a file, is cut off, has a number that cannot be, or no Galileo I/NAV
+    ephemeris. Raises `UnsupportedError` for RINEX 2.
     """
     return parse_rinex_navigation(path, numbered_lines(path))
 
@@ -207,36 +203,22 @@ def _integer(path: Path, record: _Lines, place: tuple[int, int], name: str, low:
     return int(value)
 
 
-def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris], *, created: datetime | None = None) -> None:
+def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris]) -> None:
     """Write ephemerides as a RINEX 3.05 navigation file; numbers keep 13 digits, which is 0.1 mm of an orbit.
 
-    Parameters
-    ----------
-    path
-        The file.
-    ephemerides
-        In the order of the file.
-    created
-        UTC time for the header; left blank if not given, so that equal ephemerides make equal files.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or toe or toc is not a whole second.
+    Raises `ValueError` if there is none, or toe or toc is not a whole second.
     """
-    text = rinex_navigation_text(ephemerides, created=created)
-    path.write_text(text, encoding="ascii", newline="\n")
+    path.write_text(rinex_navigation_text(ephemerides), encoding="ascii", newline="\n")
 
 
-def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, created: datetime | None = None) -> str:
+def rinex_navigation_text(ephemerides: Iterable[Ephemeris]) -> str:
     """Return what `write_rinex_navigation` writes; raises as it does."""
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
         raise ValueError("a navigation file needs an ephemeris")
-    run_at = "" if created is None else f"{created:%Y%m%d %H%M%S} UTC"
     header = [
         (f"{'3.05':>9}{'':11}{'N: GNSS NAV DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
-        (f"{'vestige':20}{'':20}{run_at:20}", "PGM / RUN BY / DATE"),
+        (f"{'vestige':20}", "PGM / RUN BY / DATE"),
         ("", "END OF HEADER"),
     ]
     lines = [f"{content:60}{label:20}".rstrip() for content, label in header] + records

@@ -43,11 +43,8 @@ _TOLD = 4  # numbers of a row that are kept: elapsed time and acceleration
 def read_accelerations(path: Path) -> Accelerations:
     """Return the accelerations of a file.
 
-    Raises
-    ------
-    InputFileError
-        If the columns are others, a value is no number or out of its limits, time does not advance, there are fewer
-        than two rows, or gravity is still in them.
+    Raises `InputFileError` if the columns are others, a value is no number or out of its limits, time does not advance,
+    there are fewer than two rows, or gravity is still in them.
     """
     table = _Table(path)
     for number, line in numbered_lines(path):
@@ -62,12 +59,7 @@ def read_accelerations(path: Path) -> Accelerations:
 class GrowingAccelerations:
     """A file of accelerations that grows; it need not be there yet.
 
-    Parameters
-    ----------
-    path
-        The file.
-    warn
-        Is told what is wrong with a row, which is left out.
+    `warn` is told what is wrong with a row, which is left out.
     """
 
     def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:
@@ -76,10 +68,7 @@ class GrowingAccelerations:
     def look(self) -> bool:
         """Take in what is new; return whether anything is.
 
-        Raises
-        ------
-        InputFileError
-            If the columns are others, or the file became shorter.
+        Raises `InputFileError` if the columns are others, or the file became shorter.
         """
         changed = False
         while (line := self._lines.take()) is not None:

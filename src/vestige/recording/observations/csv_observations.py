@@ -14,18 +14,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from vestige.errors import InputFileError
 from vestige.recording.exact_time import exact_second
 from vestige.recording.observations.observation_epoch import (
     LIMITS,
+    NUMBER,
     ObservationEpoch,
     check_order,
     checked,
     checked_svid,
-    read_epochs,
 )
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
@@ -33,7 +33,6 @@ from vestige.time import GalileoTime
 REQUIRED = ("gst_week", "gst_second", "svid", "pseudorange_m")
 OBSERVATION_COLUMNS = ("gst_week", "gst_second", "svid", *LIMITS, "cycle_slip")
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _WHOLE = re.compile(r"\d{1,6}", re.ASCII)
 _SECOND = re.compile(r"\d{1,6}(\.\d+)?", re.ASCII)
 
@@ -43,20 +42,12 @@ def is_csv_observations(first_line: str) -> bool:
     return {"gst_week", "svid", "pseudorange_m"} <= {name.strip() for name in first_line.split(",")}
 
 
-def read_csv_observations(path: Path) -> Iterator[ObservationEpoch]:
-    """Yield the epochs of the file in time order, one at a time.
-
-    Raises
-    ------
-    InputFileError
-        If a line does not hold what the header says, a value cannot be measured, a satellite comes twice in an epoch,
-        or time does not advance.
-    """
-    return read_epochs(path, CsvParser(path))
-
-
 class CsvParser:
-    """An `EpochParser` of this table; an epoch is whole when a line of the next one comes."""
+    """An `EpochParser` of this table; an epoch is whole when a line of the next one comes.
+
+    Raises `InputFileError` if a line does not hold what the header says, a value cannot be measured, a satellite comes
+    twice in an epoch, or time does not advance.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -71,7 +62,7 @@ class CsvParser:
         return bool(self._columns)
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
-        """Return the epoch before, if a line is the first of another one; raises as `read_csv_observations`."""
+        """Return the epoch before, if a line is the first of another one."""
         path = self._path
         if not self._columns:
             self._columns = _columns(path, line)
@@ -152,7 +143,7 @@ def _value(path: Path, number: int, name: str, row: dict[str, str]) -> float:
     text = row.get(name, "")
     if not text and name not in REQUIRED:
         return math.nan
-    if not _NUMBER.fullmatch(text):
+    if not NUMBER.fullmatch(text):
         raise InputFileError(path, f"line {number}: {name}", text or "nothing", "a number")
     return checked(path, number, name, float(text))
 

@@ -37,18 +37,8 @@ def observe(
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
     """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
 
-    Parameters
-    ----------
-    batch
-        E1 samples, best 100 ms.
-    svids
-        Satellites to look for.
-    time_tag_error_s
-        By how much the time tag of the batch is known to be late.
-    cn0_estimator
-        As `measure_e1`.
-    progress
-        Called with the number of satellites that have been looked for, and of all.
+    The batch is best 100 ms. `time_tag_error_s` is by how much its time tag is known to be late, `progress` is called
+    with the number of satellites that have been looked for, and of all.
     """
     acquired = acquire(batch, svids, progress=progress)
     tried = (measure_e1(batch, one, cn0_estimator=cn0_estimator) for one in acquired)
@@ -63,12 +53,7 @@ def observe(
 def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
     """Return travel times out of travel times modulo 100 ms, with one multiple for all satellites, in s.
 
-    Parameters
-    ----------
-    phases_s
-        Reception minus transmission modulo 100 ms by SVID, in s.
-    median_s
-        What their median is, to 50 ms.
+    `phases_s` are reception minus transmission modulo 100 ms, `median_s` what the median travel time is, to 50 ms.
     """
     if not phases_s:
         return {}

@@ -20,12 +20,7 @@ class GrowingObservations:
 
     Its iterators stop where the file ends now, and go on when it has grown. It need not be there yet.
 
-    Parameters
-    ----------
-    path
-        The file.
-    warn
-        Is told what is wrong with a line.
+    `warn` is told what is wrong with a line.
     """
 
     def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:

@@ -48,14 +48,8 @@ class _Point:
 def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> dict[int, E1Observation]:
     """Return the E1 observations at `time` by SVID.
 
-    Parameters
-    ----------
-    epochs
-        Epochs in time order, on both sides of `time`; a few beyond the two nearest help to fill in what they lack.
-    time
-        Receiver-clock time.
-    max_gap_s
-        Longest time between two observations of a satellite in s, for them to be taken as one track.
+    Epochs come in time order, on both sides of `time`; a few beyond the two nearest help to fill in what they lack.
+    `max_gap_s` is the longest time between two observations of a satellite for them to be one track.
     """
     result = {}
     for svid in sorted({svid for epoch in epochs for svid in epoch.observations}):
@@ -71,13 +65,7 @@ def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_ga
 
 
 def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
-    """Return whether further epochs, all later than these, would leave `interpolate` at `time` as it is.
-
-    Parameters
-    ----------
-    epochs, time, max_gap_s
-        As `interpolate`.
-    """
+    """Return whether further epochs, all later than these, would leave `interpolate` at `time` as it is."""
     if not epochs or epochs[-1].time - time < -SAME_TIME_S:
         return False
     tracks: dict[int, list[tuple[float, E1Observation]]] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from vestige.errors import InputFileError
 from vestige.recording.text_lines import numbered_lines
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 # Beyond these a number is garbage. Pseudoranges hold the receiver's clock error, of up to minutes.
 LIMITS = {
@@ -25,21 +28,12 @@ LIMITS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationEpoch:
-    """E1 observations of one moment.
+    """E1 observations of one moment."""
 
-    Attributes
-    ----------
-    time
-        Receiver-clock time of the observations.
-    observations
-        By SVID. Whatever but the pseudorange was not measured is NaN.
-    slipped
-        Satellites whose carrier phase is not continuous with the epoch before.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # receiver-clock time of the observations
+    # By SVID. Whatever but the pseudorange was not measured is NaN.
     observations: Mapping[int, E1Observation]
-    slipped: frozenset[int] = frozenset()
+    slipped: frozenset[int] = frozenset()  # satellites whose carrier phase is not continuous with the epoch before
 
 
 @runtime_checkable
@@ -77,10 +71,7 @@ def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
 def checked(path: Path, line: int, name: str, value: float) -> float:
     """Return the value of an observation field if it is one that a receiver can measure.
 
-    Raises
-    ------
-    InputFileError
-        If it lies outside `LIMITS`.
+    Raises `InputFileError` if it lies outside `LIMITS`.
     """
     low, high = LIMITS[name]
     if not low <= value <= high:
@@ -91,10 +82,7 @@ def checked(path: Path, line: int, name: str, value: float) -> float:
 def checked_svid(path: Path, line: int, text: str) -> int:
     """Return a Galileo space vehicle identifier.
 
-    Raises
-    ------
-    InputFileError
-        If `text` is not an integer from 1 to 36.
+    Raises `InputFileError` if `text` is not an integer from 1 to 36.
     """
     text = text.strip()
     if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= MAX_SVID):
@@ -105,10 +93,7 @@ def checked_svid(path: Path, line: int, text: str) -> int:
 def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
     """Check that an epoch is later than the one before it.
 
-    Raises
-    ------
-    InputFileError
-        If it is not.
+    Raises `InputFileError` if it is not.
     """
     if before is not None and time <= before:
         raise InputFileError(path, f"line {line}: time", str(time), f"a time after {before}")

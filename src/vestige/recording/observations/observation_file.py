@@ -62,10 +62,7 @@ def kind_of_line(line: str) -> str | None:
 def open_observations(path: Path) -> ObservationFile:
     """Return the observation file at `path`.
 
-    Raises
-    ------
-    InputFileError
-        If its first line is not that of RINEX observations or of a CSV table of observations.
+    Raises `InputFileError` if its first line is not that of RINEX observations or of a CSV table of observations.
     """
     kind = kind_of(path)
     if kind is None:
@@ -108,10 +105,7 @@ class ObservationTrack:
     def at(self, time: GalileoTime) -> dict[int, E1Observation]:
         """Return the observations at a receiver-clock time by SVID; see `interpolation` for the method.
 
-        Raises
-        ------
-        InputFileError
-            If the file is bad as far as it has to be read for this.
+        Raises `InputFileError` if the file is bad as far as it has to be read for this.
         """
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)

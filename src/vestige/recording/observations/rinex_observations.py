@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -23,7 +22,6 @@ from vestige.recording.observations.observation_epoch import (
     check_order,
     checked,
     checked_svid,
-    read_epochs,
 )
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
@@ -109,26 +107,15 @@ def is_rinex_observations(first_line: str) -> bool:
     return first_line[60:80].strip() == "RINEX VERSION / TYPE" and first_line[20:21] == "O"
 
 
-def read_rinex_observations(path: Path) -> Iterator[ObservationEpoch]:
-    """Yield the epochs of the file in time order, one at a time; epochs without a Galileo satellite are empty.
-
-    A field that is blank or zero was not measured. Doppler rates are NaN (RINEX has none). A satellite has slipped if
-    its loss-of-lock indicator says so, after a power failure, and when another of its signals is taken than before.
-
-    Raises
-    ------
-    InputFileError
-        If the file is not such a file, is cut off, or time does not advance.
-    UnsupportedError
-        For RINEX 2, compact RINEX, GLONASS time and scaled observations.
-    """
-    return read_epochs(path, RinexParser(path))
-
-
 class RinexParser:
     """An `EpochParser` of RINEX observations; an epoch is whole with its last record.
 
-    After an error it passes over everything until the next epoch record.
+    After an error it passes over everything until the next epoch record. Epochs without a Galileo satellite are empty.
+    A field that is blank or zero was not measured. Doppler rates are NaN (RINEX has none). A satellite has slipped if
+    its loss-of-lock indicator says so, after a power failure, and when another of its signals is taken than before.
+
+    Raises `InputFileError` if the file is not such a file, is cut off, or time does not advance, and `UnsupportedError`
+    for RINEX 2, compact RINEX, GLONASS time and scaled observations.
     """
 
     def __init__(self, path: Path) -> None:
@@ -149,7 +136,7 @@ class RinexParser:
         return bool(self._signals)
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
-        """Return the epoch that a line completes, if it does; raises as `read_rinex_observations`."""
+        """Return the epoch that a line completes, if it does."""
         self._number = number
         if not self._signals:
             self._take_header(number, line)

@@ -28,10 +28,11 @@ def write_rinex_observations(
     version: str = "3.05",
     signal: str = "1C",
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    marker: str = "vestige",
     created: datetime | None = None,
 ) -> None:
     """Write epochs, in time order, in Galileo System Time.
+
+    Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
 
     Parameters
     ----------
@@ -43,11 +44,6 @@ def write_rinex_observations(
         Earth-centred, earth-fixed position of the antenna; zeros if not known.
     created
         UTC time for the header; left blank if not given, so that equal observations make equal files.
-
-    Raises
-    ------
-    ValueError
-        If there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
     """
     if version not in VERSIONS or signal not in SIGNALS or SIGNALS[signal] != 0.0:
         raise ValueError(f"version {version} or signal {signal} is not written")
@@ -56,7 +52,7 @@ def write_rinex_observations(
     if first is None:
         raise ValueError("a RINEX file needs the time of its first observation")
     with path.open("w", encoding="ascii", newline="\n") as stream:
-        for content, label in _header(version, signal, approximate_position_m, marker, created, first.time):
+        for content, label in _header(version, signal, approximate_position_m, created, first.time):
             stream.write(f"{content:60.60}{label:20}".rstrip() + "\n")
         stream.write(_epoch(first))
         for epoch in remaining:
@@ -67,7 +63,6 @@ def _header(
     version: str,
     signal: str,
     position: tuple[float, float, float],
-    marker: str,
     created: datetime | None,
     first: GalileoTime,
 ) -> list[tuple[str, str]]:
@@ -77,7 +72,7 @@ def _header(
     records = [
         (f"{version:>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
         (f"{'vestige':20}{'':20}{run_at:20}", "PGM / RUN BY / DATE"),
-        (marker, "MARKER NAME"),
+        ("vestige", "MARKER NAME"),
         ("", "OBSERVER / AGENCY"),
         (f"{'':20}{'vestige':20}", "REC # / TYPE / VERS"),
         ("", "ANT # / TYPE"),

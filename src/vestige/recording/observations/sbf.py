@@ -38,30 +38,16 @@ _UNUSED_BITS = 22  # at the end of the 8 words
 
 @dataclass(slots=True)
 class SbfCounts:
-    """What a reader came across.
+    """What a reader came across."""
 
-    Attributes
-    ----------
-    blocks
-        Blocks with a good CRC, of any kind.
-    bad_blocks
-        Places that look like a block and have a wrong CRC, length or end of file.
-    skipped_bytes
-        Bytes outside good blocks.
-    e1b, e5b, mixed, other
-        GALRawINAV blocks by signal; only `e1b` become pages.
-    no_time
-        E1-B blocks without time, or of an impossible satellite.
-    """
-
-    blocks: int = 0
-    bad_blocks: int = 0
-    skipped_bytes: int = 0
-    e1b: int = 0
+    blocks: int = 0  # blocks with a good CRC, of any kind
+    bad_blocks: int = 0  # places that look like a block and have a wrong CRC, length or end of file
+    skipped_bytes: int = 0  # bytes outside good blocks
+    e1b: int = 0  # GALRawINAV blocks by signal; only these become pages
     e5b: int = 0
     mixed: int = 0
     other: int = 0
-    no_time: int = 0
+    no_time: int = 0  # E1-B blocks without time, or of an impossible satellite
 
 
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
@@ -69,17 +55,9 @@ def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
 
     Pages that failed the receiver's own check are passed on too: their checksum is checked again by whoever uses them.
 
-    Parameters
-    ----------
-    path
-        The file.
-    counts
-        Filled while reading.
+    `counts` is filled while reading.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read, or holds no GALRawINAV block of E1-B.
+    Raises `InputFileError` if the file cannot be read, or holds no GALRawINAV block of E1-B.
     """
     counts = SbfCounts() if counts is None else counts
     with open_file(path) as file:

@@ -31,18 +31,10 @@ from vestige.sample_processor.search.e1_search import search_e1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelSearch:
-    """What the search found.
+    """What the search found."""
 
-    Attributes
-    ----------
-    error_s
-        By how much the label is late, give or take 10 ms of travel time; None if no RECS was found.
-    decisions
-        One for each RECS that was looked for.
-    """
-
-    error_s: float | None
-    decisions: tuple[VestigialDecision, ...]
+    error_s: float | None  # by how much the label is late, give or take 10 ms of travel time; None if no RECS was found
+    decisions: tuple[VestigialDecision, ...]  # one for each RECS that was looked for
 
 
 def search_label(
@@ -55,12 +47,7 @@ def search_label(
 ) -> LabelSearch:
     """Return the error of a recording's time tag from the RECS in its samples.
 
-    Parameters
-    ----------
-    uncertainty_s
-        Upper limit of the label's error.
-    cipher_mode, group_delay_convention
-        As `AcasProcessor` has them.
+    `uncertainty_s` is the upper limit of the label's error.
     """
     e1, e6 = recording.e1, recording.e6
     keys = {key.time: key for key in assistance.keys}

@@ -132,10 +132,7 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
     """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, to be run there, and return their paths.
 
-    Raises
-    ------
-    UnsupportedError
-        If gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
+    Raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
     """
     satellites = tuple(svids)
     paths = []

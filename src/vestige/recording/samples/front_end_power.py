@@ -19,15 +19,7 @@ _END_OF_SCALE: Mapping[SampleType, float] = {"int8": 127.0, "uint8": 127.0, "int
 
 
 def front_end_status(batch: SampleBatch, form: SampleFormat) -> FrontEndStatus:
-    """Return power, in dB over one unit of the stored numbers, and whether the converter was saturated.
-
-    Parameters
-    ----------
-    batch
-        Samples as they were stored, at least one.
-    form
-        How they were stored; floating-point numbers have no end of scale.
-    """
+    """Return power, in dB over one unit of the stored numbers, and whether the converter was saturated."""
     values = batch.samples.view(np.float32)
     power = float(np.vdot(values, values)) / batch.samples.size
     end = _END_OF_SCALE.get(form.component, math.inf)

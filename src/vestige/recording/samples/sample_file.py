@@ -27,26 +27,13 @@ BLOCK_SAMPLES = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleReader:
-    """The samples of one band; `open_samples` makes one.
-
-    Attributes
-    ----------
-    file
-        The description of the file.
-    n_samples
-        Whole samples in it.
-    notes
-        What is odd about the file, one line each.
-    skipped
-        Samples at the beginning of the file that are not among them.
-    held
-        The samples as they were stored, where there is no file that could be read again.
-    """
+    """The samples of one band; `open_samples` makes one."""
 
     file: BandFile
-    n_samples: int
-    notes: tuple[str, ...] = ()
-    skipped: int = 0
+    n_samples: int  # whole samples in it
+    notes: tuple[str, ...] = ()  # what is odd about the file, one line each
+    skipped: int = 0  # samples at the beginning of the file that are not among them
+    # the samples as they were stored, where there is no file that could be read again
     held: bytes | None = field(default=None, repr=False)
 
     @property
@@ -73,10 +60,7 @@ class SampleReader:
     def start(self) -> GalileoTime:
         """Receiver-clock time of the first sample.
 
-        Raises
-        ------
-        InputFileError
-            If nothing tells it.
+        Raises `InputFileError` if nothing tells it.
         """
         return self.time_of(self.first_sample)
 
@@ -89,17 +73,8 @@ class SampleReader:
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
 
-        Parameters
-        ----------
-        first
-            Number of the first sample on the shared counter.
-
-        Raises
-        ------
-        ValueError
-            If the file does not have all of them.
-        InputFileError
-            If they cannot be read, or are not finite numbers.
+        Raises `ValueError` if the file does not have all of them. Raises `InputFileError` if they cannot be read, or
+        are not finite numbers.
         """
         if count < 0 or first < self.first_sample or first + count > self.end_sample:
             raise ValueError(
@@ -156,28 +131,18 @@ class SampleReader:
 def samples_so_far(file: BandFile) -> SampleReader:
     """Return the reader of the whole samples that a file holds by now, maybe none: another process still writes it.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read.
+    Raises `InputFileError` if the file cannot be read.
     """
-    with open_file(file.path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-    count = (size - file.header_bytes - file.trailing_bytes) // file.form.sample_bytes
+    _, count, _ = _size(file)
     return SampleReader(file=file, n_samples=max(count, 0))
 
 
 def open_samples(file: BandFile) -> SampleReader:
     """Return the reader of a sample file, after a look at its length.
 
-    Raises
-    ------
-    InputFileError
-        If the file cannot be read or has no sample.
+    Raises `InputFileError` if the file cannot be read or has no sample.
     """
-    with open_file(file.path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-    count, rest = divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
+    size, count, rest = _size(file)
     if count < 1:
         expected = f"at least one sample of {file.form.sample_bytes} bytes"
         if skipped := file.header_bytes + file.trailing_bytes:
@@ -189,3 +154,10 @@ def open_samples(file: BandFile) -> SampleReader:
     if file.stated_samples is not None and file.stated_samples != count:
         notes.append(f"{file.path.name} has {count} samples, its description states {file.stated_samples}")
     return SampleReader(file=file, n_samples=count, notes=tuple(notes))
+
+
+def _size(file: BandFile) -> tuple[int, int, int]:
+    """Return the bytes of a file, the whole samples in it, and the bytes beyond."""
+    with open_file(file.path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+    return size, *divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)

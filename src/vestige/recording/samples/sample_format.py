@@ -36,21 +36,11 @@ NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleFormat:
-    """One way to store samples.
+    """One way to store samples."""
 
-    Attributes
-    ----------
-    component
-        Number type of a real sample, or of each half of a complex one.
-    layout
-        `real`, or complex with the in-phase component first (`iq`) or second (`qi`).
-    big_endian
-        Byte order of components of more than one byte.
-    """
-
-    component: SampleType
-    layout: Layout
-    big_endian: bool = False
+    component: SampleType  # number type of a real sample, or of each half of a complex one
+    layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
+    big_endian: bool = False  # byte order of components of more than one byte
 
     @property
     def is_complex(self) -> bool:
@@ -102,15 +92,7 @@ SIGMF_FORMATS = _sigmf_formats()
 def decode(
     components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return stored components as complex64 samples, exactly.
-
-    Parameters
-    ----------
-    components
-        Components in the order of the file, of `form.dtype`; a whole number of samples.
-    inverted
-        Whether the spectrum is turned round, so that samples are conjugated.
-    """
+    """Return stored components as complex64 samples, exactly."""
     values = components.astype(np.float32)
     if zero := COMPONENTS[form.component][1]:
         values -= zero
@@ -129,17 +111,14 @@ def encode(
 
     Rounding is to the nearest integer, halves to even. float32 is not rounded; with `scale` 1 it is stored bit for bit.
 
+    Raises `ValueError` if a sample is not finite, or a real format is asked to hold imaginary parts.
+
     Parameters
     ----------
     scale
         Stored value of 1.0, the same for both components.
     inverted
         Store the conjugate, as a front end with a turned-round spectrum would.
-
-    Raises
-    ------
-    ValueError
-        If a sample is not finite, or a real format is asked to hold imaginary parts.
     """
     if form.layout == "real":
         if np.any(samples.imag):

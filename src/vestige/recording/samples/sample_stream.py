@@ -26,18 +26,10 @@ BLOCK_BYTES = 1 << 16  # what a pipe holds; blocks are kept or let go whole
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
-    """How far a stream was read at one moment.
+    """How far a stream was read at one moment."""
 
-    Attributes
-    ----------
-    end_sample
-        Number after that of the last whole sample, on the counter that the bands share.
-    ended
-        Whether no more samples can come.
-    """
-
-    end_sample: int
-    ended: bool
+    end_sample: int  # number after that of the last whole sample, on the counter that the bands share
+    ended: bool  # whether no more samples can come
 
 
 @dataclass(slots=True)
@@ -53,16 +45,7 @@ class _Block:
 class SampleStream:
     """Samples of one band out of a file descriptor; starts to read at once.
 
-    Parameters
-    ----------
-    descriptor
-        Open for reading.
-    file
-        What the samples are; its path names them in messages.
-    capacity_bytes
-        How much may wait.
-    can_wait
-        Whether the writer can wait when the buffer is full. If it cannot, samples are dropped then.
+    At most `capacity_bytes` wait. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full.
     """
 
     def __init__(self, descriptor: int, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
@@ -83,10 +66,7 @@ class SampleStream:
     def look(self) -> StreamState:
         """Return how far the stream was read by now.
 
-        Raises
-        ------
-        InputFileError
-            If reading failed.
+        Raises `InputFileError` if reading failed.
         """
         with self._changed:
             if self._error is not None:
@@ -120,11 +100,6 @@ class SampleStream:
         """Let go of the samples that are neither in a window nor at or after number `since`.
 
         A window of which samples are gone is of no use, so the rest of it is let go, too.
-
-        Parameters
-        ----------
-        windows
-            First sample and end of each window that is still needed.
 
         Returns
         -------

@@ -85,19 +85,11 @@ class _Stream:
 def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescription:
     """Return the recording that SigMF metadata files describe together, at most one for each band.
 
-    Parameters
-    ----------
-    metas
-        The metadata files. Those with neither carrier in their spectrum are left out, with a note.
-    described_in
-        What names the recording: the metadata file itself, a collection or a folder.
+    Metadata with neither carrier in their spectrum are left out, with a note. `described_in` names the recording: the
+    metadata file itself, a collection or a folder.
 
-    Raises
-    ------
-    InputFileError
-        If a file is not SigMF metadata, lacks what is needed, or contradicts itself or the other band.
-    UnsupportedError
-        If it is valid SigMF that vestige does not read.
+    Raises `InputFileError` if a file is not SigMF metadata, lacks what is needed, or contradicts itself or the other
+    band. Raises `UnsupportedError` if it is valid SigMF that vestige does not read.
     """
     streams: dict[Band, _Stream] = {}
     notes = []
@@ -124,10 +116,8 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
 def read_collection(path: Path) -> RecordingDescription:
     """Return the recording that a `.sigmf-collection` file names.
 
-    Raises
-    ------
-    InputFileError, UnsupportedError
-        As `read_sigmf`; also if a metadata file has changed since the collection was made.
+    Raises `InputFileError` or `UnsupportedError` as `read_sigmf`; also if a metadata file has changed since the
+    collection was made.
     """
     content = _json(path)
     collection = content.get("collection") if isinstance(content, dict) else None

@@ -25,6 +25,8 @@ from vestige.time import GalileoTime
 class SigmfWriter:
     """Writes the samples of one band; use it in a `with` statement.
 
+    Raises `InputFileError` if there is a recording of that name already.
+
     Parameters
     ----------
     base
@@ -41,11 +43,6 @@ class SigmfWriter:
         Bound on the receiver clock's error against Galileo System Time in s.
     description
         One line for a person.
-
-    Raises
-    ------
-    InputFileError
-        If there is a recording of that name already.
     """
 
     def __init__(
@@ -91,10 +88,7 @@ class SigmfWriter:
     def append(self, batch: SampleBatch) -> None:
         """Write the samples that follow those before.
 
-        Raises
-        ------
-        ValueError
-            If the batch is of another band or rate, or does not follow on the counter.
+        Raises `ValueError` if the batch is of another band or rate, or does not follow on the counter.
         """
         if self._first is None:
             self._first = batch
@@ -155,12 +149,8 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
 def write_collection(base: Path, metas: Sequence[Path], *, description: str = "") -> Path:
     """Write `base.sigmf-collection` that ties recordings in the same folder together, and return its path.
 
-    Raises
-    ------
-    InputFileError
-        If there is a collection of that name already.
-    ValueError
-        If a recording lies in another folder.
+    Raises `InputFileError` if there is a collection of that name already. Raises `ValueError` if a recording lies in
+    another folder.
     """
     path = base.with_name(base.name + COLLECTION)
     _refuse_existing(path)

@@ -27,17 +27,9 @@ _UNPLACED = GalileoTime(0, 1)
 def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
     """Yield the pages of a test-vector file, all satellites of one time after the other.
 
-    Parameters
-    ----------
-    path
-        The file.
-    start
-        Start of the first page; without it, it is read from the navigation words.
+    `start` is that of the first page; without it, it is read from the navigation words.
 
-    Raises
-    ------
-    InputFileError
-        If the file is not of this kind, or nobody says when it starts.
+    Raises `InputFileError` if the file is not of this kind, or nobody says when it starts.
     """
     satellites = _read_lines(path)
     if start is None:

@@ -13,10 +13,7 @@ from vestige.scenario.toml.toml_text import toml_text
 def campaign_toml(text: str) -> str:
     """Return a scenario as TOML with all its defaults: reading it gives a scenario with the same digest.
 
-    Parameters
-    ----------
-    text
-        JSON, the attribute `scenario` of the results.
+    `text` is JSON, the attribute `scenario` of the results.
     """
     tables = json.loads(text)
     tables["attack"] = [_without_power(attack) for attack in tables["attack"]]

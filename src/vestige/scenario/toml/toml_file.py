@@ -34,12 +34,7 @@ class Section(BaseModel):
 class InconsistentSettingsError(ValueError):
     """Values that do not fit together.
 
-    Parameters
-    ----------
-    place
-        The key to look at, from the table that is being checked: `receiver.clock`.
-    found, expected
-        What it amounts to and what it should.
+    `place` is the key to look at, from the table that is being checked: `receiver.clock`.
     """
 
     def __init__(self, place: str, found: object, expected: str) -> None:
@@ -50,10 +45,7 @@ class InconsistentSettingsError(ValueError):
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
-    Raises
-    ------
-    InputFileError
-        If it cannot be read, is not TOML, or has keys or tables beyond all reason (`parse_toml`).
+    Raises `InputFileError` if it cannot be read, is not TOML, or has keys or tables beyond all reason (`parse_toml`).
     """
     try:
         return parse_toml(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
@@ -67,10 +59,7 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
     TOML has no word for nothing. So the bare word `none`, which is no TOML value, removes a key or a whole table:
     `receiver.multipath=none`. What is left out has its default, and a model that is left out is not there.
 
-    Raises
-    ------
-    VestigeError
-        If a setting has not this form, or there is nothing to remove.
+    Raises `VestigeError` if a setting has not this form, or there is nothing to remove.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:
@@ -128,10 +117,7 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
     A number is a number only, neither a text nor a truth value that could be taken for one. TOML has lists and tables
     where the models have tuples and objects, as JSON has: hence the detour.
 
-    Raises
-    ------
-    InputFileError
-        For an unknown key, a missing one, or a value of another type or outside its range.
+    Raises `InputFileError` for an unknown key, a missing one, or a value of another type or outside its range.
     """
     _check_values(raw, "", path)
     try:

@@ -13,11 +13,12 @@ from vestige.acas_processor.checks.solution_separation import SolutionSeparation
 from vestige.campaign.statistics import binomial_test
 from vestige.navigation.position_fix import Fix, local_geometry, position_fix, transmission
 from vestige.navigation.raim import redundancy, solution_separation
-from vestige.receiver.sky.constellation import sky, walker_ephemerides
+from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.records import CheckResult, Outcome
 from vestige.streams import stream
 from vestige.time import GalileoTime
+from whole_sky import sky
 
 START = GalileoTime(1373, 0)
 ALL = walker_ephemerides(START)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import hashlib
 
-from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root, pkr_blocks
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES
+from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
 ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]
@@ -26,17 +26,9 @@ def is_alert(message: bytes) -> bool:
 def verify_alert(message: bytes, tree: MerkleTree) -> None:
     """Check that an alert message leads to the root of the tree.
 
-    Parameters
-    ----------
-    message
-        All blocks of the DSM-PKR.
-    tree
-        Only its root is used.
+    `message` is all blocks of the DSM-PKR.
 
-    Raises
-    ------
-    AuthenticationError
-        If the message is malformed or leads to another root.
+    Raises `AuthenticationError` if the message is malformed or leads to another root.
     """
     if not is_alert(message) or len(message) != pkr_blocks(message[0]) * BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")

@@ -50,27 +50,15 @@ _AES_KEY_BITS = (128, 192, 256)
 class ChainParameters:
     """Parameters of a TESLA chain, as codes of the DSM-KROOT.
 
-    Attributes
-    ----------
-    hash_function, mac_function, key_size, tag_size
-        HF, MF, KS and TS [OSNMA-ICD, DSM-KROOT].
-    mac_lookup
-        MACLT: which tag slot authenticates what (see `mac_lookup`).
-    alpha
-        Random pattern of the chain, 6 bytes.
-
-    Raises
-    ------
-    UnsupportedError
-        If a code is reserved.
+    Raises `UnsupportedError` if a code is reserved.
     """
 
-    hash_function: int = 0
-    mac_function: int = 0
-    key_size: int = 4
-    tag_size: int = 9
-    mac_lookup: int = 34
-    alpha: bytes
+    hash_function: int = 0  # HF [OSNMA-ICD, DSM-KROOT]
+    mac_function: int = 0  # MF
+    key_size: int = 4  # KS
+    tag_size: int = 9  # TS
+    mac_lookup: int = 34  # MACLT: which tag slot authenticates what (see `mac_lookup`)
+    alpha: bytes  # random pattern of the chain, 6 bytes
 
     def __post_init__(self) -> None:
         if len(self.alpha) != ALPHA_BYTES:

@@ -76,30 +76,18 @@ class NmaHeader:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmKroot:
-    """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature.
-
-    Attributes
-    ----------
-    public_key_id
-        PKID: which public key verifies the signature.
-    chain_id
-        CIDKR: the chain that the root key belongs to.
-    root_week, root_hour
-        WN_K modulo 4096 and TOWH_K: the root key is the key of 30 s before this hour.
-    reserved
-        The 2 + 4 reserved bits, which are signed too.
-    """
+    """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature."""
 
     n_blocks: int
-    public_key_id: int
-    chain_id: int
+    public_key_id: int  # PKID: which public key verifies the signature
+    chain_id: int  # CIDKR: the chain that the root key belongs to
     parameters: ChainParameters
-    root_week: int
-    root_hour: int
+    root_week: int  # WN_K modulo 4096
+    root_hour: int  # TOWH_K: the root key is the key of 30 s before this hour
     root_key: bytes
     signature: bytes
     padding: bytes
-    reserved: tuple[int, int] = (1, 0)
+    reserved: tuple[int, int] = (1, 0)  # the 2 + 4 reserved bits, which are signed too
 
     def root_time(self, near: GalileoTime) -> GalileoTime:
         """Return the subframe of the root key, in the 4096-week cycle that puts it nearest to `near`."""
@@ -135,31 +123,28 @@ class DsmKroot:
 def kroot_blocks(first_byte: int) -> int:
     """Return the number of blocks of the DSM-KROOT whose first byte is `first_byte`.
 
-    Raises
-    ------
-    UnsupportedError
-        If the code is reserved.
+    Raises `UnsupportedError` if the code is reserved.
     """
+    return _blocks("DSM-KROOT", KROOT_BLOCKS, first_byte)
+
+
+def pkr_blocks(first_byte: int) -> int:
+    """Return the same of a DSM-PKR."""
+    return _blocks("DSM-PKR", PKR_BLOCKS, first_byte)
+
+
+def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
     code = first_byte >> 4
-    if code not in KROOT_BLOCKS:
-        raise UnsupportedError(f"DSM-KROOT: NB (number of blocks) is {code}; supported are {sorted(KROOT_BLOCKS)}")
-    return KROOT_BLOCKS[code]
+    if code not in table:
+        raise UnsupportedError(f"{message}: NB (number of blocks) is {code}; supported are {sorted(table)}")
+    return table[code]
 
 
 def parse_kroot(message: bytes) -> DsmKroot:
     """Return the fields of a DSM-KROOT. Nothing is verified but that it can be one.
 
-    Parameters
-    ----------
-    message
-        All its blocks, 13 bytes each.
-
-    Raises
-    ------
-    AuthenticationError
-        If the fields contradict each other.
-    UnsupportedError
-        If a field has a reserved value.
+    Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
+    reserved value.
     """
     if not message:
         raise AuthenticationError("DSM-KROOT: empty")

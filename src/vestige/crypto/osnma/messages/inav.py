@@ -68,21 +68,11 @@ def word_bits(word: int, start: int, length: int) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InavPage:
-    """One I/NAV page of one satellite, as received on E1-B.
+    """One I/NAV page of one satellite, as received on E1-B."""
 
-    Attributes
-    ----------
-    svid
-        Satellite, 1 … 36.
-    time
-        Start of the page in whole seconds, as the recording tells it.
-    data
-        30 bytes: 240 bits, the even half first; its tail may be zero.
-    """
-
-    svid: int
-    time: GalileoTime
-    data: bytes
+    svid: int  # satellite, 1 … 36
+    time: GalileoTime  # start of the page in whole seconds, as the recording tells it
+    data: bytes  # 30 bytes: 240 bits, the even half first; its tail may be zero
 
     def __post_init__(self) -> None:
         if not 1 <= self.svid <= MAX_SVID or len(self.data) != PAGE_BYTES:
@@ -113,11 +103,6 @@ class InavPage:
 
 def time_in_word(word: int) -> tuple[int | None, int] | None:
     """Return (week modulo 4096 or None, time of week in s) of the start of the page that carries `word`.
-
-    Parameters
-    ----------
-    word
-        Navigation word, 128 bits.
 
     Returns
     -------

@@ -35,18 +35,10 @@ _SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST m
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One slot of a sequence.
+    """One slot of a sequence."""
 
-    Attributes
-    ----------
-    adkd
-        Kind of data; None in a flexible slot.
-    own
-        Whether the tag must be for the satellite that sends it.
-    """
-
-    adkd: int | None
-    own: bool
+    adkd: int | None  # kind of data; None in a flexible slot
+    own: bool  # whether the tag must be for the satellite that sends it
 
     @property
     def flexible(self) -> bool:
@@ -71,17 +63,7 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     """Return the slots of the tags in a subframe, the one of the first tag included.
 
-    Parameters
-    ----------
-    parameters
-        Parameters of the chain.
-    time
-        Start of the subframe.
-
-    Raises
-    ------
-    UnsupportedError
-        If the table has no such row, or the row does not fit the number of tags.
+    Raises `UnsupportedError` if the table has no such row, or the row does not fit the number of tags.
     """
     row = MAC_LOOKUP.get(parameters.mac_lookup)
     if row is None:

@@ -27,11 +27,6 @@ FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
     ADKD_EPHEMERIS: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
     ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
 }
-ADKD_NAMES: Mapping[int, str] = {
-    ADKD_EPHEMERIS: "ephemeris, clock, status",
-    ADKD_TIMING: "timing parameters",
-    ADKD_SLOW: "ephemeris, clock, status; slow MAC",
-}
 
 _USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
 _IOD_WORDS = (1, 2, 3, 4)  # these carry IODnav in bits 6…15 [OS-ICD, 4.3.5]
@@ -40,44 +35,24 @@ _PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationData:
-    """One satellite's data that a tag covers.
-
-    Attributes
-    ----------
-    svid
-        Whose data.
-    iod_nav
-        Issue of data of words 1 to 4; None for timing parameters.
-    bits, n_bits
-        The data and its length.
-    oldest_s
-        Time at which the piece that is longest ago was last received, in GST seconds.
-    """
+    """One satellite's data that a tag covers."""
 
     svid: int
-    iod_nav: int | None
+    iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int
+    oldest_s: int  # time at which the piece that is longest ago was last received, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationWords:
-    """The latest words of one satellite that tags cover.
+    """The latest words of one satellite that tags cover."""
 
-    Attributes
-    ----------
-    words
-        Word type -> (word, time of reception in GST seconds).
-    replaced
-        Words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`.
-    subframe_s
-        Start of the last subframe with a page of this satellite, in GST seconds.
-    """
-
+    # word type -> (word, time of reception in GST seconds)
     words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    # words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`
     replaced: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    subframe_s: int = -1
+    subframe_s: int = -1  # start of the last subframe with a page of this satellite, in GST seconds
 
     def updated(self, subframe: SatelliteSubframe) -> NavigationWords:
         """Return the words after this subframe."""
@@ -95,29 +70,13 @@ class NavigationWords:
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
     def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
-        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed.
-
-        Parameters
-        ----------
-        svid, adkd, subframe
-            As for `data`.
-        """
+        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed."""
         before = replace(self, words={**self.words, **self.replaced})
         found = (words.data(svid, adkd, subframe) for words in (self, before))
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover, or None if it was not received or is of two issues.
-
-        Parameters
-        ----------
-        svid
-            The satellite of these words.
-        adkd
-            Kind of data.
-        subframe
-            Start of the subframe with the tag.
-        """
+        """Return the latest data that a tag may cover, or None if it was not received or is of two issues."""
         fields = FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None

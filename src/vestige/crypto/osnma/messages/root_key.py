@@ -16,31 +16,15 @@ from vestige.time import GalileoTime
 class RootKey:
     """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
 
-    Attributes
-    ----------
-    kroot
-        The DSM-KROOT.
-    header
-        The NMA header that is signed with it.
-    time
-        Subframe of the root key: 30 s before the hour that the DSM-KROOT names.
-    public_key
-        The key that verified it.
-    received_at
-        Subframe in which it was received, as whoever received it says: from then on its status counts.
-
-    Raises
-    ------
-    AuthenticationError
-        If signature, padding or time do not verify.
-    TypeError
-        If a part is not of exactly its type: a subclass could verify anything.
+    Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not of
+    exactly its type: a subclass could verify anything.
     """
 
     kroot: DsmKroot
-    header: NmaHeader
-    time: GalileoTime
-    public_key: PublicKey
+    header: NmaHeader  # the NMA header that is signed with it
+    time: GalileoTime  # subframe of the root key: 30 s before the hour that the DSM-KROOT names
+    public_key: PublicKey  # the key that verified it
+    # subframe in which it was received, as whoever received it says: from then on its status counts
     received_at: GalileoTime
 
     def __post_init__(self) -> None:
@@ -93,6 +77,9 @@ class RootKey:
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
     """Return the root key, because its signature and its padding verify [OSNMA-ICD, 6.3].
 
+    Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the key that signed it is
+    not among those given.
+
     Parameters
     ----------
     kroot
@@ -103,13 +90,6 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
         The keys that may have signed it; the one with its PKID is used.
     near
         A time within 2048 weeks of the root key, which counts weeks modulo 4096: the time of reception.
-
-    Raises
-    ------
-    AuthenticationError
-        If signature or padding are wrong.
-    VestigeError
-        If the key that signed it is not among those given.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

@@ -19,10 +19,10 @@ from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, Inav
 from vestige.time import GalileoTime
 
 PAGES = 15  # pages in a subframe [OS-ICD, 4.3.2]
-HKROOT_BITS = 8  # HKROOT bits in one page [OSNMA-ICD, 2]
 MACK_BITS = 32  # MACK bits in one page [OSNMA-ICD, 2]
 MACK_TOTAL_BITS = PAGES * MACK_BITS
 
+_GRACE_S, _RESTART_S = 10, 600
 DUMMY_WORD = 63  # word type of a dummy page; its OSNMA field is to be discarded [OSNMA-ICD, 2]
 
 
@@ -37,22 +37,13 @@ class Content(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSubframe:
-    """The 15 pages of one satellite and one subframe, as far as they were received.
-
-    Attributes
-    ----------
-    time
-        Start of the subframe (GST_SF).
-    osnma
-        15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none.
-    words
-        15 navigation words of 128 bits; None where the page is lost.
-    """
+    """The 15 pages of one satellite and one subframe, as far as they were received."""
 
     svid: int
-    time: GalileoTime
+    time: GalileoTime  # start of the subframe (GST_SF)
+    # 15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none
     osnma: tuple[bytes | None, ...]
-    words: tuple[int | None, ...]
+    words: tuple[int | None, ...]  # 15 navigation words of 128 bits; None where the page is lost
 
     @property
     def n_missing(self) -> int:
@@ -114,18 +105,10 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """One subframe of all satellites.
+    """One subframe of all satellites."""
 
-    Attributes
-    ----------
-    time
-        Start of the subframe (GST_SF).
-    satellites
-        What each satellite sent, by SVID.
-    """
-
-    time: GalileoTime
-    satellites: Mapping[int, SatelliteSubframe]
+    time: GalileoTime  # start of the subframe (GST_SF)
+    satellites: Mapping[int, SatelliteSubframe]  # by SVID
 
 
 class PageStatus(Enum):
@@ -141,17 +124,11 @@ class PageStatus(Enum):
 class SubframeAssembler:
     """Collects pages into subframes.
 
-    Parameters
-    ----------
-    grace_s
-        A subframe is closed when a page arrives that starts this long after its end, in s.
-    restart_s
-        A page this much older than the newest one does not come late: the recording starts again there, in s.
+    A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
+    than the newest one does not come late: the recording starts again there.
     """
 
-    def __init__(self, *, grace_s: int = 10, restart_s: int = 600) -> None:
-        self._grace_s = grace_s
-        self._restart_s = restart_s
+    def __init__(self) -> None:
         self._open: dict[int, dict[int, list[InavPage | None]]] = {}
         self._newest: int | None = None
 
@@ -163,13 +140,13 @@ class SubframeAssembler:
             return PageStatus.OFF_GRID, []
         closed: list[Epoch] = []
         if self._newest is None or second > self._newest:
-            closed = self._close(before=second - self._grace_s)
+            closed = self._close(before=second - _GRACE_S)
             self._newest = second
-        elif second < self._newest - self._restart_s:
+        elif second < self._newest - _RESTART_S:
             closed = self.flush()
             self._newest = second
         start = second - second % SUBFRAME_S
-        if start + SUBFRAME_S <= self._newest - self._grace_s:
+        if start + SUBFRAME_S <= self._newest - _GRACE_S:
             return PageStatus.LATE, closed
         pages = self._open.setdefault(start, {}).setdefault(page.svid, [None] * PAGES)
         earlier = pages[index]

@@ -31,21 +31,11 @@ MIN_TAG_BITS = 40  # together, before data counts as authenticated [OSNMA-RG, eq
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
-    """One tag of a MACK message.
+    """One tag of a MACK message."""
 
-    Attributes
-    ----------
-    counter
-        CTR: 1 for tag0.
-    value
-        The tag, l_t bits.
-    info
-        The 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow.
-    """
-
-    counter: int
-    value: int
-    info: int
+    counter: int  # CTR: 1 for tag0
+    value: int  # l_t bits
+    info: int  # the 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow
 
     @property
     def svid(self) -> int:
@@ -75,24 +65,12 @@ class Tag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mack:
-    """The authentication part of a complete MACK message.
+    """The authentication part of a complete MACK message."""
 
-    Attributes
-    ----------
-    svid
-        PRN_A: the satellite that sent it.
-    time
-        Start of its subframe.
-    nma_status
-        NMAS of its NMA header; the tags cover it.
-    macseq
-        12 bits.
-    """
-
-    svid: int
-    time: GalileoTime
-    nma_status: int
-    macseq: int
+    svid: int  # PRN_A: the satellite that sent it
+    time: GalileoTime  # start of its subframe
+    nma_status: int  # NMAS of its NMA header; the tags cover it
+    macseq: int  # 12 bits
     tags: tuple[Tag, ...]
 
 
@@ -114,16 +92,7 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
     """Return whether MACSEQ verifies.
 
-    Parameters
-    ----------
-    mack
-        The message.
-    slots
-        Its row of the MAC look-up table.
-    key
-        The chain's key of the next subframe.
-    parameters
-        Parameters of the chain.
+    `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)
@@ -133,18 +102,7 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
     """Return the tag that belongs to the data.
 
-    Parameters
-    ----------
-    mack
-        The message that the tag is in.
-    tag
-        Its place and what it says it is for.
-    data
-        The navigation data.
-    key
-        The chain's key of `tag.key_delay_s` later.
-    parameters
-        Parameters of the chain.
+    `key` is the chain's key of `tag.key_delay_s` later.
     """
     head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
     if tag.counter > 1:

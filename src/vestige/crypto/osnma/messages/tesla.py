@@ -34,17 +34,9 @@ MAX_STEPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key as somebody sent it; it proves nothing.
+    """A key as somebody sent it; it proves nothing."""
 
-    Attributes
-    ----------
-    time
-        Start of the subframe in which it was sent.
-    data
-        The key.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # start of the subframe in which it was sent
     data: bytes
 
 
@@ -57,14 +49,7 @@ def gst_sf(gst_seconds: int) -> bytes:
 def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes:
     """Return the key before `key` in the chain.
 
-    Parameters
-    ----------
-    key
-        A key of the chain.
-    time
-        Subframe of the key that is returned, 30 s before that of `key`.
-    parameters
-        Parameters of the chain.
+    `time` is the subframe of the key that is returned, 30 s before that of `key`.
     """
     return _hash_down(key, time.gst_seconds + SUBFRAME_S, time.gst_seconds, parameters)
 
@@ -80,15 +65,7 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 class Chain:
     """A TESLA chain that hangs on a signed root key, with the keys that were validated so far.
 
-    Parameters
-    ----------
-    root
-        The root key.
-
-    Raises
-    ------
-    TypeError
-        If it is no `RootKey`: making one verifies its signature.
+    Raises `TypeError` if it is no `RootKey`: making one verifies its signature.
     """
 
     __slots__ = ("_known", "_root", "_times")  # nothing else can be set, so `check` cannot be replaced
@@ -125,12 +102,8 @@ class Chain:
         A key after all known ones is hashed down to the newest of them; an earlier one, even one from before the root
         key, must be what the next known one gives.
 
-        Raises
-        ------
-        AuthenticationError
-            If it does not, or is not the kind of key that could.
-        TypeError
-            If its time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
+        Raises `AuthenticationError` if it does not, or is not the kind of key that could. Raises `TypeError` if its
+        time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -174,10 +147,7 @@ class Chain:
     def derive(self, time: GalileoTime) -> Key:
         """Return the key of a subframe whose own key was not received; it follows from the next later one.
 
-        Raises
-        ------
-        AuthenticationError
-            If no later key was validated.
+        Raises `AuthenticationError` if no later key was validated.
         """
         at = bisect_right(self._times, time.gst_seconds - 1)
         if at == len(self._times):
@@ -269,19 +239,10 @@ class _KeyOfChain(ValidatedKey):
 def validate(key: Key, chain: Chain) -> ValidatedKey:
     """Return a key for use, because it leads to the chain's signed root key.
 
-    Parameters
-    ----------
-    key
-        A key that was received, or derived.
-    chain
-        Its chain; remembers the key.
+    The chain remembers the key.
 
-    Raises
-    ------
-    AuthenticationError
-        If it does not chain.
-    TypeError
-        If key, chain, or the key's time or data is something that can change later.
+    Raises `AuthenticationError` if it does not chain. Raises `TypeError` if key, chain, or the key's time or data is
+    something that can change later.
     """
     return _KeyOfChain(key, chain)
 
@@ -291,12 +252,7 @@ def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKe
 
     A derived key has the disclosure time of its own subframe: then the signal gave it away, whoever received it.
 
-    Parameters
-    ----------
-    keys
-        Validated keys of `chain`; those of other chains are passed on.
-    chain
-        Their chain.
+    Keys of other chains are passed on.
     """
     times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
     if not times:

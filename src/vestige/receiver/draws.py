@@ -1,0 +1,44 @@
+"""Draws in blocks of epochs, so that a random number belongs to its epoch wherever a stretch is cut."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
+
+T = TypeVar("T")
+
+
+def drawn_rows(first: int, n: int, draw: Callable[[int], T]) -> T:
+    """Return n rows of draws from row `first` on: of an array, or of a record of arrays.
+
+    `draw` gives the `DRAW_BLOCK` rows of a block by its number.
+    """
+    begin = first // DRAW_BLOCK
+    drawn = [draw(block) for block in range(begin, max((first + n - 1) // DRAW_BLOCK, begin) + 1)]
+    return rows_of(joined(drawn), slice(first % DRAW_BLOCK, first % DRAW_BLOCK + n))
+
+
+def joined(parts: Sequence[T]) -> T:
+    """Return arrays, or records of arrays, one after the other."""
+    arrays: Sequence[Any] = parts
+    if isinstance(parts[0], np.ndarray):
+        return np.concatenate(arrays)  # type: ignore[return-value]
+    return _changed(parts[0], lambda name: np.concatenate([getattr(part, name) for part in arrays]))
+
+
+def rows_of(value: T, rows: slice) -> T:
+    """Return some rows of an array, or of a record of arrays and of the records in it."""
+    if isinstance(value, np.ndarray):
+        return value[rows]  # type: ignore[return-value]
+    if hasattr(value, "part"):
+        return value.part(rows)
+    return _changed(value, lambda name: rows_of(getattr(value, name), rows))
+
+
+def _changed(record: Any, change: Callable[[str], Any]) -> Any:
+    return replace(record, **{field.name: change(field.name) for field in fields(record)})
