@@ -102,11 +102,7 @@ _POWER = (
 _HANDOVER_SEARCH = (
     CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=Status.SPOOFED, cadence=_RECS),
     CheckSpec(
-        step=4,
-        name=CheckName.E1_VESTIGIAL_SEARCH,
-        failure=Status.SPOOFED,
-        cadence=_RECS,
-        suspects_all_satellites=True,
+        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=Status.SPOOFED, cadence=_RECS, suspects_all_satellites=True
     ),
 )
 _FIX = tuple(

@@ -97,11 +97,7 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
         values.append(np.full(correlated.shape, np.nan))
         values[-1][correlated] = one
     return DetectedBlock(
-        tap=tap,
-        magnitude_sigma=values[0],
-        phase_rad=values[1],
-        range_offset_m=values[2],
-        threshold_sigma=limit,
+        tap=tap, magnitude_sigma=values[0], phase_rad=values[1], range_offset_m=values[2], threshold_sigma=limit
     )
 
 

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.checks.power.decision_map import DecisionMap
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
-COLOURS = {
-    SignalClass.CLEAN: GREEN,
-    SignalClass.MULTIPATH: BLUE,
-    SignalClass.SPOOFED: RED,
-    SignalClass.JAMMED: ORANGE,
-}
+COLOURS = {SignalClass.CLEAN: GREEN, SignalClass.MULTIPATH: BLUE, SignalClass.SPOOFED: RED, SignalClass.JAMMED: ORANGE}
 
 
 def decision_map(

@@ -138,7 +138,7 @@ def _answer(
             _share(counts.of[Status.AUTHENTIC], counts.due),
             f"{number(counts.of[Status.AUTHENTIC])} of {number(counts.due)}"
             + (f"; {number(undecided)} not available" if undecided else ""),
-        ),
+        )
     ]
     for detector, one in found.items():
         rate = one.detections

@@ -83,11 +83,7 @@ def _answer(found: ThreatTable, runs: int) -> Html:
         cards.append((f"level {level}", f"{words.count(AGREES)} of {judged}" if judged else "–", small))
     threats = len({row["threat"] for row, _ in scenes})
     cards.append(("attacks", str(threats), f"in {len(scenes)} scenes, up to {runs} runs of each"))
-    return element(
-        "dl",
-        *(card(*one) for one in cards),
-        class_="cards",
-    )
+    return element("dl", *(card(*one) for one in cards), class_="cards")
 
 
 def _matrix(found: ThreatTable) -> list[Html]:

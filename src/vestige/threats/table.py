@@ -26,13 +26,7 @@ from vestige.threats.scenes import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
 VERSION = "vestige_version"  # with which all runs were measured
-_BUDGETS = (
-    "budget_alarms",
-    "budget_range_alarms",
-    "budget_failures",
-    "budget_exact_failures",
-    "budget_range_failures",
-)
+_BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_exact_failures", "budget_range_failures")
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 

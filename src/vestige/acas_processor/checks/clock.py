@@ -27,11 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import check_budget, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.memory import ClockEpoch, ClockMemory
 from vestige.constants import SPEED_OF_LIGHT_MPS

@@ -10,11 +10,7 @@ from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.checks.osnma import (
-    OsnmaAgreementMonitor,
-    OsnmaAvailabilityMonitor,
-    OsnmaReceptionMonitor,
-)
+from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor, OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor

@@ -238,11 +238,7 @@ class E6ExhaustiveSearch:
         )
 
     def _stretches(
-        self,
-        source: SampleSource,
-        codes: list[ChipSequence],
-        uncertainty_s: float,
-        expected: Mapping[int, GalileoTime],
+        self, source: SampleSource, codes: list[ChipSequence], uncertainty_s: float, expected: Mapping[int, GalileoTime]
     ) -> list[_Stretch]:
         """Return which codes to look for where: those of one transmission at once, or each around its own place."""
         stretches = []
@@ -282,10 +278,7 @@ def _not_run(svid: int, why: str) -> SatelliteSearch:
 
 
 def _of_decision(
-    svid: int,
-    decision: VestigialDecision | None,
-    codes: tuple[ChipSequence, ...],
-    sent: Mapping[int, GalileoTime],
+    svid: int, decision: VestigialDecision | None, codes: tuple[ChipSequence, ...], sent: Mapping[int, GalileoTime]
 ) -> SatelliteSearch:
     """Return what an exhaustive search says of one satellite."""
     if decision is None:

@@ -42,11 +42,7 @@ _AVAILABILITY = {
 def _table(rows: tuple[tuple[str, tuple[str, ...], str, str, str], ...]) -> dict[str, Column]:
     return {
         name: Column(
-            dims=dims,
-            dtype=dtype,
-            units=units,
-            long_name=text,
-            attrs=_AVAILABILITY if name == "availability" else {},
+            dims=dims, dtype=dtype, units=units, long_name=text, attrs=_AVAILABILITY if name == "availability" else {}
         )
         for name, dims, dtype, units, text in rows
     }
@@ -271,9 +267,7 @@ def _front_ends(columns: Columns) -> dict[Band, FrontEndBlock]:
     return {
         Band.E1: FrontEndBlock(agc_gain_db=-e1_db, total_power_db=e1_db, saturated=never),
         Band.E6: FrontEndBlock(
-            agc_gain_db=_double(columns["e6_agc_gain_db"]),
-            total_power_db=e6_db,
-            saturated=columns["e6_saturated"] > 0,
+            agc_gain_db=_double(columns["e6_agc_gain_db"]), total_power_db=e6_db, saturated=columns["e6_saturated"] > 0
         ),
     }
 

@@ -27,12 +27,7 @@ from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
-from vestige.navigation.position_fix import (
-    UNKNOWNS,
-    Fix,
-    dilution,
-    local_geometry,
-)
+from vestige.navigation.position_fix import UNKNOWNS, Fix, dilution, local_geometry
 from vestige.receiver.truth import TruthBlock
 from vestige.scenario.campaign import CampaignScenario
 

@@ -15,12 +15,7 @@ _COLOURS = (BLUE, RED, GREEN, ORANGE)
 _CONFIDENCE = 0.95
 
 RocCurve = tuple[
-    str,
-    Float[np.ndarray, " n"],
-    Float[np.ndarray, " n"],
-    Float[np.ndarray, " m"],
-    Int[np.ndarray, " m"],
-    int,
+    str, Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " m"], Int[np.ndarray, " m"], int
 ]
 
 

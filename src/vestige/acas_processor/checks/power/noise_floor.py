@@ -17,11 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import check_budget, two_sided_detection, two_sided_factor
 from vestige.acas_processor.checks.power.received_power import DB_PER_NEPER
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
