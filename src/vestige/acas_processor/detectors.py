@@ -53,13 +53,11 @@ class Detector(Protocol):
     @property
     def spacing(self) -> int:
         """Distance n of the early and late tap from the punctual one, in taps."""
-        ...
 
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
     ) -> Int[np.ndarray, " n_epochs"]:
         """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -105,7 +105,6 @@ class Fixes(Protocol):
     @property
     def block(self) -> FixBlock | None:
         """The fix of each epoch; None without orbits."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -36,7 +36,6 @@ class OwnCheckProtocol(Protocol):
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,7 +112,6 @@ class Preparation(Protocol):
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
         """Return the inputs of epochs first … first + count − 1 (arrays by name), which are the next ones."""
-        ...
 
 
 @runtime_checkable
@@ -122,30 +121,24 @@ class Plan(Protocol):
     @property
     def n_epochs(self) -> int:
         """How many epochs there are; at least 1."""
-        ...
 
     @property
     def columns(self) -> Mapping[str, Column]:
         """The variables that `measure` returns."""
-        ...
 
     @property
     def coords(self) -> Mapping[str, Coord]:
         """The axes other than `epoch`; each one needs at least one coordinate."""
-        ...
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """What identifies the work: text, whole and finite numbers, and lists of them."""
-        ...
 
     def prepare(self) -> Preparation:
         """Return the sequential half at its beginning."""
-        ...
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on to which `inputs` belong."""
-        ...
 
 
 @runtime_checkable
@@ -154,7 +147,6 @@ class JudgedPlan(Plan, Protocol):
 
     def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
         """Return the state after the epochs from `first` on, and all their columns."""
-        ...
 
 
 def judged(

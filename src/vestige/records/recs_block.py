@@ -47,11 +47,9 @@ class RecsLookup(Protocol):
     @property
     def block(self) -> RecsBlock:
         """What there is, and when keys are on air."""
-        ...
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
-        ...
 
 
 @runtime_checkable
@@ -61,21 +59,17 @@ class AssistanceData(Protocol):
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
         """Broadcast group delays."""
-        ...
 
     @property
     def hardware_bias_e1_e6_s(self) -> float:
         """Calibrated delay of the E6 front end minus that of E1, in s."""
-        ...
 
     @property
     def ionosphere_e1_m(self) -> Mapping[int, float]:
         """Predicted slant ionospheric delay on E1 by SVID, in m."""
-        ...
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -147,7 +147,6 @@ class Handovers(Protocol):
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
         """Return the hand-over of one satellite at one epoch; None if its window is too late to prove anything."""
-        ...
 
 
 @runtime_checkable
@@ -158,7 +157,6 @@ class E6(Protocol):
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
         """Return the banks at `offsets_m` around the hand-overs that are asked for, NaN where E6 does not hold them."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -216,11 +214,9 @@ class Searches(Protocol):
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return what the search of E1 with hand-over to E6 finds [WFO, Sec. IV-B, step 4]."""
-        ...
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return what the exhaustive search of E6 finds [WFO, Sec. IV-C, step 5]."""
-        ...
 
 
 SEARCH_NOT_RUN = (

@@ -26,21 +26,17 @@ class Check(Protocol):
     @property
     def name(self) -> CheckName | str:
         """What it is called."""
-        ...
 
     @property
     def unit(self) -> str:
         """Unit of statistic and threshold."""
-        ...
 
     @property
     def p_fa(self) -> float:
         """False-alarm probability of one test."""
-        ...
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
-        ...
 
 
 def check_budget(p_fa: float) -> None:

@@ -33,15 +33,12 @@ class LoopNoise(Protocol):
 
     def __hash__(self) -> int:
         """Return a number that equal models share."""
-        ...
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a pseudorange in m."""
-        ...
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a Doppler in Hz."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,17 +33,14 @@ class Corrections(Protocol):
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
         """Broadcast group delays."""
-        ...
 
     @property
     def hardware_bias_e1_e6_s(self) -> float:
         """Calibrated delay of the E6 front end minus that of E1, in s."""
-        ...
 
     @property
     def ionosphere_e1_m(self) -> Mapping[int, float]:
         """Predicted slant ionospheric delay on E1 by SVID, in m."""
-        ...
 
 
 def predicted_delay_m(
