@@ -23,11 +23,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import check_budget, two_sided_detection, two_sided_factor
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.position.inertial_bridging import rate_steps
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -35,7 +36,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InertialMonitor:
+class InertialMonitor(Monitor):
     """Whether the range rate between two RECS changed as accelerometers and ephemeris say.
 
     Attributes
@@ -50,23 +51,12 @@ class InertialMonitor:
         False-alarm probability of one test of one satellite.
     """
 
+    name: ClassVar = CheckName.INERTIAL_RANGE_RATE
+    unit: ClassVar = "m/s"
     sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
     walk_mps_per_sqrt_s: float = 0.002
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.INERTIAL_RANGE_RATE
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "m/s"
 
     def sigma_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the standard deviation of the statistic after an interval T, without the errors of the range rates."""
@@ -133,12 +123,4 @@ class InertialMonitor:
                 return reasons.get(epoch, "no range rate at both ends")
             return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.where(np.isnan(statistic), np.nan, threshold),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)

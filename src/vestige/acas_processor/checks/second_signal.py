@@ -21,12 +21,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
@@ -58,7 +58,7 @@ class _Places(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SecondSignalMonitor:
+class SecondSignalMonitor(Monitor):
     """Whether the correlators of one RECS hold more than one signal and its rays.
 
     Attributes
@@ -69,21 +69,10 @@ class SecondSignalMonitor:
         False-alarm probability of one test of one satellite, a bound.
     """
 
+    name: ClassVar = CheckName.E6_SECOND_SIGNAL
+    unit: ClassVar = "sigma"
     ray_power_db: float = -15.8  # of the harsh conditions [WFO, Sec. VI-A]
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E6_SECOND_SIGNAL
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma"
 
     def statistic(
         self,
@@ -134,15 +123,7 @@ class SecondSignalMonitor:
                 return "nothing was correlated on E6"
             return "there is a second signal beside the one that E1 predicts"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=found.statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, found.statistic, threshold, explain)
 
 
 def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:

@@ -21,11 +21,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
 
+from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.checks.power.power_distortion import distortion_variance, mean_distortion, power_rise_db
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.baseline import Quantity
@@ -259,20 +260,12 @@ class PowerDistortionMonitor:
         Published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath.
     """
 
+    name: ClassVar = CheckName.POWER_DISTORTION
+    unit: ClassVar = "class"
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
     alarm_cost: float = 10.0
     cn0_step_db: float = 3.0
     p_fa: float = 0.006
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.POWER_DISTORTION
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "class"
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
         """Return the map for a satellite of this C/N0."""
@@ -309,15 +302,7 @@ class PowerDistortionMonitor:
             name = SignalClass(int(statistic[here])).name.lower()
             return f"power {measured.rise_db[here]:+.1f} dB, distortion {measured.distortion[here]:.1f} sigma: {name}"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.full(evidence.shape, float(SignalClass.MULTIPATH)),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.full(evidence.shape, float(SignalClass.MULTIPATH)), explain)
 
     def measured(self, evidence: Evidence) -> PowerAndDistortion:
         """Return power and distortion of every epoch and satellite, and the C/N0 of the map that decides."""

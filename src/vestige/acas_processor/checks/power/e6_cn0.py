@@ -13,11 +13,12 @@ the larger part, so the budget is a bound.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import check_budget, two_sided_factor
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.monitoring.baseline import Quantity
@@ -26,7 +27,7 @@ from vestige.theory.thresholds import amplitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class E6StrengthMonitor:
+class E6StrengthMonitor(Monitor):
     """Whether the encrypted signal is as strong as expected.
 
     Attributes
@@ -37,21 +38,10 @@ class E6StrengthMonitor:
         False-alarm probability of one test of one satellite, a bound.
     """
 
+    name: ClassVar = CheckName.E6_CN0
+    unit: ClassVar = "sigma"
     sigma_model_db: float = 1.5
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E6_CN0
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma"
 
     def statistic(
         self,
@@ -94,12 +84,4 @@ class E6StrengthMonitor:
                 return reference.why_unknown(here)
             return f"E6 is {statistic[here]:+.1f} sigma from the strength that is expected"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, threshold, explain)
