@@ -13,21 +13,13 @@ from vestige.theory.range_offset import range_offset_m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionBlock:
-    """What a detector says of a block of correlator banks.
+    """What a detector says of a block of correlator banks."""
 
-    Attributes
-    ----------
-    tap
-        Index of the punctual correlator, −1 where nothing was detected.
-    magnitude_sigma, phase_rad
-        Its magnitude in standard deviations of the noise per dimension, and its phase; NaN where nothing was detected.
-    range_offset_m
-        Measured minus predicted range in m; NaN where nothing was detected.
-    """
-
-    tap: Int[np.ndarray, " n_epochs"]
+    tap: Int[np.ndarray, " n_epochs"]  # index of the punctual correlator, −1 where nothing was detected
+    # its magnitude in standard deviations of the noise per dimension, and its phase; NaN where nothing was detected
     magnitude_sigma: Float[np.ndarray, " n_epochs"]
     phase_rad: Float[np.ndarray, " n_epochs"]
+    # measured minus predicted range in m; NaN where nothing was detected
     range_offset_m: Float[np.ndarray, " n_epochs"]
 
 

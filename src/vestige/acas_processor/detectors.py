@@ -145,17 +145,9 @@ class EarlyDetector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnDetector:
-    """A detector that a user wrote; what it returns is checked.
+    """A detector that a user wrote; what it returns is checked."""
 
-    Attributes
-    ----------
-    kind
-        How a scenario names it, `module:Name`.
-    detector
-        It.
-    """
-
-    kind: str
+    kind: str  # how a scenario names it, `module:Name`
     detector: Detector
 
     @property

@@ -57,33 +57,18 @@ class TestCadence(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """One check of a level.
+    """One check of a level."""
 
-    Attributes
-    ----------
-    step
-        Its number in [WFO, Sec. IV].
-    name
-        The check; a text of one that a user wrote.
-    failure
-        Status that follows if it fails.
-    scope, cadence
-        What one test looks at, and when it is made.
-    confirm
-        Tests in a row that must fail.
-    suspects_all_satellites
-        Whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all.
-    own_p_fa
-        Whether the check has a false-alarm probability of its own, and no share of the level's budget.
-    """
-
-    step: int
-    name: CheckName | str
-    failure: Status
+    step: int  # its number in [WFO, Sec. IV].
+    name: CheckName | str  # the check; a text of one that a user wrote
+    failure: Status  # status that follows if it fails
+    # what one test looks at, and when it is made
     scope: Scope = Scope.SATELLITE
     cadence: TestCadence = TestCadence.OBSERVATION
     confirm: int = 1
+    # whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all
     suspects_all_satellites: bool = False
+    # whether the check has a false-alarm probability of its own, and no share of the level's budget
     own_p_fa: bool = False
 
 

@@ -40,24 +40,12 @@ class OwnCheckProtocol(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnCheck:
-    """A check of the user's.
+    """A check of the user's."""
 
-    Attributes
-    ----------
-    kind
-        How a scenario names it, `module:Name`.
-    check
-        It.
-    level
-        The lowest mitigation level that has it.
-    spec
-        Its row in the table of levels.
-    """
-
-    kind: str
+    kind: str  # how a scenario names it, `module:Name`
     check: Any
-    level: int
-    spec: CheckSpec
+    level: int  # the lowest mitigation level that has it
+    spec: CheckSpec  # its row in the table of levels
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:

@@ -24,21 +24,11 @@ _NOTHING = np.zeros((0, 0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionBlock:
-    """The positions that n epochs authenticate.
+    """The positions that n epochs authenticate."""
 
-    Attributes
-    ----------
-    rows
-        Epochs with enough ranges in use.
-    fixes
-        The fix of each of them.
-    used
-        bool[n, m], satellites of which a range is used.
-    """
-
-    rows: Int64[np.ndarray, " k"]
-    fixes: FixBlock
-    used: Bool[np.ndarray, "n m"]
+    rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
+    fixes: FixBlock  # the fix of each of them
+    used: Bool[np.ndarray, "n m"]  # satellites of which a range is used
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:

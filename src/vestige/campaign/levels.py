@@ -50,26 +50,13 @@ _READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
 
 @dataclass(frozen=True, kw_only=True)
 class LevelVerdicts:
-    """A level over a campaign of n epochs and m satellites.
-
-    Attributes
-    ----------
-    processor
-        The processor.
-    block
-        What it says.
-    budget
-        Share of each check.
-    seen
-        bool[n, m], where a satellite is in view.
-    range_error_m
-        Error that the attack makes of the range in use, the largest since the RECS before; NaN where none is.
-    """
+    """A level over a campaign of n epochs and m satellites."""
 
     processor: AcasProcessor
     block: VerdictBlock
     budget: Mapping[CheckName | str, Share]
-    seen: Bool[np.ndarray, "n m"]
+    seen: Bool[np.ndarray, "n m"]  # where a satellite is in view
+    # error that the attack makes of the range in use, the largest since the RECS before; NaN where none is
     range_error_m: Float[np.ndarray, "n m"]
 
     @property

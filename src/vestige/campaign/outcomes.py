@@ -130,35 +130,20 @@ def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satell
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
-    """What came of an attack on one satellite.
+    """What came of an attack on one satellite."""
 
-    Attributes
-    ----------
-    detector
-        Whose outcomes these are; the status is that of the detector which the scenario chose.
-    first_s, epochs
-        Time of the attack's first epoch, and the number of those in which a verdict was due.
-    shares
-        Share of each outcome in the epochs of the attack in which a verdict was due.
-    time_to_detect_s
-        From the attack's first epoch to the first alarm in it; NaN if there is none.
-    time_to_mitigate_s
-        From the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if
-        it always had.
-    worst_accepted_m
-        Largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted.
-    e1_captured
-        Share of the attack's epochs in which E1 tracking was on a counterfeit.
-    """
-
-    detector: str
+    detector: str  # whose outcomes these are; the status is that of the detector which the scenario chose
+    # time of the attack's first epoch, and the number of those in which a verdict was due
     first_s: float
     epochs: int
-    shares: dict[DetectedSignal, float]
-    time_to_detect_s: float
+    shares: dict[DetectedSignal, float]  # share of each outcome in the epochs of the attack in which a verdict was due
+    time_to_detect_s: float  # from the attack's first epoch to the first alarm in it; NaN if there is none
+    # from the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if it
+    # always had.
     time_to_mitigate_s: float
+    # largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted
     worst_accepted_m: float
-    e1_captured: float
+    e1_captured: float  # share of the attack's epochs in which E1 tracking was on a counterfeit
 
 
 def report(

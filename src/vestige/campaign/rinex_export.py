@@ -46,24 +46,12 @@ _TENTHS = 10  # epochs are whole tenths of a second apart
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RinexExport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    files
-        Observations, navigation data, settings of `rnx2rtkp`.
-    n_epochs
-        Epochs with at least one satellite.
-    svids
-        Satellites that were tracked at some epoch.
-    n_ephemerides
-        Records of the navigation file.
-    """
-
-    files: tuple[Path, ...]
-    n_epochs: int
-    svids: tuple[int, ...]
-    n_ephemerides: int
+    files: tuple[Path, ...]  # observations, navigation data, settings of `rnx2rtkp`
+    n_epochs: int  # epochs with at least one satellite
+    svids: tuple[int, ...]  # satellites that were tracked at some epoch
+    n_ephemerides: int  # records of the navigation file
 
 
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:

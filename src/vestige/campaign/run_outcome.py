@@ -51,50 +51,33 @@ _HARMFUL = 2.0  # times κσ
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """What came of one run at one level.
+    """What came of one run at one level."""
 
-    Attributes
-    ----------
-    duration_s
-        How long the epochs that count are: those of the attack, or all if there is none.
-    alarms, budget_alarms
-        Alarms that began in them, and how many the budget allows.
-    budget_range_alarms
-        The range check's part of that.
-    failures, budget_failures
-        Tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them.
-    exact_failures, budget_exact_failures
-        The same of those among them whose budget is exact.
-    range_failures, budget_range_failures
-        The same of the range check, whose p_fa is a bound.
-    detected, mitigated, protected, missed, denied
-        See the top of this module; without an attack only `detected` can be true, by chance.
-    time_to_detect_s
-        From the first attacked epoch to the first with an alarm; NaN if there is none.
-    checks
-        Each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
-        first: `C/N0 0; RAIM 31`.
-    worst_range_m, worst_position_m
-        Errors of largest magnitude of a range and of a position that were in use; NaN if nothing was.
-    """
-
-    duration_s: float
+    duration_s: float  # how long the epochs that count are: those of the attack, or all if there is none
+    # alarms that began in them, and how many the budget allows
     alarms: int
     budget_alarms: float
-    budget_range_alarms: float
+    budget_range_alarms: float  # the range check's part of that
+    # tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them
     failures: int
     budget_failures: float
+    # the same of those among them whose budget is exact
     exact_failures: int
     budget_exact_failures: float
+    # the same of the range check, whose p_fa is a bound
     range_failures: int
     budget_range_failures: float
+    # see the top of this module; without an attack only `detected` can be true, by chance
     detected: bool
     mitigated: bool
     protected: bool
     missed: bool
     denied: bool
-    time_to_detect_s: float
+    time_to_detect_s: float  # from the first attacked epoch to the first with an alarm; NaN if there is none
+    # each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
+    # first: `C/N0 0; RAIM 31`.
     checks: str
+    # errors of largest magnitude of a range and of a position that were in use; NaN if nothing was
     worst_range_m: float
     worst_position_m: float
 

@@ -83,13 +83,7 @@ SCENARIO_COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioPlan:
-    """A campaign scenario, ready to run.
-
-    Attributes
-    ----------
-    scenario
-        The scenario with all defaults filled in.
-    """
+    """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
 

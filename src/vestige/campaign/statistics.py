@@ -116,36 +116,20 @@ def enough(successes: int, trials: int, wished_width: float, *, confidence: floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What one detector did in a campaign.
-
-    Attributes
-    ----------
-    epochs
-        Epochs of the campaign.
-    detections
-        Of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
-        alarm if there is no signal.
-    misses
-        Decisions without a detection.
-    cluster
-        Detections whose range offset lies in `cluster_m`, of all detections.
-    cluster_m
-        The range in m, ends included.
-    range_offset_mean_m, range_offset_std_m
-        Of the detections; NaN without any.
-    percentiles_m
-        Percent to range offset in m, linear between detections.
-    """
+    """What one detector did in a campaign."""
 
     detector: str
     epochs: int
+    # of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
+    # alarm if there is no signal.
     detections: Proportion
-    misses: int
-    cluster: Proportion
-    cluster_m: tuple[float, float]
+    misses: int  # decisions without a detection
+    cluster: Proportion  # detections whose range offset lies in `cluster_m`, of all detections
+    cluster_m: tuple[float, float]  # the range in m, ends included
+    # of the detections; NaN without any
     range_offset_mean_m: float
     range_offset_std_m: float
-    percentiles_m: dict[float, float]
+    percentiles_m: dict[float, float]  # percent to range offset in m, linear between detections
 
 
 def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:

@@ -23,27 +23,13 @@ from vestige.records import Status
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictCounts:
-    """How often a campaign had each status.
+    """How often a campaign had each status."""
 
-    Attributes
-    ----------
-    due
-        Verdicts that were due.
-    of
-        Status to their number.
-    attacked
-        Verdicts that were due under attack.
-    false_alarms
-        Alarms without an attack, of the verdicts without an attack that were available.
-    recs_a_day
-        RECS of one satellite in a day: times `false_alarms`, the false alarms of a satellite in a day.
-    """
-
-    due: int
+    due: int  # verdicts that were due
     of: dict[Status, int]
-    attacked: int
-    false_alarms: Proportion
-    recs_a_day: float
+    attacked: int  # verdicts that were due under attack
+    false_alarms: Proportion  # alarms without an attack, of the verdicts without an attack that were available
+    recs_a_day: float  # RECS of one satellite in a day: times `false_alarms`, the false alarms of a satellite in a day
 
     @property
     def false_alarms_a_day(self) -> tuple[float, float, float]:

@@ -23,18 +23,12 @@ _NEVER = GalileoTime(0, 0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecsBlock:
-    """The RECS of n epochs and m satellites, and when their keys are on air.
+    """The RECS of n epochs and m satellites, and when their keys are on air."""
 
-    Attributes
-    ----------
-    found, with_key
-        Whether there is a RECS, and a validated key for it.
-    key_time, disclosed, complete
-        Start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS.
-    """
-
+    # whether there is a RECS, and a validated key for it
     found: Bool[np.ndarray, "n m"]
     with_key: Bool[np.ndarray, "n m"]
+    # start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS
     key_time: GalileoTimes
     disclosed: GalileoTimes
     complete: GalileoTimes

@@ -35,19 +35,10 @@ def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
-    """Epochs cut into runs of `length`, the last one perhaps shorter.
+    """Epochs cut into runs of `length`, the last one perhaps shorter."""
 
-    Attributes
-    ----------
-    starts
-        First epoch of each.
-    begin_s, end_s
-        When each begins, and when it ends: one interval after its last epoch.
-    length
-        Epochs in one.
-    """
-
-    starts: Int[np.ndarray, " n_stretches"]
+    starts: Int[np.ndarray, " n_stretches"]  # first epoch of each
+    # when each begins, and when it ends: one interval after its last epoch
     begin_s: Float[np.ndarray, " n_stretches"]
     end_s: Float[np.ndarray, " n_stretches"]
     length: int
@@ -94,18 +85,10 @@ def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """Single epochs chosen for a drawing.
-
-    Attributes
-    ----------
-    places
-        The epochs, ascending.
-    every
-        Kind of epoch to k, where every k-th of them is there: 1 is all.
-    """
+    """Single epochs chosen for a drawing."""
 
     places: Int[np.ndarray, " n_rows"]
-    every: dict[str, int]
+    every: dict[str, int]  # kind of epoch to k, where every k-th of them is there: 1 is all
 
 
 def chosen_rows(

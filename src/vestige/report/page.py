@@ -27,24 +27,14 @@ _HEAD_BYTES = 1000  # in which the mark stands
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What a page says.
+    """What a page says."""
 
-    Attributes
-    ----------
-    title, question
-        What it is about, and what it answers.
-    body
-        Its sections.
-    data
-        What its script draws: numbers, text, and arrays by `drawing.packed`.
-    version
-        Of vestige.
-    """
-
+    # what it is about, and what it answers
     title: str
     question: str
     body: tuple[Html, ...]
     version: str
+    # what its script draws: numbers, text, and arrays by `drawing.packed`
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:

@@ -21,31 +21,16 @@ _DOPPLER_CORRELATION = 2 / np.pi  # of the noise of two bins 1/(2 T) apart: sinc
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """What a search costs in detection: printed before it starts.
-
-    Attributes
-    ----------
-    hypotheses
-        N.
-    independent
-        Independent tests that give as many false alarms; N itself unless neighbours were asked for.
-    pfa_overall, pfa
-        Overall and single-event false-alarm probability.
-    threshold
-        On the magnitude, in standard deviations of the noise per dimension.
-    required_cn0_dbhz
-        C/N0 of E6-C that is found with probability 0.9 on the grid.
-    grid_loss_db
-        What a signal between the grid points loses in the mean: code and Doppler.
-    """
+    """What a search costs in detection: printed before it starts."""
 
     hypotheses: float
-    independent: float
+    independent: float  # independent tests that give as many false alarms; N itself unless neighbours were asked for
+    # overall and single-event false-alarm probability
     pfa_overall: float
     pfa: float
-    threshold: float
-    required_cn0_dbhz: float
-    grid_loss_db: float
+    threshold: float  # on the magnitude, in standard deviations of the noise per dimension
+    required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
+    grid_loss_db: float  # what a signal between the grid points loses in the mean: code and Doppler
 
 
 def search_budget(

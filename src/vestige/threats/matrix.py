@@ -36,25 +36,14 @@ Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A scene to measure.
+    """A scene to measure."""
 
-    Attributes
-    ----------
-    threat, scene
-        Names.
-    scenario
-        Gives the campaign of a seed, with or without its attack.
-    row
-        The row of the table it belongs to; None for a scenario of the user's.
-    notes
-        Why it may differ, by level.
-    """
-
+    # names
     threat: str
     scene: str
-    scenario: Callable[[int, bool], CampaignScenario]
-    row: Threat | None = None
-    notes: tuple[str, str, str] = ("", "", "")
+    scenario: Callable[[int, bool], CampaignScenario]  # gives the campaign of a seed, with or without its attack
+    row: Threat | None = None  # the row of the table it belongs to; None for a scenario of the user's
+    notes: tuple[str, str, str] = ("", "", "")  # why it may differ, by level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -64,36 +64,19 @@ class CheckShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOutcome:
-    """What came of an attack in many runs at one level.
+    """What came of an attack in many runs at one level."""
 
-    Attributes
-    ----------
-    detected, mitigated, protected, missed, denied
-        Runs of which it is true.
-    succeeded
-        Runs that are missed or denied.
-    by_chance
-        Runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack.
-    checks
-        Those that failed in any run, the most frequent and then the earliest first.
-    alarms, budget_alarms, budget_range_alarms, failures, budget_failures, exact_failures, budget_exact_failures
-        Sums over all runs.
-    range_failures, budget_range_failures, duration_s
-        Sums over all runs.
-    time_to_detect_s
-        Median of the runs with an alarm; NaN without any.
-    worst_range_m, worst_position_m
-        Of all runs.
-    """
-
+    # runs of which it is true
     detected: Proportion
     mitigated: Proportion
     protected: Proportion
     missed: Proportion
     denied: Proportion
-    succeeded: Proportion
+    succeeded: Proportion  # runs that are missed or denied
+    # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
     by_chance: Proportion
-    checks: tuple[CheckShare, ...]
+    checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
+    # sums over all runs
     alarms: int
     budget_alarms: float
     budget_range_alarms: float
@@ -101,10 +84,12 @@ class SceneOutcome:
     budget_failures: float
     exact_failures: int
     budget_exact_failures: float
+    # sums over all runs
     range_failures: int
     budget_range_failures: float
     duration_s: float
-    time_to_detect_s: float
+    time_to_detect_s: float  # median of the runs with an alarm; NaN without any
+    # of all runs
     worst_range_m: float
     worst_position_m: float
 

@@ -60,24 +60,14 @@ class ClockDriftMonitor:
     """Whether bias and drift of the receiver clock are those of its oscillator.
 
     The default is the clock of [WFO, Sec. V].
-
-    Attributes
-    ----------
-    white_s, walk_hz
-        Sf = h0/2 and Sg = 2π² h−2 of the oscillator.
-    window
-        Epochs of the slope, three or more.
-    max_gap_s
-        Longest step; after a longer one the monitor begins anew.
-    p_fa
-        False-alarm probability of one epoch, all three tests together.
     """
 
+    # Sf = h0/2 and Sg = 2π² h−2 of the oscillator
     white_s: float = 7.115e-24 / 2  # [WFO, Sec. V]
     walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
-    window: int = 10
-    max_gap_s: float = 120.0
-    p_fa: float = 1e-5
+    window: int = 10  # epochs of the slope, three or more
+    max_gap_s: float = 120.0  # longest step; after a longer one the monitor begins anew
+    p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)

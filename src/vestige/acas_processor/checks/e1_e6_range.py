@@ -18,16 +18,11 @@ KAPPA = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeCheck:
-    """Whether the range difference between E6 and E1 is within its error budget.
-
-    Attributes
-    ----------
-    budget, kappa
-        Error budget of the range difference, and its factor κ.
-    """
+    """Whether the range difference between E6 and E1 is within its error budget."""
 
     name: ClassVar = CheckName.E1_E6_RANGE
     unit: ClassVar = "m"
+    # error budget of the range difference, and its factor κ
     budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
     kappa: float = KAPPA
 

@@ -37,24 +37,14 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InertialMonitor(Monitor):
-    """Whether the range rate between two RECS changed as accelerometers and ephemeris say.
-
-    Attributes
-    ----------
-    sigma_bias_mps2
-        Bias of the accelerometers along the line of sight, 1σ.
-    walk_mps_per_sqrt_s
-        N, their velocity random walk.
-    clock_walk_hz
-        Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites.
-    p_fa
-        False-alarm probability of one test of one satellite.
-    """
+    """Whether the range rate between two RECS changed as accelerometers and ephemeris say."""
 
     name: ClassVar = CheckName.INERTIAL_RANGE_RATE
     unit: ClassVar = "m/s"
+    # bias of the accelerometers along the line of sight, 1σ
     sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
-    walk_mps_per_sqrt_s: float = 0.002
+    walk_mps_per_sqrt_s: float = 0.002  # N, their velocity random walk
+    # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
 

@@ -33,21 +33,13 @@ _NO_PIECES = OsnmaBlock(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Subframes:
-    """The k subframes that ended in a block.
+    """The k subframes that ended in a block."""
 
-    Attributes
-    ----------
-    epoch
-        Row at which each is judged.
-    missing, window
-        Subframes without a key among the last ones, and how many those are.
-    due, lost, received, differs
-        Pages, or keys, of all satellites.
-    """
-
-    epoch: Int64[np.ndarray, " k"]
+    epoch: Int64[np.ndarray, " k"]  # row at which each is judged
+    # subframes without a key among the last ones, and how many those are
     missing: Int64[np.ndarray, " k"]
     window: Int64[np.ndarray, " k"]
+    # pages, or keys, of all satellites
     due: Int64[np.ndarray, " k"]
     lost: Int64[np.ndarray, " k"]
     received: Int64[np.ndarray, " k"]

@@ -28,13 +28,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RaimMonitor(Monitor):
-    """Whether the residuals of a fix are those of independent errors with the σ of its weights.
-
-    Attributes
-    ----------
-    p_fa
-        False-alarm probability of one epoch.
-    """
+    """Whether the residuals of a fix are those of independent errors with the σ of its weights."""
 
     name: ClassVar = CheckName.RAIM
     unit: ClassVar = "sigma²"

@@ -59,20 +59,13 @@ class _Places(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondSignalMonitor(Monitor):
-    """Whether the correlators of one RECS hold more than one signal and its rays.
-
-    Attributes
-    ----------
-    ray_power_db
-        P, mean power of all rays over the direct signal.
-    p_fa
-        False-alarm probability of one test of one satellite, a bound.
-    """
+    """Whether the correlators of one RECS hold more than one signal and its rays."""
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
+    # P, mean power of all rays over the direct signal
     ray_power_db: float = -15.8  # of the harsh conditions [WFO, Sec. VI-A]
-    p_fa: float = 1e-6
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
 
     def statistic(
         self,

@@ -49,15 +49,11 @@ class SolutionSeparationMonitor(Monitor):
     """Whether the position without each satellite is where the position with all is.
 
     The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes, so its threshold is 1.
-
-    Attributes
-    ----------
-    p_fa_horizontal, p_fa_vertical
-        False-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one.
     """
 
     name: ClassVar = CheckName.SOLUTION_SEPARATION
     unit: ClassVar = "thresholds"
+    # false-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one
     p_fa_horizontal: float = 9e-8  # LPV-200
     p_fa_vertical: float = 3.9e-6  # LPV-200
 

@@ -25,23 +25,13 @@ _AUTHENTIC, _NOT_AVAILABLE = _POSITION[Status.AUTHENTIC], _POSITION[Status.NOT_A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
-    """A satellite's state changed.
+    """A satellite's state changed."""
 
-    Attributes
-    ----------
-    time
-        Of the snapshot that changed it.
-    before, after
-        States.
-    reason
-        Of the verdict that changed it; "" if nothing happened for long enough.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # of the snapshot that changed it
     svid: int
     before: Status
     after: Status
-    reason: str
+    reason: str  # of the verdict that changed it; "" if nothing happened for long enough
 
     @property
     def alarm(self) -> bool:
@@ -51,16 +41,9 @@ class StateChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmState:
-    """State of all satellites.
+    """State of all satellites."""
 
-    Attributes
-    ----------
-    seen
-        When each status was last seen, by satellite, in s after the receiver's origin.
-    shown
-        State of each satellite.
-    """
-
+    # when each status was last seen, by satellite, in s after the receiver's origin
     seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
     shown: Mapping[int, Status] = field(default_factory=dict)
 

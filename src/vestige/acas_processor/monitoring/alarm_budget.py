@@ -34,17 +34,10 @@ ALARMS_A_DAY = 1.0  # for what can be chosen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """How often a receiver tests.
-
-    Attributes
-    ----------
-    satellites
-        In view.
-    observation_s, recs_s, search_s
-        Time between epochs of E1, between RECS, and between exhaustive searches, in s.
-    """
+    """How often a receiver tests."""
 
     satellites: int
+    # time between epochs of E1, between RECS, and between exhaustive searches, in s
     observation_s: float = 1.0
     recs_s: float = 30.0
     search_s: float = 3600.0
@@ -62,21 +55,11 @@ class Cadence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """What a check may do.
+    """What a check may do."""
 
-    Attributes
-    ----------
-    p_fa
-        False-alarm probability of one test, before confirmation.
-    alarms_a_day
-        At most, after confirmation.
-    chosen
-        Whether p_fa is a share of the budget, or the check's own.
-    """
-
-    p_fa: float
-    alarms_a_day: float
-    chosen: bool
+    p_fa: float  # false-alarm probability of one test, before confirmation
+    alarms_a_day: float  # at most, after confirmation
+    chosen: bool  # whether p_fa is a share of the budget, or the check's own
 
 
 def false_alarm_budget(

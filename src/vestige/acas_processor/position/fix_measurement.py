@@ -38,21 +38,12 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixSettings:
-    """Orbits, and what the receiver assumes of its observations.
+    """Orbits, and what the receiver assumes of its observations."""
 
-    Attributes
-    ----------
-    ephemerides
-        Broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be.
-    errors
-        Standard deviations of the observations.
-    fit_interval_s
-        How far from its time an ephemeris is used.
-    """
-
+    # broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be
     ephemerides: tuple[Ephemeris, ...] = ()
-    errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)
-    fit_interval_s: float = FIT_INTERVAL_S
+    errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
+    fit_interval_s: float = FIT_INTERVAL_S  # how far from its time an ephemeris is used
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
         """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""
@@ -143,14 +134,9 @@ def fix_quantities(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LazyFix:
-    """The fixes of a block, made when they are first asked for.
+    """The fixes of a block, made when they are first asked for."""
 
-    Attributes
-    ----------
-    settings, time, svids, e1
-        As `FixSettings.measure` takes them.
-    """
-
+    # as `FixSettings.measure` takes them
     settings: FixSettings
     time: GalileoTimes
     svids: tuple[int, ...]

@@ -48,29 +48,17 @@ def gained_towards_mps(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateStep:
-    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both.
-
-    Attributes
-    ----------
-    epoch
-        Row of the later one.
-    interval_s
-        Between the two.
-    rate_change_mps, static_change_mps, delta_velocity_mps
-        As for `InertialMonitor.statistic`.
-    sigma_change_mps
-        Standard deviation of the measured change.
-    why
-        Why there is nothing to compare; empty if there is.
-    """
+    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both."""
 
     epoch: int
     interval_s: float = np.nan
+    # as for `InertialMonitor.statistic`
     rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
     delta_velocity_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
+    # standard deviation of the measured change
     sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    why: str = ""
+    why: str = ""  # why there is nothing to compare; empty if there is
 
 
 def rate_steps(evidence: Evidence) -> Iterator[RateStep]:

@@ -43,29 +43,16 @@ class LoopNoise(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudorangeErrors:
-    """Standard deviations of E1 observations.
+    """Standard deviations of E1 observations."""
 
-    Attributes
-    ----------
-    floor_m
-        Of all that is not named below.
-    ionosphere_m, ionosphere_common
-        Residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
-        satellites.
-    multipath_m
-        Of multipath at 16° elevation.
-    rate_mps
-        Of a range rate, where `loops` does not say it.
-    loops
-        Noise of the tracking loops; None for none beside the floor.
-    """
-
-    floor_m: float = 5.0
+    floor_m: float = 5.0  # of all that is not named below
+    # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
+    # satellites.
     ionosphere_m: float = 0.0
     ionosphere_common: float = 0.5
-    multipath_m: float = 0.0
-    rate_mps: float = 0.1
-    loops: LoopNoise | None = None
+    multipath_m: float = 0.0  # of multipath at 16° elevation
+    rate_mps: float = 0.1  # of a range rate, where `loops` does not say it
+    loops: LoopNoise | None = None  # noise of the tracking loops; None for none beside the floor
 
     @property
     def needs_elevation(self) -> bool:

@@ -23,17 +23,9 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledSearches:
-    """Both searches of a block of one epoch, in the samples of its snapshot.
+    """Both searches of a block of one epoch, in the samples of its snapshot."""
 
-    Attributes
-    ----------
-    snapshot
-        With E1, and E6 as far as it goes.
-    svids
-        Satellites of the columns.
-    """
-
-    snapshot: Snapshot
+    snapshot: Snapshot  # with E1, and E6 as far as it goes
     svids: tuple[int, ...]
 
     def e1(self, request: SearchRequest) -> SearchBlock:

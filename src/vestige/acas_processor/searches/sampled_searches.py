@@ -47,52 +47,30 @@ _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSearch:
-    """What a search says of one satellite.
-
-    Attributes
-    ----------
-    signals
-        On E1, the strongest first; none from the exhaustive search.
-    peaks
-        In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
-        of its key; then E6 says nothing of it, but `count` counts what was found all the same.
-    count, carrying
-        Number of signals, NaN if the search was not run, and of those that carry the encrypted chips.
-    not_run
-        0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`.
-    sent
-        Time of transmission of the RECS that the peaks are of; None without peaks.
-    """
+    """What a search says of one satellite."""
 
     svid: int
-    signals: tuple[Acquisition, ...]
+    signals: tuple[Acquisition, ...]  # on E1, the strongest first; none from the exhaustive search
+    # in E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure of
+    # its key; then E6 says nothing of it, but `count` counts what was found all the same.
     peaks: tuple[Peak, ...]
+    # number of signals, NaN if the search was not run, and of those that carry the encrypted chips
     count: float
     carrying: int = 0
-    not_run: int = 0
-    sent: GalileoTime | None = None
+    not_run: int = 0  # 0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`
+    sent: GalileoTime | None = None  # time of transmission of the RECS that the peaks are of; None without peaks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1VestigialSearch:
-    """All signals on E1, handed over to E6.
+    """All signals on E1, handed over to E6."""
 
-    Attributes
-    ----------
-    p_fa
-        Of one snapshot, for E1 and for E6 each.
-    doppler_span_hz, periods
-        Of `search_e1`.
-    taps
-        Of `search_handover`.
-    cipher_mode, group_delay_convention
-        As `AcasProcessor` has them.
-    """
-
-    p_fa: float = 1e-3
+    p_fa: float = 1e-3  # of one snapshot, for E1 and for E6 each
+    # of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
-    taps: int = 5
+    taps: int = 5  # of `search_handover`
+    # as `AcasProcessor` has them
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
 
@@ -177,24 +155,14 @@ class E1VestigialSearch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6ExhaustiveSearch:
-    """Every half chip and Doppler bin of E6.
+    """Every half chip and Doppler bin of E6."""
 
-    Attributes
-    ----------
-    p_fa
-        Of one snapshot.
-    how
-        Integration time, Doppler span, engine, workers.
-    around_s
-        How far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty.
-    cipher_mode
-        As `AcasProcessor` has it.
-    """
-
-    p_fa: float = 1e-3
+    p_fa: float = 1e-3  # of one snapshot
+    # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
+    # how far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty
     around_s: float | None = None
-    cipher_mode: CipherMode = CipherMode.CBC
+    cipher_mode: CipherMode = CipherMode.CBC  # as `AcasProcessor` has it
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)

@@ -24,14 +24,9 @@ NOT_DUE = SEARCH_NOT_RUN.index("not due") + 1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchResults:
-    """What a search said in a block of n epochs; NaN where it was not made.
+    """What a search said in a block of n epochs; NaN where it was not made."""
 
-    Attributes
-    ----------
-    signals, carrying, earliest_m, not_run
-        As in `SearchBlock`, of every epoch.
-    """
-
+    # as in `SearchBlock`, of every epoch
     signals: Float[np.ndarray, "n m"]
     carrying: Float[np.ndarray, "n m"]
     earliest_m: Float[np.ndarray, "n m"]

@@ -38,20 +38,12 @@ MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VestigialDecision:
-    """What the peaks of one RECS say.
-
-    Attributes
-    ----------
-    true
-        The earliest peak; None if there is none, or if its chips may have been known when it arrived.
-    spoofed
-        Whether there is more than one.
-    """
+    """What the peaks of one RECS say."""
 
     svid: int
     peaks: tuple[Peak, ...]
-    true: Peak | None
-    spoofed: bool
+    true: Peak | None  # the earliest peak; None if there is none, or if its chips may have been known when it arrived
+    spoofed: bool  # whether there is more than one
 
 
 def decide_vestigial(svid: int, peaks: Iterable[Peak], proof: ReceptionProof | None = None) -> VestigialDecision:

@@ -158,19 +158,9 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """Whose columns are to be judged.
+    """Whose columns are to be judged."""
 
-    Attributes
-    ----------
-    scenario
-        Of the campaign, or as its results hold it.
-    processor
-        Of its receiver.
-    svids
-        The satellites.
-    """
-
-    scenario: CampaignScenario | StoredScenario
+    scenario: CampaignScenario | StoredScenario  # of the campaign, or as its results hold it
     processor: AcasProcessor
     svids: tuple[int, ...]
 

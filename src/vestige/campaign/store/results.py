@@ -82,17 +82,10 @@ class RunAttributes(BaseModel):
 
 
 class CheckColumns(NamedTuple):
-    """A check of stored results.
+    """A check of stored results."""
 
-    Attributes
-    ----------
-    result
-        1 where it failed, after confirmation, 0 where it passed, −1 where it was not run.
-    statistic, threshold
-        In the unit of the check; NaN where it was not run.
-    """
-
-    result: Int8[np.ndarray, "n m"]
+    result: Int8[np.ndarray, "n m"]  # 1 where it failed, after confirmation, 0 where it passed, −1 where it was not run
+    # in the unit of the check; NaN where it was not run
     statistic: Float[np.ndarray, "n m"]
     threshold: Float[np.ndarray, "n m"]
 

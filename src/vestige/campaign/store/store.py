@@ -56,26 +56,14 @@ _DIGITS = 10  # of a number of a chunk
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """An open store; `open_store` makes it.
-
-    Attributes
-    ----------
-    attrs
-        What the store says of the work whose results it holds.
-    columns
-        The arrays with an axis `epoch`.
-    digests
-        One hash for each chunk.
-    chunk_epochs
-        Epochs in a chunk (the last one may have fewer), fixed when the store was made.
-    """
+    """An open store; `open_store` makes it."""
 
     path: Path
-    attrs: Mapping[str, Any]
-    columns: Mapping[str, zarr.Array[Any]]
-    digests: zarr.Array[Any]
+    attrs: Mapping[str, Any]  # what the store says of the work whose results it holds
+    columns: Mapping[str, zarr.Array[Any]]  # the arrays with an axis `epoch`
+    digests: zarr.Array[Any]  # one hash for each chunk
     n_epochs: int
-    chunk_epochs: int
+    chunk_epochs: int  # epochs in a chunk (the last one may have fewer), fixed when the store was made
 
     @property
     def n_chunks(self) -> int:

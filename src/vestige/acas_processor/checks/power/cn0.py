@@ -24,21 +24,11 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cn0Monitor(LevelMonitor):
-    """Whether the C/N0 of a satellite is what is expected of it.
-
-    Attributes
-    ----------
-    sigma_estimator_db
-        Spread of the estimate.
-    sigma_model_db
-        Spread of the truth about the expectation.
-    p_fa
-        False-alarm probability of one test of one satellite.
-    """
+    """Whether the C/N0 of a satellite is what is expected of it."""
 
     name: ClassVar = CheckName.E1_CN0
     sigma_estimator_db: float = 0.3
-    sigma_model_db: float = 1.5
+    sigma_model_db: float = 1.5  # spread of the truth about the expectation
     p_fa: float = 1e-6
 
     @property

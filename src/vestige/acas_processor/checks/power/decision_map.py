@@ -38,37 +38,23 @@ from vestige.streams import stream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypotheses:
-    """The receiver, and what may happen to it.
+    """The receiver, and what may happen to it."""
 
-    Attributes
-    ----------
-    cn0_dbhz
-        C/N0 of the tracked satellite without interference.
-    sky_cn0_dbhz
-        Mean C/N0 of all satellites in the band.
-    integration_s, half_spacing_chips, pulse, chip_rate_hz
-        Of the taps: T, τ_d, the replica's pulse, its chip rate.
-    bandwidth_hz, n_satellites, sigma_power_db
-        Of the power: W, satellites in it, drift.
-    ray_power_db, ray_mean_excess_m
-        Multipath: mean power relative to the satellite, mean excess delay.
-    spoofer_advantage_db, spoofer_offset_chips
-        Range of η, and largest |Δτ|.
-    jam_to_noise_db
-        Range of J/N.
-    """
-
-    cn0_dbhz: float = 45.0
-    sky_cn0_dbhz: float = 45.0
+    cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
+    sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
+    # of the taps: T, τ_d, the replica's pulse, its chip rate
     integration_s: float = 0.1
     half_spacing_chips: float = 0.15
     pulse: Pulse = BPSK
     chip_rate_hz: float = 1.023e6
+    # of the power: W, satellites in it, drift
     bandwidth_hz: float = 2e6
     n_satellites: int = 10
     sigma_power_db: float = 0.4
+    # multipath: mean power relative to the satellite, mean excess delay
     ray_power_db: float = -16.0
     ray_mean_excess_m: float = 40.0
+    # range of η, and largest |Δτ|
     spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)
     spoofer_offset_chips: float = 1.0
     jam_to_noise_db: tuple[float, float] = (3.0, 20.0)
@@ -109,19 +95,12 @@ _SMOOTHING_CELLS = 1.0  # 1σ
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DecisionMap:
-    """Which class each cell of the plane is taken for.
+    """Which class each cell of the plane is taken for."""
 
-    Attributes
-    ----------
-    power_edges_db, distortion_edges
-        Edges of the cells; what lies beyond belongs to the outermost.
-    classes
-        `SignalClass` of each cell.
-    """
-
+    # edges of the cells; what lies beyond belongs to the outermost
     power_edges_db: Float[np.ndarray, " k"]
     distortion_edges: Float[np.ndarray, " l"]
-    classes: Int8[np.ndarray, "a b"]
+    classes: Int8[np.ndarray, "a b"]  # `SignalClass` of each cell
 
     def classify(
         self, power_rise_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]
@@ -247,24 +226,15 @@ class PowerDistortionMonitor:
     """Whether power and distortion of a satellite are those of an attack.
 
     The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
-
-    Attributes
-    ----------
-    hypotheses
-        What the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`.
-    alarm_cost
-        Cost of a false alarm over that of a miss.
-    cn0_step_db
-        Steps of C/N0 for which maps are made.
-    p_fa
-        Published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath.
     """
 
     name: ClassVar = CheckName.POWER_DISTORTION
     unit: ClassVar = "class"
+    # what the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
-    alarm_cost: float = 10.0
-    cn0_step_db: float = 3.0
+    alarm_cost: float = 10.0  # cost of a false alarm over that of a miss
+    cn0_step_db: float = 3.0  # steps of C/N0 for which maps are made
+    # published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath
     p_fa: float = 0.006
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:

@@ -28,20 +28,12 @@ from vestige.theory.thresholds import amplitude
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6StrengthMonitor(Monitor):
-    """Whether the encrypted signal is as strong as expected.
-
-    Attributes
-    ----------
-    sigma_model_db
-        Spread of the truth about the expectation, 1σ.
-    p_fa
-        False-alarm probability of one test of one satellite, a bound.
-    """
+    """Whether the encrypted signal is as strong as expected."""
 
     name: ClassVar = CheckName.E6_CN0
     unit: ClassVar = "sigma"
-    sigma_model_db: float = 1.5
-    p_fa: float = 1e-6
+    sigma_model_db: float = 1.5  # spread of the truth about the expectation, 1σ
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
 
     def statistic(
         self,

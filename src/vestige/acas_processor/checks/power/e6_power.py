@@ -27,16 +27,11 @@ class E6PowerCheck:
     """Whether the encrypted signal is there.
 
     The statistic is the number of signals that E1 predicts and that are missing, 0 or 1; the check fails above 0.
-
-    Attributes
-    ----------
-    min_pd
-        Smallest predicted probability of detection with which a missing signal means anything.
     """
 
     name: ClassVar = CheckName.E6_POWER
     unit: ClassVar = "signals missing"
-    min_pd: float = MIN_PD
+    min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
 
     @property
     def p_fa(self) -> float:

@@ -29,21 +29,11 @@ from vestige.signals.definitions import E6C
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrongCodeFloorMonitor(LevelMonitor):
-    """Whether the noise floor of the correlators is what it was when the receiver was calibrated.
-
-    Attributes
-    ----------
-    n_chips
-        N_c, chips of the RECS.
-    sigma_system_db
-        Drift of gain and temperature, 1σ.
-    p_fa
-        False-alarm probability of one test.
-    """
+    """Whether the noise floor of the correlators is what it was when the receiver was calibrated."""
 
     name: ClassVar = CheckName.NOISE_FLOOR
-    n_chips: int = round(16e-3 * E6C.chip_rate_hz)
-    sigma_system_db: float = 0.3
+    n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, chips of the RECS
+    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
     p_fa: float = 1e-6
 
     @property

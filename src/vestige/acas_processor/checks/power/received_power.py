@@ -28,22 +28,11 @@ DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a po
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedPowerMonitor(LevelMonitor):
-    """Whether the power of a band is what it was when the receiver was calibrated.
-
-    Attributes
-    ----------
-    band
-        Whose front end.
-    sigma_system_db
-        Drift of gain and temperature, 1σ.
-    bandwidth_hz, averaging_s
-        W and T of the power measurement.
-    p_fa
-        False-alarm probability of one test.
-    """
+    """Whether the power of a band is what it was when the receiver was calibrated."""
 
     band: Band
-    sigma_system_db: float = 0.3
+    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
+    # W and T of the power measurement
     bandwidth_hz: float = 2e6
     averaging_s: float = 0.01
     p_fa: float = 1e-6
