@@ -81,16 +81,7 @@ def assess(
 ) -> tuple[VerdictBlock, ReceiverState]:
     """Return what the processor says of a block, and the state for the next one.
 
-    Parameters
-    ----------
-    processor
-        Level and settings.
-    state
-        After the block before; None at first.
-    measured
-        The block, from `AcasProcessor.measure`; at least one epoch.
-    assistance
-        For the searches.
+    `state` is that after the block before, None at first; `measured` has at least one epoch.
     """
     times = measured.snapshots.time
     if state is None:

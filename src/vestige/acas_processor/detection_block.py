@@ -33,16 +33,8 @@ def detect_block(
 ) -> DetectionBlock:
     """Return what `detector` finds in every bank of a block.
 
-    Parameters
-    ----------
-    taps
-        Correlator outputs.
-    noise_power
-        Mean of |tap|² of noise, both dimensions together.
-    offsets_m
-        Offsets of the taps in m.
-    threshold_sigma
-        Detection threshold in standard deviations of the noise per dimension.
+    `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
+    dimension.
     """
     magnitudes = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
     tap = detector.detect(magnitudes, threshold_sigma)

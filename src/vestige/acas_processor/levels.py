@@ -156,17 +156,9 @@ def combine(
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
     """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
 
-    Parameters
-    ----------
-    level
-        Mitigation level, a key of `LEVELS`.
-    failed
-        Confirmed failures of each check, of each satellite or of the receiver; checks that are not of the level are
-        not looked at.
-    available
-        Whether steps 1 and 2 were run.
-    own
-        Checks of the user's, which the level has after those of vestige.
+    `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
+    not looked at. `available` says whether steps 1 and 2 were run. `own` are the user's checks, which the level has
+    after those of vestige.
 
     Returns
     -------
@@ -196,14 +188,7 @@ def confirmed(
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
 
-    Parameters
-    ----------
-    failed, run
-        Whether it failed, and whether it was run.
-    confirm
-        As `CheckSpec`.
-    before
-        For each satellite, how many of its last tests before the block failed in a row, at most `confirm`.
+    `before` says how many of a satellite's last tests before the block failed in a row, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

@@ -36,17 +36,7 @@ _CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different val
 
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
-    """Return what can be measured of every satellite that E1 observes.
-
-    Parameters
-    ----------
-    processor
-        With its settings.
-    snapshots
-        The block.
-    assistance
-        RECS, keys, group delays.
-    """
+    """Return what can be measured of every satellite that E1 observes."""
     lookup = assistance.recs_of(snapshots)
     availability = _before_samples(snapshots, lookup.block)
     asked = availability == Availability.CORRELATED
@@ -71,17 +61,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
 
 
 def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-    """Return what the processor's detector says of banks.
-
-    Parameters
-    ----------
-    processor
-        With its detector and threshold.
-    banks
-        The banks.
-    correlated
-        Which of them are there.
-    """
+    """Return what the processor's detector says of banks."""
     limit = float(threshold(processor.p_fa))
     found = detect_block(
         banks.taps[correlated],

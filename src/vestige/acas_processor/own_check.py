@@ -51,10 +51,7 @@ class OwnCheck:
     def of(cls, check: Any) -> OwnCheck:
         """Return a check with what it says of itself.
 
-        Raises
-        ------
-        OwnPartError
-            If something of that cannot be.
+        Raises `OwnPartError` if something of that cannot be.
         """
         kind = kind_of(type(check))
         require_members(kind, check, OwnCheckProtocol)
@@ -115,10 +112,8 @@ class OwnCheck:
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs.
 
-        Raises
-        ------
-        OwnPartError
-            If the check raises something, or returns anything but a `CheckSeries` of its name and shape.
+        Raises `OwnPartError` if the check raises something, or returns anything but a `CheckSeries` of its name and
+        shape.
         """
         with blamed_on_own_parts():
             found = self.check.series(evidence)

@@ -18,17 +18,7 @@ if TYPE_CHECKING:
 def position_error_m(
     scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
 ) -> Float[np.ndarray, " n"]:
-    """Return how far the position of a level is from the true one, in m; NaN where there is none.
-
-    Parameters
-    ----------
-    scenario
-        Of a sky.
-    results
-        Of that scenario.
-    found
-        What the level makes of them.
-    """
+    """Return how far the position of a level is from the true one, in m; NaN where there is none."""
     position = found.block.position
     if position is None:
         return np.full(results.sizes["epoch"], np.nan)

@@ -148,19 +148,10 @@ def level_verdicts(
 ) -> tuple[LevelVerdicts, ...]:
     """Return what mitigation levels make of a campaign.
 
-    Parameters
-    ----------
-    results
-        As `run` returns them, of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone.
-    levels
-        Keys of `LEVELS`.
-    alarms_a_day
-        False alarms of all checks together whose probability can be chosen.
+    The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_a_day` is
+    for all checks together whose probability can be chosen.
 
-    Raises
-    ------
-    VestigeError
-        If the results hold too little for a level above 1.
+    Raises `VestigeError` if the results hold too little for a level above 1.
     """
     if max(levels) > 1 and "e1_taps" not in results:
         raise VestigeError("results of a campaign: found no e1_taps, expected a [constellation], or level 2 or 3")
@@ -174,12 +165,7 @@ def level_verdicts(
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
     """Return what a processor with other settings makes of a campaign.
 
-    Parameters
-    ----------
-    results
-        As `level_verdicts`.
-    change
-        Returns the processor that judges for the one of the campaign.
+    `change` returns the processor that judges for the one of the campaign.
     """
     processor, measured = measured_of(results)
     return _verdicts(results, change(processor), measured)

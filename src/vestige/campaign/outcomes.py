@@ -60,18 +60,8 @@ def classify(
 ) -> Int8[np.ndarray, " n"]:
     """Return the `DetectedSignal` of every epoch.
 
-    Parameters
-    ----------
-    range_offset_m
-        Of the detections, NaN where nothing was detected.
-    prediction_error_m
-        How much later than predicted the line of sight arrives.
-    spoofer_offset_m, spoofer_power_db
-        Delay and power of the counterfeits after and over the line of sight.
-    resolution_m
-        Distance below which two signals are one.
-    floor_db
-        Power below which a counterfeit does not count.
+    Offsets are NaN where nothing was detected, and the prediction's error is how much later than predicted the line of
+    sight arrives. Two signals closer than `resolution_m` are one; a counterfeit below `floor_db` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > floor_db
@@ -86,15 +76,7 @@ def classify(
 def outcomes(
     results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M, floor_db: float = FLOOR_DB
 ) -> xarray.DataArray:
-    """Return the `DetectedSignal` over (detector, epoch, satellite).
-
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    resolution_m, floor_db
-        See `classify`.
-    """
+    """Return the `DetectedSignal` over (detector, epoch, satellite)."""
     offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
     values = np.full(offset.shape, DetectedSignal.NONE, np.int8)
     for satellite in range(offset.sizes["satellite"]):
@@ -151,16 +133,7 @@ def report(
 ) -> AttackReport | None:
     """Return what came of the attack on a satellite; None if no verdict was due under attack.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign with an attack.
-    detector
-        Whose outcomes.
-    satellite
-        Place on the axis.
-    share
-        Of the detections that must be of the true signal to call the attack mitigated.
+    Satellite is its place on the axis; the attack is mitigated when `share` of the detections are of the true signal.
     """
     if "truth_spoofed" not in results:
         return None

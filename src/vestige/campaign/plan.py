@@ -159,10 +159,8 @@ def judged(
 def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
     """Return the shape of a column over `n_epochs` epochs.
 
-    Raises
-    ------
-    ValueError
-        If the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in length.
+    Raises `ValueError` if the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in
+    length.
     """
     if column.dims.count(EPOCH) != 1:
         raise ValueError(f"a column needs the dim {EPOCH} once, not {column.dims}")
@@ -172,10 +170,7 @@ def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
 def check_results(plan: Plan, results: Mapping[str, np.ndarray], n_epochs: int) -> None:
     """Return nothing if a plan's results for `n_epochs` epochs are what its columns promise.
 
-    Raises
-    ------
-    ValueError
-        If a column is missing, unknown, or of another dtype or shape.
+    Raises `ValueError` if a column is missing, unknown, or of another dtype or shape.
     """
     if set(results) != set(plan.columns):
         raise ValueError(f"measure returned {sorted(results)}, the plan's columns are {sorted(plan.columns)}")

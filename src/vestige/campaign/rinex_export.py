@@ -57,17 +57,9 @@ class RinexExport:
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     """Write the results of a sky into a new folder.
 
-    Parameters
-    ----------
-    results
-        Of a whole campaign, as `run` returns them.
-    folder
-        Must not exist.
+    The results are of a whole campaign; the folder must not exist.
 
-    Raises
-    ------
-    VestigeError
-        If the results are not those of a sky, no satellite was tracked, or `folder` exists.
+    Raises `VestigeError` if the results are not those of a sky, no satellite was tracked, or `folder` exists.
     """
     navigation = attributes_of(results).navigation
     if navigation is None:

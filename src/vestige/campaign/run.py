@@ -169,12 +169,6 @@ def measure_chunks(
     """Yield number and results of each chunk, in order, whatever the workers.
 
     Who has seen enough closes this iterator: the epochs seen by then do not depend on the number of workers.
-
-    Parameters
-    ----------
-    skip
-        Chunks that are not measured.
-
     """
     left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
     if not left:

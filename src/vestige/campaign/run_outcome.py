@@ -96,18 +96,8 @@ def run_outcome(
 ) -> RunOutcome:
     """Return what came of one run at one level.
 
-    Parameters
-    ----------
-    found
-        What the level makes of the results.
-    time_s
-        Of the epochs.
-    attacked
-        Which epochs count.
-    limit_m
-        What the range test allows, κσ.
-    position_m
-        Error of the position in use; NaN where there is none.
+    `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
+    position in use, NaN where there is none.
     """
     alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
     here = np.flatnonzero(attacked)
@@ -191,15 +181,8 @@ def outcomes_of(
 ) -> tuple[RunOutcome, ...]:
     """Return what came of one campaign in a window of time, a level each.
 
-    Parameters
-    ----------
-    scenario, window_s
-        Of a sky, or with a processor of level 2 or 3, or any scenario at level 1 alone; first time that counts, and the
-        first that does not any more.
-    results
-        Of that scenario.
-    levels
-        Keys of `mitigation.LEVELS`.
+    The scenario is of a sky, or with a processor of level 2 or 3; at level 1 alone it is any. The window ends before
+    its second time.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])

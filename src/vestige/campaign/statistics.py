@@ -51,10 +51,7 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
     Its ends are the p for which a count as large (or as small) as this has probability (1 − confidence)/2. It contains
     the truth with at least this confidence; without trials it is (0, 1).
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
     _check_counts(successes, trials)
     if not 0 < confidence < 1:
@@ -68,10 +65,7 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
 def binomial_test(successes: int, trials: int, probability: float) -> float:
     """Return the two-sided p-value of `successes` in `trials` of `probability`: twice the smaller tail, at most 1.
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
     """
     _check_counts(successes, trials)
     if not 0 <= probability <= 1:
@@ -103,10 +97,7 @@ def enough(successes: int, trials: int, wished_width: float, *, confidence: floa
     interval's confidence nominal: a sequence stops a little more easily where the estimate is nearer to 0 or 1 than
     the truth.
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and wished_width > 0.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
     if not wished_width > 0:
         raise ValueError(f"a width of {wished_width} is never reached")
@@ -147,16 +138,9 @@ def summarise(
 ) -> Summary:
     """Return what one detector did: detections, misses, and where the range offsets lie.
 
-    Parameters
-    ----------
-    results
-        With `tap_index` and `range_offset_m` over (detector, epoch, satellite). Where `noise_power` (epoch, satellite)
-        is NaN nothing was correlated and nothing is decided.
+    Where `noise_power` is NaN nothing was correlated and nothing is decided.
 
-    Raises
-    ------
-    ValueError
-        If the results do not have this detector.
+    Raises `ValueError` if the results do not have this detector.
     """
     if detector not in results["detector"].values:
         raise ValueError(f"detector {detector!r}: the results have {list(results['detector'].values)}")
@@ -190,11 +174,7 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
     The threshold is the attribute `threshold_sigma`, in standard deviations of one dimension of the noise. Taps of one
     epoch that are less than a chip apart are correlated; `false_alarms` counts those that are not.
 
-    Parameters
-    ----------
-    results
-        With `taps` over (epoch, satellite, tap) and `noise_power` over (epoch, satellite); NaN where nothing was
-        correlated, which is no trial.
+    Where `taps` or `noise_power` are NaN nothing was correlated, which is no trial.
     """
     threshold_sigma = float(results.attrs["threshold_sigma"])
     exceeding = trials = 0
@@ -213,11 +193,6 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
     taps more than a chip before the line of sight and any counterfeit are counted: they hold none of them, nor rays,
     which come later.
-
-    Parameters
-    ----------
-    results
-        With `taps`, `noise_power` and the terms of the truth that say where the line of sight is.
     """
     apart = CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))

@@ -39,13 +39,7 @@ class VerdictCounts:
 
 
 def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
-    """Return how often a campaign had each status, in epochs in which a verdict was due.
-
-    Parameters
-    ----------
-    results
-        As `run` returns them.
-    """
+    """Return how often a campaign had each status, in epochs in which a verdict was due."""
     due = due_verdicts(results)
     status = results["status"].transpose("epoch", "satellite").values
     attacked = attacked_epochs(results)

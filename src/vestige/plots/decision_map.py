@@ -32,14 +32,8 @@ def decision_map(
 ) -> Axes:
     """Return the axes of the map: power to the right, distortion upwards, the colour of each class.
 
-    Parameters
-    ----------
-    regions
-        The map.
-    power_db, distortion
-        What was measured, as dots; what lies beyond the map is drawn at its edge, as it is decided.
-    attacked
-        Which of the dots are from under attack: they are drawn as crosses.
+    What was measured is drawn as dots, from under attack as crosses; what lies beyond the map is drawn at its edge, as
+    it is decided.
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)

@@ -51,12 +51,7 @@ def code_phases(
 ) -> Axes:
     """Return the power of the strongest Doppler bin over the threshold, against code phase, with the signals found.
 
-    Parameters
-    ----------
-    phase_ms, power
-        One code period; power over the threshold.
-    found
-        Code phase and power of the signals, the strongest first.
+    The signals found have code phase and power, the strongest first.
     """
     ax = new_axes()
     ax.plot(phase_ms, power, color=GREY, linewidth=0.4, rasterized=True)

@@ -32,10 +32,7 @@ class Accelerations:
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
         """Return ∫ a dt from one epoch to the next, sample by sample, a linear between samples.
 
-        Parameters
-        ----------
-        first, last
-            Begin and end; None for no begin, and so nothing to integrate.
+        Without a begin there is nothing to integrate.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

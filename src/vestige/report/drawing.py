@@ -70,10 +70,7 @@ UInt8Array = UInt8[np.ndarray, " n_stretches"]
 def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
     """Return at most `limit` stretches of epochs at these times; each has the same number of them.
 
-    Raises
-    ------
-    ValueError
-        If there is no epoch.
+    Raises `ValueError` if there is no epoch.
     """
     if not time_s.size:
         raise ValueError("no epoch to draw")
@@ -96,12 +93,7 @@ def chosen_rows(
 ) -> Rows:
     """Return at most `limit` epochs: all, if they are so few; else every k-th, and those of interest.
 
-    Parameters
-    ----------
-    of_interest
-        Kinds of epochs that are to be seen. They share half the limit; every k-th epoch has the other half.
-    everything
-        The epochs that there are to draw.
+    The epochs of interest share half the limit; every k-th epoch has the other half.
     """
     if np.count_nonzero(everything) <= limit:
         return Rows(places=np.flatnonzero(everything), every={"epochs": 1})

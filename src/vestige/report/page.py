@@ -57,10 +57,7 @@ class Page:
 def write_page(page: Page, path: Path) -> None:
     """Write a page; the file is there as a whole or not at all.
 
-    Raises
-    ------
-    InputFileError
-        If something else than a report has that name.
+    Raises `InputFileError` if something else than a report has that name.
     """
     if path.exists() and not is_report(path):
         raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")

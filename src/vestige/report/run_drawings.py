@@ -32,12 +32,7 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and for each satellite what was thinned (see `Rows.every`).
 
-    Parameters
-    ----------
-    results
-        As `run` returns them.
-    checks
-        The checks of a sky; none for a single line of sight.
+    The checks are those of a sky; none for a single line of sight.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]

@@ -30,19 +30,9 @@ _SECTIONS = {
 def threat_page(path: Path, name: str, *, question: str = "") -> Page:
     """Return the page of a threat table.
 
-    Parameters
-    ----------
-    path
-        The table.
-    name
-        Of the folder in which it is, for the title and the command.
-    question
-        What the page answers, in place of `QUESTION`.
+    `name` is that of the folder of the table; `question` stands in place of `QUESTION`.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such table.
+    Raises `InputFileError` if it is no such table.
     """
     found = read_threat_table(path)
     cells = [cell for _, of_scene in found.scenes() for cell in of_scene if cell.measured]

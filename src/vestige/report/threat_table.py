@@ -84,10 +84,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the table in a file.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such table.
+    Raises `InputFileError` if it is no such table.
     """
     text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED)
     try:

@@ -100,12 +100,7 @@ def case_of(name: str, scenario: CampaignScenario) -> Case:
 def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
 
-    Parameters
-    ----------
-    scenario
-        Of a sky, or with a processor of level 3.
-    window_s
-        First time that counts, and the first that does not any more.
+    The scenario is of a sky, or with a processor of level 3; the window ends before its second time.
     """
     return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
 
@@ -121,23 +116,10 @@ def measure_threats(
 ) -> Iterator[SceneCell]:
     """Yield the cells of each case, a level each, as soon as all its runs are measured.
 
-    Parameters
-    ----------
-    chosen
-        What to measure.
-    seeds
-        Of the runs of each case.
-    pool, workers
-        Where runs are measured, and how many at the same time.
-    folder
-        Where `runs.csv` is kept and continued; without it nothing is.
-    progress
-        Called with the number of runs that are known, and of all.
+    Runs are measured in the pool, so many at the same time as it has workers. `runs.csv` is kept and continued in the
+    folder; without one nothing is. `progress` is called with the number of runs that are known, and of all.
 
-    Raises
-    ------
-    InputFileError
-        If `runs.csv` is something else.
+    Raises `InputFileError` if `runs.csv` is something else.
     """
     known = {} if folder is None else read_runs(folder / RUNS)
     if folder is not None:

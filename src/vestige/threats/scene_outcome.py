@@ -153,10 +153,7 @@ def _check_shares(runs: Sequence[RunOutcome]) -> tuple[CheckShare, ...]:
 def agreement(expected: str, found: SceneOutcome) -> Agreement:
     """Return how a measurement compares with an expected outcome; an empty one is none.
 
-    Raises
-    ------
-    ValueError
-        If there is no such outcome.
+    Raises `ValueError` if there is no such outcome.
     """
     if not expected:
         return Agreement.NOT_EXPECTED

@@ -94,17 +94,9 @@ def read_threats() -> tuple[Threat, ...]:
 def scenario_of(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
     """Return the campaign of a scene with one seed, from which its draws follow too.
 
-    Parameters
-    ----------
-    seed
-        Of the campaign.
-    attacked
-        Without it the same campaign without its attacks.
+    If it is not `attacked`, it is the same campaign without its attacks.
 
-    Raises
-    ------
-    InputFileError
-        If the scene is no campaign.
+    Raises `InputFileError` if the scene is no campaign.
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:

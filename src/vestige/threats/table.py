@@ -106,10 +106,7 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
     """Return the table in a folder of `vestige threats`.
 
-    Raises
-    ------
-    InputFileError
-        If there is none, or it is damaged.
+    Raises `InputFileError` if there is none, or it is damaged.
     """
     return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 

@@ -121,17 +121,7 @@ class ClockDriftMonitor:
     def probability_of_detection(
         self, step_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_drift_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the innovation test sees a step of the drift between two epochs.
-
-        Parameters
-        ----------
-        step_mps
-            The step.
-        interval_s
-            Between the epochs.
-        sigma_drift_mps
-            Standard deviation of the drift of a fix.
-        """
+        """Return the probability that the innovation test sees a step of the drift between two epochs."""
         sigma = math.sqrt(SPEED_OF_LIGHT_MPS**2 * self.walk_hz * interval_s + 2 * sigma_drift_mps**2)
         return two_sided_detection(step_mps / sigma, self.p_fa / 3)
 

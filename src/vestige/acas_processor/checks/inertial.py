@@ -65,31 +65,14 @@ class InertialMonitor(Monitor):
     ) -> Float[np.ndarray, "*n"]:
         """Return measured minus expected change of the range rate.
 
-        Parameters
-        ----------
-        rate_change_mps
-            Of the pseudorange.
-        satellite_change_mps
-            What it would be without acceleration of the receiver.
-        delta_velocity_mps
-            Velocity gained towards the satellite, Δ(e·v).
+        `satellite_change_mps` is the change without acceleration of the receiver, `delta_velocity_mps` is Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + delta_velocity_mps
 
     def probability_of_detection(
         self, pull_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_rate_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the range rate by an attacker is seen after an interval.
-
-        Parameters
-        ----------
-        pull_mps
-            The change.
-        interval_s
-            T.
-        sigma_rate_mps
-            Standard deviation of a range rate.
-        """
+        """Return the probability that a change of the range rate by an attacker is seen after an interval."""
         sigma = np.hypot(self.sigma_mps(np.asarray([interval_s]))[0], math.sqrt(2) * sigma_rate_mps)
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 

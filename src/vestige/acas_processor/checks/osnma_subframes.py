@@ -49,14 +49,7 @@ class Subframes:
 def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
     """Return the subframes that ended in a block, and the memory after it.
 
-    Parameters
-    ----------
-    block
-        Pieces of subframes in order of time; None without a second channel.
-    svids
-        Satellites of the block.
-    memory
-        Of the blocks before.
+    `block` holds pieces of subframes in order of time; None without a second channel.
     """
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []

@@ -75,12 +75,7 @@ class SecondSignalMonitor(Monitor):
     ) -> TwoSignals:
         """Return what two signals explain.
 
-        Parameters
-        ----------
-        taps, noise_power
-            Correlators, and the mean squared magnitude of noise in one of them.
-        offsets_m
-            Of the taps.
+        `noise_power` is the mean squared magnitude of noise in one correlator.
         """
         places = _places(tuple(np.round(offsets_m, 6).tolist()))
         scaled = taps / np.sqrt(noise_power / 2)[:, None]

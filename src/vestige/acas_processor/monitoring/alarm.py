@@ -57,18 +57,8 @@ class AlarmState:
     ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
         """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
 
-        Parameters
-        ----------
-        svids
-            Satellites of the columns.
-        time_s
-            Of the epochs, after the receiver's origin, ascending.
-        status
-            Of every epoch, as positions in `Status`.
-        due
-            Where a status counts; elsewhere the state stays as it is.
-        lost
-            Where E1 has lost a satellite.
+        `time_s` ascends, after the receiver's origin. Where no status is `due` the state stays as it is; `lost` is
+        where E1 has lost a satellite.
         """
         n = time_s.size
         shown = np.array([_POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)

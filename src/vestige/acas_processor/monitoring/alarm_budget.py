@@ -73,20 +73,9 @@ def false_alarm_budget(
 ) -> dict[CheckName | str, Share]:
     """Return the share of each check of a level, by name.
 
-    Parameters
-    ----------
-    level
-        Mitigation level, a key of `LEVELS`.
-    cadence
-        How often the receiver tests.
-    alarms_a_day
-        Of all checks together whose probability can be chosen.
-    kappa
-        Of the range check.
-    pd
-        Probability that E6 is detected, at the C/N0 in view: below `MIN_PD` a miss is no alarm.
-    further
-        Checks that a user wrote, with the false-alarm probability of one test of each.
+    `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
+    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote, with the
+    false-alarm probability of one test of each.
     """
     further = {} if further is None else further
     own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {

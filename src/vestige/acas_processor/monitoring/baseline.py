@@ -165,16 +165,7 @@ class Observed:
     ) -> Mapping[Quantity, Reference]:
         """Return what is usual at each epoch, from what was seen before it.
 
-        Parameters
-        ----------
-        levels
-            Of the receiver's settings.
-        baseline
-            What was learned before the block.
-        teaches
-            Which epochs are quiet, have RECS, and so teach those after them.
-        elevation_rad
-            Of the satellites.
+        `teaches` says which epochs are quiet, have RECS, and so teach those after them.
         """
         found = {}
         for quantity, values in self.values.items():

@@ -100,12 +100,7 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
     """Return the checks of a processor's level that look at one block alone; the searches are made by `assess`.
 
-    Parameters
-    ----------
-    processor
-        With its settings.
-    p_fa
-        False-alarm probability of one test of each check of the level.
+    `p_fa` is the false-alarm probability of one test of each check of the level.
     """
     settings = processor.monitoring
 

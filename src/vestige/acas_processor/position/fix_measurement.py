@@ -52,17 +52,7 @@ class FixSettings:
     def transmission(
         self, time: GalileoTimes, svids: tuple[int, ...], pseudorange_m: Float[np.ndarray, "n m"]
     ) -> Transmission:
-        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit.
-
-        Parameters
-        ----------
-        time
-            Of the observations.
-        svids
-            Satellite of each column.
-        pseudorange_m
-            NaN where not measured.
-        """
+        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit."""
         n, m = pseudorange_m.shape
         position, velocity = np.full((2, n, m, 3), np.nan)
         clock_m, clock_mps = np.full((2, n, m), np.nan)
@@ -106,15 +96,7 @@ class FixSettings:
 def fix_quantities(
     sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
 ) -> dict[str, Any]:
-    """Return what a `FixBlock` holds of a fix.
-
-    Parameters
-    ----------
-    sent, fix
-        Satellites at transmission, and the fix of each epoch.
-    rate_mps, sigma_rate_mps
-        Measured rates of the pseudoranges and their standard deviations.
-    """
+    """Return what a `FixBlock` holds of a fix."""
     _, drift_mps = velocity_fix(sent, fix, rate_mps)
     separation_sigmas, separation_modes = largest_separations(fix)
     return {

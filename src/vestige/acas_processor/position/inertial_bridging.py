@@ -35,12 +35,8 @@ def gained_towards_mps(
 ) -> Float[np.ndarray, "*n m"]:
     """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
 
-    Parameters
-    ----------
-    before, now
-        e, unit vectors to the satellites at both ends.
-    delta_velocity_mps, mean_mps
-        Δv = ∫ a dt and the mean of the receiver's velocities at both ends, all in one system of axes.
+    `before` and `now` are unit vectors e to the satellites, `delta_velocity_mps` is Δv = ∫ a dt, and `mean_mps` the
+    mean of the receiver's velocities at both ends, all in one system of axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -176,14 +172,8 @@ def _bent(
 ) -> _Path:
     """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
 
-    Parameters
-    ----------
-    places
-        ECEF, at both ends.
-    ends_s, interval_s
-        Ends of the steps after the first place, and when the second one is reached.
-    gained
-        Velocity gained in each step, ECEF.
+    Places and velocities are ECEF. `ends_s` are the ends of the steps after the first place; the second is reached at
+    `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[:, None]
     before = np.cumsum(gained, axis=0) - gained

@@ -52,16 +52,8 @@ def predicted_delay_m(
 ) -> float:
     """Return P6 − P1 in m; positive means that E6 arrives later.
 
-    Parameters
-    ----------
-    ionosphere_e1_m
-        Slant ionospheric delay on E1 in m.
-    bgd_e1_e6_s
-        BGD(E1,E6) in s.
-    hardware_bias_e1_e6_s
-        Receiver delay of E6 minus E1 in s.
-    convention
-        How the group delay is to be read, see `vestige.crypto.recs.group_delay`.
+    The ionosphere is the slant delay on E1, the hardware bias the receiver's delay of E6 minus E1; for the convention
+    see `vestige.crypto.recs.group_delay`.
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
     return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
@@ -92,16 +84,7 @@ def hand_over(
 ) -> Handover:
     """Return where and how the chips are expected in the E6 samples.
 
-    Parameters
-    ----------
-    observation, observed_at
-        E1 measurement and the receiver-clock time to which it refers.
-    chips
-        The decrypted RECS with its time of transmission.
-    delay_m
-        P6 − P1 from `predicted_delay_m`, in m.
-    e6_over_e1_db
-        Expected C/N0 of E6-C over that of E1-C (signal power, antenna and front ends), in dB.
+    The observation refers to the receiver-clock time `observed_at`; `delay_m` is P6 − P1 from `predicted_delay_m`.
     """
     wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     since_transmission_s = observed_at - chips.transmit_time

@@ -85,10 +85,7 @@ class E1VestigialSearch:
         The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
         then a signal may be the right one at the wrong time.
 
-        Parameters
-        ----------
-        snapshot
-            With at least 8 ms of E1, better 100; E6 as far as it goes.
+        The snapshot has at least 8 ms of E1, better 100, and E6 as far as it goes.
         """
         svids = _satellites(assistance)
         if snapshot.e1 is None:
@@ -178,12 +175,8 @@ class E6ExhaustiveSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return what there is of every satellite with a RECS.
 
-        Parameters
-        ----------
-        e6
-            Samples in place of those of the snapshot: a file that is too long for one.
-        expected
-            Where E1 puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
+        Samples `e6` stand in place of those of the snapshot: a file that is too long for one. `expected` says where E1
+        puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
         """
         source = e6 or _samples(snapshot)
         found = {

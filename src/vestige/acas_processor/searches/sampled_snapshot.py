@@ -46,14 +46,7 @@ def block_of(
 ) -> SnapshotBlock:
     """Return a snapshot as a block of one epoch.
 
-    Parameters
-    ----------
-    snapshot
-        With samples.
-    since
-        Time of the snapshot before, from which on accelerations count; None at first.
-    accelerations
-        Of inertial sensors; None without any.
+    Accelerations count from `since` on, the time of the snapshot before; None at first.
     """
     svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
     observations = [snapshot.observations.get(svid) for svid in svids]

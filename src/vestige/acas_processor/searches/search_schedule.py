@@ -14,15 +14,7 @@ _ROUNDING_S = 1e-6  # of times that are sums of intervals
 def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:
     """Return whether the search is to be made with a RECS.
 
-    Parameters
-    ----------
-    since_s
-        Time since the last search in s, None if none was made.
-    period_s
-        Time between two searches when all is quiet, in s.
-    suspicious
-        Whether another check failed since the RECS before, or does with this one.
-    found_twice
-        Whether the search was made with the RECS before, and found more than one signal of a satellite.
+    `since_s` is None if no search was made. It is suspicious if another check failed since the RECS before, or does
+    with this one; `found_twice` if the search with the RECS before found more than one signal of a satellite.
     """
     return since_s is None or suspicious or found_twice or since_s >= period_s - _ROUNDING_S

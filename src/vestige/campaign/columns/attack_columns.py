@@ -51,15 +51,7 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
 def attack_columns(
     simulation: Simulation, truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]
 ) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS`.
-
-    Parameters
-    ----------
-    simulation, truth
-        Of one satellite.
-    e1_multipath_m
-        What rays make of its pseudorange on E1.
-    """
+    """Return the values of `ATTACK_COLUMNS`."""
     phase_rad = np.angle(arrival(simulation.line_of_sight, truth).carrier)
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {

@@ -102,15 +102,7 @@ _FINDS = {
 
 
 def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-    """Return the values of `MEASURED_COLUMNS` but for `time_s`.
-
-    Parameters
-    ----------
-    start
-        Of the scenario.
-    measured
-        The block.
-    """
+    """Return the values of `MEASURED_COLUMNS` but for `time_s`."""
     snapshots = measured.snapshots
     too_late = measured.availability == Availability.NOT_PROVEN
     return {
@@ -168,14 +160,7 @@ class Judged:
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
     """Return what the receiver measured in some epochs.
 
-    Parameters
-    ----------
-    of
-        The campaign.
-    epoch
-        Numbers of the epochs, ascending.
-    columns
-        Of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
+    The columns are of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
     """
     scenario, processor = of.scenario, of.processor
     time = _times(scenario, epoch)

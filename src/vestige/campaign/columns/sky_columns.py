@@ -89,17 +89,7 @@ def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
 def fix_columns(
     scenario: CampaignScenario, block: VerdictBlock, columns: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the values of the columns of the fixes, and what the receiver believes of its pseudoranges.
-
-    Parameters
-    ----------
-    scenario
-        Of a sky.
-    block
-        What the processor said.
-    columns
-        With the truth.
-    """
+    """Return the values of the columns of the fixes, and what the receiver believes of its pseudoranges."""
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
         raise ValueError("a sky has orbits")
@@ -132,17 +122,7 @@ class _Truth(NamedTuple):
 
 
 def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) -> dict[str, np.ndarray]:
-    """Return the columns of one fix of all epochs, NaN in those that are not among `rows`.
-
-    Parameters
-    ----------
-    rows
-        Epochs of the fix.
-    fixes
-        The fix of those.
-    truth
-        Of all epochs.
-    """
+    """Return the columns of one fix of all epochs, NaN in those that are not among `rows`."""
     fix, (place_m, clock_m, drift_mps) = fixes.fix, (values[rows] for values in truth)
     local = dilution(local_geometry(_placed(fix, place_m)))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)

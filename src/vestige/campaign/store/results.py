@@ -223,10 +223,7 @@ def open_results(
 def open_dataset(path: Path) -> xarray.Dataset:
     """Return what a zarr store holds, not read yet.
 
-    Raises
-    ------
-    InputFileError
-        If it is no store, or its metadata are damaged.
+    Raises `InputFileError` if it is no store, or its metadata are damaged.
     """
     check_files(path)
     try:  # nothing for dask, no consolidated metadata (they are no part of zarr v3), and a unit `s` stays a number
@@ -240,15 +237,9 @@ def open_dataset(path: Path) -> xarray.Dataset:
 def load_small(path: Path, expected: str) -> xarray.Dataset:
     """Return a zarr store of some 100 kB at most, such as a threat table, with all values in memory.
 
-    Parameters
-    ----------
-    expected
-        What it should be, for the message.
+    `expected` says what it should be, for the message.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such store, is damaged, or claims to be larger.
+    Raises `InputFileError` if it is no such store, is damaged, or claims to be larger.
     """
     check_files(path, expected)
     try:
@@ -264,10 +255,7 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of results.
 
-    Raises
-    ------
-    VestigeError
-        If they have none, or it is not the one of which they have the digest.
+    Raises `VestigeError` if they have none, or it is not the one of which they have the digest.
     """
     return stored_scenario(scenario_text(results))
 
@@ -283,10 +271,7 @@ def scenario_text(results: xarray.Dataset) -> str:
 def attributes_of(results: xarray.Dataset) -> RunAttributes:
     """Return what results say of their run.
 
-    Raises
-    ------
-    VestigeError
-        If something is missing or out of its range.
+    Raises `VestigeError` if something is missing or out of its range.
     """
     try:
         return RunAttributes.model_validate(results.attrs)

@@ -143,17 +143,9 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
     Metadata and labels that were damaged are written again. The caller is the only one who writes (`only_writer`).
 
-    Parameters
-    ----------
-    path
-        A folder; those above it are made.
-    chunk_epochs
-        Epochs in a chunk of a new store. A store that is there keeps its own.
+    Folders above the path are made. A store that is there keeps its own `chunk_epochs`.
 
-    Raises
-    ------
-    InputFileError
-        If `path` is something else, or the store of another scenario, seed or source of vestige.
+    Raises `InputFileError` if `path` is something else, or the store of another scenario, seed or source of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -183,10 +175,7 @@ def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
 def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     """Return the store that is there, of whatever work.
 
-    Raises
-    ------
-    InputFileError
-        If there is none, or its metadata or labels are damaged.
+    Raises `InputFileError` if there is none, or its metadata or labels are damaged.
     """
     check_files(path)
     try:

@@ -96,23 +96,12 @@ def run_sweep(
 ) -> Iterator[Row]:
     """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
 
-    Parameters
-    ----------
-    campaigns
-        Settings, and the scenario with these settings.
-    folder
-        Of the sweep; what it holds already is not measured again.
-    width
-        Where a campaign may stop; all its epochs without it.
-    workers, executor, chunk_epochs
-        As `run` takes them.
-    progress
-        Called with the name of a campaign's store and its progress.
+    Each campaign has its settings and the scenario with them. What the folder holds already is not measured again. A
+    campaign may stop where its interval has the `width`; without it all its epochs are measured. `progress` is called
+    with the name of a campaign's store and its progress.
 
-    Raises
-    ------
-    InputFileError
-        If `folder` is the store of one campaign, or holds a sweep of other keys, whose table would be lost.
+    Raises `InputFileError` if `folder` is the store of one campaign, or holds a sweep of other keys, whose table would
+    be lost.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []

@@ -38,15 +38,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     Over the range offsets lie the lines on which they belong: where the true signal is, and where each counterfeit is,
     by the truth. A counterfeit without power has no line.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign with an attack.
-
-    Raises
-    ------
-    VestigeError
-        If the campaign has no attack, or lacks the satellite.
+    Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
     require_attack(results)
     shown = {detector: select(results, detector=detector, svid=svid) for detector in DETECTORS}
@@ -82,10 +74,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
 def require_attack(results: xarray.Dataset) -> None:
     """Raise if a campaign has no attack.
 
-    Raises
-    ------
-    VestigeError
-        If the results lack the truth of counterfeits.
+    Raises `VestigeError` if the results lack the truth of counterfeits.
     """
     if not is_attacked(results):
         raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")

@@ -30,10 +30,7 @@ _MARKS = {"as expected": "✓", "DIFFERS": "≠", "undecided": "?", "": ""}
 def threat_map(table: xarray.Dataset) -> Axes:
     """Return the axes of the map: scenes from the top, levels beside each other, a word and shares in each cell.
 
-    Parameters
-    ----------
-    table
-        `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
+    The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
     """
     rows, levels = table.sizes["scene"], table["level"].values.tolist()
     ax = new_axes(width_cm=WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * rows)

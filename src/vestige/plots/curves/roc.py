@@ -22,10 +22,7 @@ RocCurve = tuple[
 def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
     """Return P_d against the false-alarm probability of the whole search.
 
-    Parameters
-    ----------
-    curves
-        Each a name; overall P_FA and P_d of theory; P_FA, detections and trials of what was measured.
+    Each curve has a name; overall P_FA and P_d of theory; P_FA, detections and trials of what was measured.
     """
     ax = new_axes()
     for colour, (name, pfa, pd, at, found, trials) in zip(_COLOURS, curves, strict=False):

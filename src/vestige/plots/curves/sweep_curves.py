@@ -45,10 +45,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
     """Return the rows of a sweep, one curve for each combination of the keys that it is not drawn against.
 
-    Raises
-    ------
-    VestigeError
-        If there are more curves than colours.
+    Raises `VestigeError` if there are more curves than colours.
     """
     label, values = abscissa(sweep)
     order = np.argsort(values, kind="stable")

@@ -105,15 +105,7 @@ class DecisionMap:
     def classify(
         self, power_rise_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]
     ) -> Int8[np.ndarray, " n"]:
-        """Return the `SignalClass` of each pair.
-
-        Parameters
-        ----------
-        power_rise_db
-            ΔP.
-        distortion
-            D.
-        """
+        """Return the `SignalClass` of each pair."""
         row = np.searchsorted(self.power_edges_db, power_rise_db) - 1
         column = np.searchsorted(self.distortion_edges, distortion) - 1
         a, b = self.classes.shape
@@ -126,16 +118,8 @@ def decision_map(
 ) -> DecisionMap:
     """Return the map of least expected cost, all four hypotheses equally likely.
 
-    Parameters
-    ----------
-    hypotheses
-        What is simulated.
-    alarm_cost
-        Cost of calling clean or multipath an attack; every other error costs 1.
-    seed
-        Of the draws; the same seed gives the same map.
-    draws
-        For each hypothesis.
+    Calling clean or multipath an attack costs `alarm_cost`, every other error 1. The same seed gives the same map, from
+    so many draws for each hypothesis.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -195,14 +179,7 @@ def _smoothed(density: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a b"]:
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
     """Return how often each class (rows) is taken for each (columns), on draws that the map was not made from.
 
-    Parameters
-    ----------
-    decisions
-        The map.
-    hypotheses
-        What is simulated; not necessarily that from which the map was made.
-    seed, draws
-        Of the trials, and how many of each class.
+    The hypotheses are not necessarily those from which the map was made; `draws` are of each class.
     """
     rows = []
     for truth in SignalClass:

@@ -43,12 +43,7 @@ class E6StrengthMonitor(Monitor):
     ) -> Float[np.ndarray, "*n"]:
         """Return |c| − √(s² + 1).
 
-        Parameters
-        ----------
-        magnitude_sigma
-            Largest |c| of the bank, in standard deviations of the noise per dimension.
-        expected_cn0_dbhz, integration_s
-            C/N0 and T.
+        `magnitude_sigma` is the largest |c| of the bank, in standard deviations of the noise per dimension.
         """
         return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
 
