@@ -28,7 +28,7 @@ from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import combine, confirmed, is_alarm
+from vestige.acas_processor.levels import POSITION, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
@@ -38,7 +38,7 @@ from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.range_in_use import ranges_in_use
 from vestige.acas_processor.searches.search_schedule import search_due
 from vestige.acas_processor.searches.searches import SearchResults
-from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.recs_block import AssistanceData

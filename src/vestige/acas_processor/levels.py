@@ -139,13 +139,13 @@ ALARMS = GRAVITY[GRAVITY.index(Status.SUSPECT) :]
 NO_CAUSE = -2  # as a cause: nothing failed
 OTHERS = -1  # as a cause: another satellite was found twice
 
-_POSITION = {status: position for position, status in enumerate(Status)}
-_BY_GRAVITY = np.array([_POSITION[status] for status in GRAVITY], np.int8)
+POSITION = {status: place for place, status in enumerate(Status)}  # how arrays write a status
+_BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
 def is_alarm(status: Int8[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
     """Return whether statuses, as positions in `Status`, are alarms."""
-    return np.isin(status, [_POSITION[one] for one in ALARMS])
+    return np.isin(status, [POSITION[one] for one in ALARMS])
 
 
 def combine(

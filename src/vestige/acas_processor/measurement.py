@@ -31,11 +31,11 @@ class Availability(IntEnum):
 class DetectedBlock:
     """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected."""
 
-    tap: Int[np.ndarray, "n m"]  # index of the punctual correlator
+    tap: Int[np.ndarray, "*n"]  # index of the punctual correlator
     # its magnitude in standard deviations of the noise per dimension, and its phase
-    magnitude_sigma: Float[np.ndarray, "n m"]
-    phase_rad: Float[np.ndarray, "n m"]
-    range_offset_m: Float[np.ndarray, "n m"]  # measured minus predicted E6 range
+    magnitude_sigma: Float[np.ndarray, "*n"]
+    phase_rad: Float[np.ndarray, "*n"]
+    range_offset_m: Float[np.ndarray, "*n"]  # measured minus predicted E6 range
     threshold_sigma: float  # what the magnitude had to exceed
 
 
@@ -171,6 +171,13 @@ class MeasurementBlock:
             f"not provably received before the key's disclosure: samples until {self.snapshots.received_at.at(*here)} "
             f"± {uncertainty_s:g} s, key on air from {self.recs.disclosed.at(*here)}"
         )
+
+
+def spread(values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan) -> np.ndarray:
+    """Return values of some places, rows or a mask, among all of a shape, with nothing in the others."""
+    found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
+    found[where] = values
+    return found
 
 
 def _single(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:

@@ -10,14 +10,13 @@ from jaxtyping import Bool, Float, Int8, Int64
 
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
-from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock
+from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock, spread
 from vestige.acas_processor.monitoring.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
 
 STATUSES = tuple(Status)
-POSITION = {status: place for place, status in enumerate(STATUSES)}  # how arrays write a status
 _NO_KEY = (Availability.NOT_SEEN, Availability.NO_RECS, Availability.NO_KEY, Availability.NOT_PROVEN)
 _NOTHING = np.zeros((0, 0))
 
@@ -33,17 +32,13 @@ class PositionBlock:
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:
         """ECEF positions, NaN where there is none."""
-        return self._of_epochs(np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan))
+        position_m = np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan)
+        return spread(position_m, self.rows, self.used.shape[:1])
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
         """Their covariances."""
-        return self._of_epochs(self.fixes.fix.covariance_m2[:, :3, :3])
-
-    def _of_epochs(self, values: np.ndarray) -> np.ndarray:
-        found = np.full((self.used.shape[0], *values.shape[1:]), np.nan)
-        found[self.rows] = values
-        return found
+        return spread(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

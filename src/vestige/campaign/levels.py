@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS, GRAVITY, LEVELS
+from vestige.acas_processor.levels import GRAVITY, LEVELS, POSITION, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.columns.measured_columns import (
     E1_COLUMNS,
     MEASURED_COLUMNS,
@@ -113,7 +113,7 @@ class LevelVerdicts:
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
         """Whether an alarm stands."""
-        return np.isin(self.state, [POSITION[one] for one in ALARMS])
+        return is_alarm(self.state)
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:

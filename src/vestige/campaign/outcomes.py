@@ -30,7 +30,7 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS
+from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Status
 from vestige.signals.definitions import E6C
@@ -145,8 +145,8 @@ def report(
     time_s = one["time_s"].values[attacked]
     outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
     status = one["status"].values[attacked]
-    alarm = np.isin(status, [position(alarm) for alarm in ALARMS])
-    accepted = status == position(Status.AUTHENTIC)
+    alarm = is_alarm(status)
+    accepted = status == POSITION[Status.AUTHENTIC]
     return AttackReport(
         detector=detector,
         first_s=float(time_s[0]),
@@ -182,8 +182,3 @@ def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarra
 
 def _worst(error_m: Float[np.ndarray, " n"]) -> float:
     return float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan")
-
-
-def position(status: Status) -> int:
-    """Return how the results write a status."""
-    return list(Status).index(status)

@@ -31,11 +31,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.levels import ALARMS
+from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.acas_processor.monitoring.alarm_budget import EXACT, RANGE
 from vestige.campaign.level_positions import position_error_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
-from vestige.campaign.outcomes import position
 from vestige.records import Status
 from vestige.records.checks import CheckName
 from vestige.scenario.campaign import CampaignScenario
@@ -99,7 +98,7 @@ def run_outcome(
     `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
     position in use, NaN where there is none.
     """
-    alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
+    alarm = is_alarm(found.status).any(axis=1)
     here = np.flatnonzero(attacked)
     with_recs = _recs_of(attacked, found.recs)
     counted = attacked | with_recs
@@ -108,7 +107,7 @@ def run_outcome(
     last = max(1, round(_LAST * error_m.shape[0]))
     seen = found.seen[with_recs]
     use = np.isfinite(error_m[-last:][seen[-last:]])
-    none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
+    none = found.status[with_recs][seen] == POSITION[Status.NOT_AVAILABLE]
     first = np.flatnonzero(alarm & counted)
     begin_s = float(time_s[here[0]]) if here.size else nan
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray
 
-from vestige.acas_processor.levels import ALARMS
-from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
+from vestige.acas_processor.levels import POSITION, is_alarm
+from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.run_outcome import DAY_S
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import scenario_of
@@ -43,11 +43,11 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
     due = due_verdicts(results)
     status = results["status"].transpose("epoch", "satellite").values
     attacked = attacked_epochs(results)
-    alarm = np.isin(status, [position(one) for one in ALARMS])
-    quiet = due & ~attacked & (status != position(Status.NOT_AVAILABLE))
+    alarm = is_alarm(status)
+    quiet = due & ~attacked & (status != POSITION[Status.NOT_AVAILABLE])
     return VerdictCounts(
         due=int(np.count_nonzero(due)),
-        of={one: int(np.count_nonzero(due & (status == position(one)))) for one in Status},
+        of={one: int(np.count_nonzero(due & (status == POSITION[one]))) for one in Status},
         attacked=int(np.count_nonzero(due & attacked)),
         false_alarms=proportion(int(np.count_nonzero(quiet & alarm)), int(np.count_nonzero(quiet))),
         recs_a_day=DAY_S / scenario_of(results).recs_interval_s,

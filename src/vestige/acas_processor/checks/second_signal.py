@@ -28,7 +28,7 @@ from jaxtyping import Complex128, Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.measurement import Availability, MeasurementBlock, spread
 from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
@@ -118,11 +118,8 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
     """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
-    parts = []
-    for values in monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m):
-        parts.append(np.full(correlated.shape, np.nan))
-        parts[-1][correlated] = values
-    return TwoSignals(*parts)
+    found = monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m)
+    return TwoSignals(*(spread(values, correlated, correlated.shape) for values in found))
 
 
 @cache

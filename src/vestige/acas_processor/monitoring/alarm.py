@@ -14,13 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS, GRAVITY
+from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION
 from vestige.records import Status
 from vestige.time import GalileoTime
 
 HOLD_S = 90.0  # three RECS of the service, one each 30 s
-_POSITION = {status: place for place, status in enumerate(Status)}
-_AUTHENTIC, _NOT_AVAILABLE = _POSITION[Status.AUTHENTIC], _POSITION[Status.NOT_AVAILABLE]
+_AUTHENTIC, _NOT_AVAILABLE = POSITION[Status.AUTHENTIC], POSITION[Status.NOT_AVAILABLE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,17 +60,17 @@ class AlarmState:
         where E1 has lost a satellite.
         """
         n = time_s.size
-        shown = np.array([_POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
+        shown = np.array([POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
         state = np.full(status.shape, _NOT_AVAILABLE, np.int8)
         last: dict[Status, Float[np.ndarray, "n m"]] = {}
         lost_s = _last_time(lost, time_s, np.full(len(svids), -np.inf))
         for one in GRAVITY[1:]:
             before_s = np.array([self.seen.get(svid, {}).get(one, -np.inf) for svid in svids])
-            seen_s = _last_time((status == _POSITION[one]) & due, time_s, before_s)
+            seen_s = _last_time((status == POSITION[one]) & due, time_s, before_s)
             if one is Status.AUTHENTIC:
                 seen_s = np.where(lost_s >= seen_s, -np.inf, seen_s)
             last[one] = seen_s
-            state[time_s[:, None] - seen_s < HOLD_S] = _POSITION[one]
+            state[time_s[:, None] - seen_s < HOLD_S] = POSITION[one]
         rows = np.where(due, np.arange(n)[:, None], -1)
         latest = np.maximum.accumulate(rows, axis=0)
         state = np.where(latest < 0, shown, np.take_along_axis(state, np.maximum(latest, 0), axis=0)).astype(np.int8)
@@ -80,7 +79,7 @@ class AlarmState:
     def _after(
         self, svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], last: Mapping[Status, Float[np.ndarray, "n m"]]
     ) -> AlarmState:
-        statuses = tuple(Status)
+        statuses = tuple(POSITION)
         seen, shown = dict(self.seen), dict(self.shown)
         for column, svid in enumerate(svids):
             known = {one: float(times[-1, column]) for one, times in last.items()}
@@ -101,8 +100,8 @@ def state_changes(
     svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
 ) -> list[tuple[int, int, Status, Status]]:
     """Return where the state of a satellite changes: row, column, state before and after."""
-    statuses = tuple(Status)
-    first = np.array([[_POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
+    statuses = tuple(POSITION)
+    first = np.array([[POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
     earlier = np.concatenate([first, state[:-1]])
     rows, columns = np.nonzero(earlier != state)
     return [

@@ -20,9 +20,10 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
+from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.position.fix_measurement import fix_quantities
-from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
+from vestige.acas_processor.verdict_block import PositionBlock, VerdictBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
 from vestige.records import Status

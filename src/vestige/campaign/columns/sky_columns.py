@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.measurement import FixBlock
+from vestige.acas_processor.measurement import FixBlock, spread
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Column, Coord
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -145,16 +145,9 @@ def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) 
         "separation_sigmas": fixes.separation_sigmas,
         "separation_modes": fixes.separation_modes,
     }
-    return {name: _of_epochs(values, rows, truth.clock_m.size) for name, values in found.items()}
-
-
-def _of_epochs(values: np.ndarray, rows: Int64[np.ndarray, " k"], n: int) -> np.ndarray:
-    """Return values of some epochs among those of all: NaN, or 0 of what is counted, in the others."""
-    if rows.size == n:
-        return values
-    found = np.full((n, *values.shape[1:]), 0 if values.dtype.kind == "i" else np.nan, values.dtype)
-    found[rows] = values
-    return found
+    counted = {name: 0.0 for name, values in found.items() if values.dtype.kind == "i"}
+    n = truth.clock_m.shape
+    return {name: spread(values, rows, n, counted.get(name, np.nan)) for name, values in found.items()}
 
 
 def _placed(fix: Fix, place_m: Float[np.ndarray, "n 3"]) -> Fix:
