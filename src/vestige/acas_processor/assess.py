@@ -36,8 +36,7 @@ from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState, Sear
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.range_in_use import ranges_in_use
-from vestige.acas_processor.searches.search_schedule import search_due
-from vestige.acas_processor.searches.searches import SearchResults
+from vestige.acas_processor.searches.searches import SearchResults, search_due
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries

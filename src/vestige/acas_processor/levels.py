@@ -52,7 +52,7 @@ class TestCadence(Enum):
     RECS = "RECS"
     OBSERVATION = "observation"  # every epoch of E1
     SUBFRAME = "subframe"  # every 30 s of navigation message
-    SEARCH = "search"  # as `search_schedule.py` says
+    SEARCH = "search"  # as `searches.search_due` says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,14 +68,12 @@ class CheckSpec:
     confirm: int = 1
     # whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all
     suspects_all_satellites: bool = False
-    # whether the check has a false-alarm probability of its own, and no share of the level's budget
-    own_p_fa: bool = False
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
 _MINIMUM = (
-    CheckSpec(step=1, name=CheckName.E6_POWER, failure=Status.NOT_DETECTED, cadence=_RECS, own_p_fa=True),
-    CheckSpec(step=2, name=CheckName.E1_E6_RANGE, failure=Status.SPOOFED, cadence=_RECS, own_p_fa=True),
+    CheckSpec(step=1, name=CheckName.E6_POWER, failure=Status.NOT_DETECTED, cadence=_RECS),
+    CheckSpec(step=2, name=CheckName.E1_E6_RANGE, failure=Status.SPOOFED, cadence=_RECS),
 )
 _POWER = (
     CheckSpec(step=3, name=CheckName.E1_RECEIVED_POWER, failure=Status.SUSPECT, scope=_RECEIVER),
@@ -109,7 +107,6 @@ _SECOND_CHANNEL = (
         failure=Status.SPOOFED,
         scope=_RECEIVER,
         cadence=_SUBFRAME,
-        own_p_fa=True,
     ),
 )
 _EXHAUSTIVE_SEARCH = (
@@ -122,7 +119,7 @@ _EXHAUSTIVE_SEARCH = (
     ),
 )
 _BRIDGING = (
-    CheckSpec(step=7, name=CheckName.POWER_DISTORTION, failure=Status.SUSPECT, confirm=3, own_p_fa=True),
+    CheckSpec(step=7, name=CheckName.POWER_DISTORTION, failure=Status.SUSPECT, confirm=3),
     CheckSpec(step=7, name=CheckName.INERTIAL_RANGE_RATE, failure=Status.SUSPECT),
 )
 

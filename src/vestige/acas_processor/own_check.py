@@ -83,7 +83,6 @@ class OwnCheck:
             confirm=attribute(
                 "confirm", 1, lambda one: type(one) is int and 1 <= one <= _MOST_CONFIRM, f"1 to {_MOST_CONFIRM}"
             ),
-            own_p_fa=True,
         )  # fmt: skip
         attribute("unit", None, lambda one: isinstance(one, str), "a text")
         p_fa = attribute("p_fa", None, lambda one: isinstance(one, float), "a number between 0 and 1")

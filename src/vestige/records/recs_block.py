@@ -47,8 +47,8 @@ class RecsLookup(Protocol):
 
 
 @runtime_checkable
-class AssistanceData(Protocol):
-    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+class Corrections(Protocol):
+    """What is known of the delay of E6 behind E1: `Assistance`, or whatever else states it."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
@@ -61,6 +61,11 @@ class AssistanceData(Protocol):
     @property
     def ionosphere_e1_m(self) -> Mapping[int, float]:
         """Predicted slant ionospheric delay on E1 by SVID, in m."""
+
+
+@runtime_checkable
+class AssistanceData(Corrections, Protocol):
+    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""

@@ -63,7 +63,7 @@ class PseudorangeErrors:
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
     ) -> Float[np.ndarray, "n m"]:
         """Return the standard deviation of pseudoranges; NaN where the C/N0 is not known but matters."""
-        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _of_grid(_log_code_m(self.loops), cn0_dbhz)
+        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _sigma(self.loops, "code_sigma_m", cn0_dbhz)
         if not self.needs_elevation:
             return np.sqrt(code_m**2 + self.floor_m**2)
         ionosphere_m = self.ionosphere_m * obliquity(elevation_rad)
@@ -80,19 +80,14 @@ class PseudorangeErrors:
         """Return the standard deviation of range rates."""
         if self.loops is None:
             return np.full(cn0_dbhz.shape, self.rate_mps)
-        return _of_grid(_log_doppler_hz(self.loops), cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+        return _sigma(self.loops, "doppler_sigma_hz", cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
 
 
-def _of_grid(log_sigma: Float[np.ndarray, " k"], cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def _sigma(loops: LoopNoise, name: str, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Return a standard deviation; between whole dB its logarithm is interpolated, which is good to 1e-3."""
-    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, log_sigma))
+    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_sigma(loops, name)))
 
 
-@lru_cache(maxsize=16)
-def _log_code_m(loops: LoopNoise) -> Float[np.ndarray, " k"]:
-    return np.log([loops.code_sigma_m(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
-
-
-@lru_cache(maxsize=16)
-def _log_doppler_hz(loops: LoopNoise) -> Float[np.ndarray, " k"]:
-    return np.log([loops.doppler_sigma_hz(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
+@lru_cache(maxsize=32)
+def _log_sigma(loops: LoopNoise, name: str) -> Float[np.ndarray, " k"]:
+    return np.log([getattr(loops, name)(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])

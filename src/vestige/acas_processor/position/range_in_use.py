@@ -41,8 +41,8 @@ def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock
     e1_in_use = (block.status == authentic) & (block.state == authentic)
     if CheckName.E6_SECOND_SIGNAL in block.failed:
         earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
-        limit_m = processor.kappa * processor.budget.sigma_m
-        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & (np.abs(earlier_m) <= limit_m)
+        near = np.abs(earlier_m) <= processor.budget.limit_m(processor.kappa)
+        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & near
     offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]

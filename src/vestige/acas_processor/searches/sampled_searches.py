@@ -91,7 +91,7 @@ class E1VestigialSearch:
         if snapshot.e1 is None:
             return tuple(_not_run(svid, "no E1 samples") for svid in svids)
         signals = search_e1(
-            _beginning(snapshot.e1),
+            replace(snapshot.e1, samples=snapshot.e1.samples[: math.ceil(E1_WINDOW_S * snapshot.e1.sample_rate_hz)]),
             svids,
             overall_pfa=self.p_fa,
             doppler_span_hz=self.doppler_span_hz,
@@ -132,7 +132,7 @@ class E1VestigialSearch:
         e6 = _samples(snapshot)
         if e6 is None or not signals:
             return decision, sent
-        codes, _ = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
+        codes = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
         for code in codes:
             window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
             if window is None:
@@ -182,7 +182,7 @@ class E6ExhaustiveSearch:
         found = {
             svid: _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode) for svid in _satellites(assistance)
         }
-        codes = [code for codes, _ in found.values() for code in codes]
+        codes = [code for codes in found.values() for code in codes]
         decisions: dict[int, VestigialDecision] = {}
         sent: dict[int, GalileoTime] = {}
         if source is not None:
@@ -195,7 +195,7 @@ class E6ExhaustiveSearch:
                     sent[code.svid] = code.transmit_time
         return tuple(
             _not_run(svid, "no E6 samples") if source is None else _of_decision(svid, decisions.get(svid), codes, sent)
-            for svid, (codes, _) in found.items()
+            for svid, codes in found.items()
         )
 
     def _stretches(
@@ -222,16 +222,14 @@ class E6ExhaustiveSearch:
     ) -> Iterator[tuple[ChipSequence, tuple[Peak, ...]]]:
         """Yield the codes that could be looked for, each with the peaks of its search."""
         for group, first, last in stretches:
-            hypotheses = self._hypotheses(source, (first, last), len(group))
+            starts = searchable(source, self.how.integration_s, first, last)[1]
+            hypotheses = self.how.hypotheses(starts, len(group))
             if hypotheses <= 0:
                 continue
             share = self.p_fa / len(stretches)
             limit = search_budget(hypotheses, self.how.integration_s, overall_pfa=share).threshold
             *_, state = self.how.run(source, group, first, last, limit)
             yield from ((code, state.peaks) for code in group)
-
-    def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
-        return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
 
 
 def _not_run(svid: int, why: str) -> SatelliteSearch:
@@ -287,24 +285,17 @@ def _proof(
 
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
-) -> tuple[tuple[ChipSequence, ...], str]:
-    """Return the RECS of a satellite that may prove something in a snapshot, its own first, and why there is none."""
+) -> tuple[ChipSequence, ...]:
+    """Return the RECS of a satellite that may prove something in a snapshot, its own first."""
     begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
     keys = {key.time: key for key in assistance.keys}
-    codes, reason = [], "no RECS of this satellite"
-    for segment in assistance.segments:
-        if segment.svid != svid:
-            continue
-        key = keys.get(segment.key_time)
-        if key is None:
-            reason = f"no validated OSNMA key of {segment.key_time}"
-            continue
-        code = decrypt(segment, key, mode=cipher_mode)
-        if _proof(code, snapshot, assistance, uncertainty).holds(begin):
-            codes.append(code)
-        else:
-            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
-    return tuple(sorted(codes, key=lambda code: _apart_s(code, snapshot))), "" if codes else reason
+    codes = [
+        decrypt(segment, keys[segment.key_time], mode=cipher_mode)
+        for segment in assistance.segments
+        if segment.svid == svid and segment.key_time in keys
+    ]
+    proven = [code for code in codes if _proof(code, snapshot, assistance, uncertainty).holds(begin)]
+    return tuple(sorted(proven, key=lambda code: _apart_s(code, snapshot)))
 
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
@@ -312,11 +303,6 @@ def _samples(snapshot: Snapshot) -> SampleSource | None:
     if not isinstance(snapshot.e6, CorrelatableSamples):
         return None
     return snapshot.e6.surroundings or BatchSource(snapshot.e6.batch)
-
-
-def _beginning(batch: SampleBatch) -> SampleBatch:
-    """Return the first 100 ms."""
-    return replace(batch, samples=batch.samples[: math.ceil(E1_WINDOW_S * batch.sample_rate_hz)])
 
 
 def _satellites(assistance: Assistance) -> list[int]:
