@@ -12,7 +12,7 @@ instead, it is the error of that.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from vestige.campaign.columns.measured_columns import (
 )
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.results import attributes_of, scenario_of
+from vestige.campaign.store.results import attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status
@@ -48,61 +48,25 @@ if TYPE_CHECKING:
 _READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
 
 
-@dataclass(frozen=True, kw_only=True)
-class LevelVerdicts:
-    """A level over a campaign of n epochs and m satellites."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LevelVerdicts(VerdictBlock):
+    """What a level says of a campaign of n epochs and m satellites, and the error of its ranges."""
 
     processor: AcasProcessor
-    block: VerdictBlock
     budget: Mapping[CheckName | str, Share]
     seen: Bool[np.ndarray, "n m"]  # where a satellite is in view
     # error that the attack makes of the range in use, the largest since the RECS before; NaN where none is
     range_error_m: Float[np.ndarray, "n m"]
 
-    @property
-    def level(self) -> int:
-        """Mitigation level."""
-        return self.block.level
-
-    @property
-    def status(self) -> Int8[np.ndarray, "n m"]:
-        """Verdict of every epoch, as position in `Status`."""
-        return self.block.status
-
-    @property
-    def state(self) -> Int8[np.ndarray, "n m"]:
-        """What a user is shown, as position in `Status`."""
-        return self.block.state
-
-    @property
-    def checks(self) -> Mapping[CheckName | str, CheckSeries]:
-        """Every check of the level that could be made."""
-        return self.block.checks
-
-    @property
-    def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
-        """Where each check failed, after confirmation."""
-        return self.block.failed
-
     @cached_property
     def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
         """Where each check was made."""
-        return {name: series.run for name, series in self.block.checks.items()}
+        return {name: series.run for name, series in self.checks.items()}
 
     @property
     def recs(self) -> Bool[np.ndarray, " n"]:
         """Epochs with RECS."""
-        return self.block.measured.snapshots.recs
-
-    @property
-    def searched(self) -> Bool[np.ndarray, " n"]:
-        """Where the exhaustive search was made."""
-        return self.block.searched
-
-    @property
-    def earlier(self) -> Bool[np.ndarray, "n m"]:
-        """Whether the range in use is the earliest of several."""
-        return self.block.earlier
+        return self.measured.snapshots.recs
 
     @property
     def not_run(self) -> tuple[str, ...]:
@@ -222,8 +186,8 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
         further={one.spec: one.p_fa for one in processor.own_of_level},
     )
     return LevelVerdicts(
+        **{one.name: getattr(block, one.name) for one in fields(block)},
         processor=processor,
-        block=block,
         budget=budget,
         seen=_seen(results),
         range_error_m=_range_error_m(results, block),
@@ -249,7 +213,7 @@ def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.nda
     in_use_m, e1_m = block.range_in_use_m, block.measured.snapshots.e1.pseudorange_m
     of_e1_m = np.where(np.isfinite(in_use_m), _e1_error_m(results, block.measured.snapshots.recs), np.nan)
     names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
-    errors_m = [_of_satellites(results[name]) for name in names if name in results]
+    errors_m = [values(results, name, "epoch", "satellite") for name in names if name in results]
     return np.where(block.earlier, in_use_m - e1_m + np.sum(errors_m, axis=0), of_e1_m)
 
 
@@ -258,7 +222,7 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
     shape = (results.sizes["epoch"], results.sizes["satellite"])
     if "truth_e1_worst_error_m" not in results:
         return np.zeros(shape)
-    error_m = _of_satellites(results["truth_e1_worst_error_m"])
+    error_m = values(results, "truth_e1_worst_error_m", "epoch", "satellite")
     worst = np.zeros(shape)
     after = 0
     for place in np.flatnonzero(recs).tolist():
@@ -266,10 +230,6 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
         worst[place] = part[np.argmax(np.abs(part), axis=0), np.arange(shape[1])]
         after = place + 1
     return worst
-
-
-def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
-    return values.transpose("epoch", "satellite").values.astype(np.float64)
 
 
 def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:

@@ -32,8 +32,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.levels import POSITION, is_alarm
-from vestige.acas_processor.monitoring.alarm_budget import EXACT, RANGE
-from vestige.campaign.level_positions import position_error_m
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S, EXACT, RANGE
+from vestige.campaign.columns.sky_columns import true_place_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.records import Status
 from vestige.records.checks import CheckName
@@ -42,7 +42,6 @@ from vestige.scenario.campaign import CampaignScenario
 if TYPE_CHECKING:
     import xarray
 
-DAY_S = 86_400.0
 HALF = 0.5
 _LAST = 0.25  # of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
@@ -185,7 +184,7 @@ def outcomes_of(
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
-    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
+    limit_m = scenario.processor.budget.limit_m(scenario.processor.kappa)
     nowhere = np.full(time_s.size, np.nan)
     return tuple(
         run_outcome(
@@ -193,10 +192,20 @@ def outcomes_of(
             time_s,
             counted,
             limit_m,
-            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
+            nowhere if scenario.constellation is None else _position_error_m(scenario, results, found),
         )
         for found in level_verdicts(results, levels)
     )
+
+
+def _position_error_m(
+    scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
+) -> Float[np.ndarray, " n"]:
+    """Return how far the position that a level authenticates is from the true one, in m; NaN where there is none."""
+    if found.position is None:
+        return np.full(results.sizes["epoch"], np.nan)
+    place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)
+    return np.linalg.norm(found.position.position_m - place_m, axis=1)
 
 
 def window_of(scenario: CampaignScenario) -> tuple[float, float]:

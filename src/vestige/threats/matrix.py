@@ -15,7 +15,6 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
@@ -26,9 +25,6 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
-
-if TYPE_CHECKING:
-    pass
 
 _IN_FLIGHT = 3  # runs for each worker
 Outcomes = tuple[RunOutcome, ...]  # of one run, a level each

@@ -26,7 +26,8 @@ from typing import Any
 
 import numpy as np
 
-from vestige.campaign.run_outcome import DAY_S, HALF, RunOutcome, outcome_word, worst_of
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
+from vestige.campaign.run_outcome import HALF, RunOutcome, outcome_word, worst_of
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 
 _SUMS = (

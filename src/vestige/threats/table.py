@@ -18,6 +18,7 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
 from vestige.output import replacement
@@ -70,7 +71,7 @@ def statistics_of(cell: SceneCell) -> dict[str, object]:
         for name in ("alarms", "failures", "exact_failures", "range_failures")
         for part, value in zip(("", "_low", "_high"), found.a_day(name), strict=True)
     }
-    days = found.duration_s / 86_400.0
+    days = found.duration_s / DAY_S
     return {
         "word": found.word if cell.attacked else "",
         **shares,

@@ -5,9 +5,9 @@ exhaustively. The statistic is the number of signals of a satellite, the thresho
 both: null the true signal, or bury it in noise; then the checks of E6 power and of received power see that.
 
 The search on E1 is made with every RECS. The paper leaves open how often the exhaustive one is; with every RECS it
-would take more time than there is. So it is made at the start, now and then, and with every RECS as long as something is
-suspicious. That goes on with the RECS after a search that found a second signal, though no other
-check may see it: an attacker who nulls E1 and is quiet would otherwise be AUTHENTIC again one RECS after he was found.
+would take more time than there is. So it is made at the start, now and then, and with every RECS as long as something
+is suspicious. That goes on with the RECS after a search that found a second signal, though no other check may see it:
+an attacker who nulls E1 and is quiet would otherwise be AUTHENTIC again one RECS after he was found.
 Both search as far as the clock may be wrong (`TimeUncertainty`).
 """
 

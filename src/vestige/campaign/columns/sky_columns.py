@@ -93,13 +93,8 @@ def fix_columns(
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
         raise ValueError("a sky has orbits")
-    trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
     time_s, clock_m = columns["time_s"], columns["truth_clock_m"]
-    truth = _Truth(
-        place_m=trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS).position_m,
-        clock_m=clock_m,
-        drift_mps=columns["truth_clock_drift_mps"],
-    )
+    truth = _Truth(true_place_m(scenario, time_s, clock_m), clock_m, columns["truth_clock_drift_mps"])
     everything: Int64[np.ndarray, " n"] = np.arange(time_s.size)
     of_rows = ((everything, measured.fix), (position.rows, position.fixes))
     fixes = [_fix_columns(rows, fixes, truth) for rows, fixes in of_rows]
@@ -111,6 +106,14 @@ def fix_columns(
         **{name: np.stack([one[name] for one in fixes]) for name in fixes[0]},
         "available_at_s": np.stack([time_s, known_s]),
     }
+
+
+def true_place_m(
+    scenario: CampaignScenario, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return where the receiver of a sky is at times on its own clock."""
+    trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
+    return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS).position_m
 
 
 class _Truth(NamedTuple):

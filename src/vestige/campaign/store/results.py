@@ -141,17 +141,17 @@ class Results:
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
         """Position in `Status` of the verdict of each epoch and satellite, at the mitigation level of the scenario."""
-        return self._of_satellites("status").astype(np.int8)
+        return values(self.dataset, "status", EPOCH, "satellite").astype(np.int8)
 
     @property
     def state(self) -> Int8[np.ndarray, "n m"]:
         """Position in `Status` of what the receiver shows its user of each satellite after each epoch."""
-        return self._of_satellites("state").astype(np.int8)
+        return values(self.dataset, "state", EPOCH, "satellite").astype(np.int8)
 
     @property
     def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
         """Pseudorange of each satellite that may be used; NaN where none may."""
-        return self._of_satellites("range_in_use_m").astype(np.float64)
+        return values(self.dataset, "range_in_use_m", EPOCH, "satellite")
 
     def check(self, name: str) -> CheckColumns:
         """Return what a check said of every epoch and satellite.
@@ -170,9 +170,6 @@ class Results:
             statistic=of["check_statistic"].values.astype(np.float64),
             threshold=of["check_threshold"].values.astype(np.float64),
         )
-
-    def _of_satellites(self, name: str) -> np.ndarray:
-        return np.asarray(self.dataset[name].transpose(EPOCH, "satellite").values)
 
     def load(self) -> Results:
         """Return the results with all values in memory."""
