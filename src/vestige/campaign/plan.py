@@ -88,6 +88,17 @@ class Column:
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
 
+def column_table(
+    *rows: tuple[str, tuple[str, ...], str, str, str], attrs: Mapping[str, Mapping[str, Any]] | None = None
+) -> dict[str, Column]:
+    """Return columns from rows of name, dims, dtype, units and meaning; some have attributes."""
+    more = attrs or {}
+    return {
+        name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=more.get(name, {}))
+        for name, dims, dtype, units, text in rows
+    }
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coord:
     """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index.

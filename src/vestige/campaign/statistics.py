@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -45,6 +45,16 @@ class Proportion:
         return self.successes / self.trials if self.trials else float("nan")
 
 
+def binomial_intervals(
+    successes: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"] | int, *, confidence: float = CONFIDENCE
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the ends of `binomial_interval` for counts side by side."""
+    tail, rest = (1 - confidence) / 2, trials - successes
+    low = np.where(successes > 0, betaincinv(np.maximum(successes, 1), rest + 1, tail), 0.0)
+    high = np.where(rest > 0, betaincinv(successes + 1, np.maximum(rest, 1), 1 - tail), 1.0)
+    return low, high
+
+
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a probability after `successes` in `trials`.
 
@@ -56,10 +66,8 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
     _check_counts(successes, trials)
     if not 0 < confidence < 1:
         raise ValueError(f"confidence {confidence} is not between 0 and 1")
-    tail = (1 - confidence) / 2
-    low = float(betaincinv(successes, trials - successes + 1, tail)) if successes > 0 else 0.0
-    high = float(betaincinv(successes + 1, trials - successes, 1 - tail)) if successes < trials else 1.0
-    return low, high
+    low, high = binomial_intervals(np.array([successes]), trials, confidence=confidence)
+    return float(low[0]), float(high[0])
 
 
 def binomial_test(successes: int, trials: int, probability: float) -> float:

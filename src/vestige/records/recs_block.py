@@ -87,7 +87,7 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
     """Return the RECS that the satellites of a block sent."""
     shape = snapshots.asked.shape
     found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-    times = [[[_NEVER] * shape[1] for _ in range(shape[0])] for _ in range(3)]
+    times = np.full((3, *shape), _NEVER, object)
     segments = {}
     keys = {key.time: key for key in reversed(assistance.keys)}
     for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(snapshots.e1.seen)), strict=True):
@@ -97,13 +97,13 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
         if segment is None:
             continue
         found[epoch, column] = True
-        times[0][epoch][column] = segment.key_time
+        times[0, epoch, column] = segment.key_time
         key = keys.get(segment.key_time)
         if key is not None:
             with_key[epoch, column] = True
-            times[1][epoch][column], times[2][epoch][column] = key.disclosed_at, key.complete_at
+            times[1:, epoch, column] = key.disclosed_at, key.complete_at
             segments[epoch, column] = (segment, key)
-    key_time, disclosed, complete = (_times(rows, shape) for rows in times)
+    key_time, disclosed, complete = (GalileoTimes.of(one.flat).reshaped(shape) for one in times)
     block = RecsBlock(found=found, with_key=with_key, key_time=key_time, disclosed=disclosed, complete=complete)
     return FoundRecs(block=block, segments=segments)
 
@@ -120,8 +120,3 @@ def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) ->
     """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
-
-
-def _times(rows: list[list[GalileoTime]], shape: tuple[int, int]) -> GalileoTimes:
-    flat = GalileoTimes.of(time for row in rows for time in row)
-    return GalileoTimes(flat.second.reshape(shape), flat.fraction.reshape(shape))

@@ -41,6 +41,13 @@ class GalileoTimes:
         """Shape of the array."""
         return self.second.shape
 
+    def reshaped(self, shape: tuple[int, ...]) -> GalileoTimes:
+        """Return the same times in an array of another shape; one time fills any."""
+        second, fraction = self.second, self.fraction
+        if self.second.size == 1:
+            return GalileoTimes(np.broadcast_to(second, shape), np.broadcast_to(fraction, shape))
+        return GalileoTimes(second.reshape(shape), fraction.reshape(shape))
+
     def at(self, *place: int) -> GalileoTime:
         """Return the time at a place."""
         whole = GalileoTime.from_gst_seconds(int(self.second[place]))

@@ -50,7 +50,11 @@ class SceneCell:
     level: int
     found: SceneOutcome
     attacked: bool
-    agreement: Agreement
+
+    @property
+    def agreement(self) -> Agreement:
+        """How the measurement compares with what was expected."""
+        return agreement(self.expected, self.found)
 
     @property
     def expected(self) -> str:
@@ -136,10 +140,7 @@ def measure_threats(
 def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[SceneCell]:
     for place, level in enumerate(LEVELS):
         measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
-        expected = case.row.outcome(level)[0] if case.row else ""
-        yield SceneCell(
-            case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured)
-        )
+        yield SceneCell(case=case, level=level, found=measured, attacked=attacked)
 
 
 def _runs(

@@ -24,7 +24,7 @@ from jaxtyping import Float, Int64
 
 from vestige.acas_processor.measurement import FixBlock, spread
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.campaign.plan import Column, Coord
+from vestige.campaign.plan import Coord, column_table
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import UNKNOWNS, Fix, dilution, local_geometry
@@ -36,33 +36,29 @@ _AXES = ("east", "north", "up")
 _DILUTIONS = ("geometric", "position", "horizontal", "vertical", "time")
 _SATELLITE, _FIX = ("epoch", "satellite"), ("fix", "epoch")
 
-# name: dims, dtype, units, meaning
-SKY_COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text)
-    for name, dims, dtype, units, text in (
-        ("azimuth_deg", _SATELLITE, "float32", "degree", "azimuth of a satellite in view"),
-        ("elevation_deg", _SATELLITE, "float32", "degree", "elevation of a satellite in view"),
-        ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of its pseudorange"),
-        ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
-        ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
-        ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
-        ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
-        ("fix_clock_m", _FIX, "float64", "m", "receiver clock"),
-        ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
-        ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
-        ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
-        ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
-        ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
-        ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
-        ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
-        ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
-        ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
-        ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
-        ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
-        ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
-        ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
-    )
-}
+SKY_COLUMNS = column_table(
+    ("azimuth_deg", _SATELLITE, "float32", "degree", "azimuth of a satellite in view"),
+    ("elevation_deg", _SATELLITE, "float32", "degree", "elevation of a satellite in view"),
+    ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of its pseudorange"),
+    ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
+    ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
+    ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
+    ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
+    ("fix_clock_m", _FIX, "float64", "m", "receiver clock"),
+    ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
+    ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
+    ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
+    ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
+    ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
+    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
+    ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
+    ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
+    ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
+    ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
+    ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
+    ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
+    ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
+)
 
 
 def sky_coords() -> dict[str, Coord]:

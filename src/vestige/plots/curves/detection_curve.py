@@ -10,15 +10,14 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
-from scipy.special import betaincinv
 
+from vestige.campaign.statistics import CONFIDENCE, binomial_intervals
 from vestige.errors import VestigeError
 from vestige.plots.curves.sweep_curves import CN0, COLOURS, abscissa, curves
 from vestige.plots.epochs import attribute
 from vestige.plots.figure import BLACK, dress, legend, new_axes
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
-CONFIDENCE = 0.95
 _CURVE_POINTS = 300
 _MARGIN_DB = 1.0  # theory goes on beyond the outermost points
 
@@ -97,7 +96,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     cn0_dbhz, trials, events = _counts(sweep, kind)
     label, x = abscissa(sweep)
     shown = curves(sweep)
-    low, high = _interval(events, trials)
+    low, high = binomial_intervals(events, trials)
     ax = new_axes() if ax is None else ax
 
     integration_s, p_fa = attribute(sweep, "integration_s"), attribute(sweep, "p_fa")
@@ -152,16 +151,6 @@ def _counts(
         found = f"{events[row]} of {trials[row]} at {cn0_dbhz[row]} dBHz"
         raise VestigeError(f"sweep: row {row + 1}: found {found}, expected 0 to as many events as trials")
     return cn0_dbhz.astype(np.float64), trials.astype(np.int64), events.astype(np.int64)
-
-
-def _interval(
-    events: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return both ends of the interval of Clopper and Pearson."""
-    outside = (1 - CONFIDENCE) / 2
-    low = np.where(events > 0, betaincinv(np.maximum(events, 1), trials - events + 1, outside), 0.0)
-    high = np.where(events < trials, betaincinv(events + 1, np.maximum(trials - events, 1), 1 - outside), 1.0)
-    return low, high
 
 
 def _title(kind: _Kind, integration_s: float | None, p_fa: float | None) -> str:
