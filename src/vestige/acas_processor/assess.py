@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
@@ -115,10 +114,10 @@ class _Assessment:
         self._needs_references = {name for name in self._checks if name in _NEED_REFERENCES or name in self._own}
         if processor.monitoring.second_signal_filtered:
             self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
-        self._fixed = self._series(
-            {name: check for name, check in self._checks.items() if name not in self._needs_references},
-            self._evidence({}),
-        )
+        evidence = self._evidence({})
+        self._fixed = {
+            name: check.series(evidence) for name, check in self._checks.items() if name not in self._needs_references
+        }
         self._settle()
 
     def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
@@ -154,10 +153,6 @@ class _Assessment:
             rates=self._state.rates,
         )
 
-    @staticmethod
-    def _series(checks: Mapping[CheckName | str, Check], evidence: Evidence) -> dict[CheckName | str, CheckSeries]:
-        return {name: check.series(evidence) for name, check in checks.items()}
-
     def _settle(self) -> None:
         """Judge the block until the guess is right."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
@@ -173,14 +168,15 @@ class _Assessment:
         snapshots = self._measured.snapshots
         self._teaches = guess.quiet & snapshots.recs
         references = self._references()
-        later = {name: check for name, check in self._checks.items() if name in self._needs_references}
-        series = self._fixed | self._series(later, self._evidence(references))
+        evidence = self._evidence(references)
+        series = self._fixed | {
+            name: check.series(evidence) for name, check in self._checks.items() if name in self._needs_references
+        }
         failed = {name: self._confirmed(one) for name, one in series.items()}
         self._uncertainties = self._clock_limits(guess)
         self._e1_search = self._search_e1()
         self._exhaustive = SearchResults.empty(self._seen.shape)
         self._searched = np.zeros(self._time_s.size, np.bool_)
-        evidence = self._evidence(references)
         p_fa = self._processor.monitoring.search_p_fa
         if CheckName.E1_VESTIGIAL_SEARCH in self._specs:
             name = CheckName.E1_VESTIGIAL_SEARCH

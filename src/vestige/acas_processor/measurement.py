@@ -143,9 +143,10 @@ class MeasurementBlock:
             ),
             detected=replace(
                 detected,
-                magnitude_sigma=_single(detected.magnitude_sigma),
-                phase_rad=_single(detected.phase_rad),
-                range_offset_m=_single(detected.range_offset_m),
+                **{
+                    name: _single(getattr(detected, name))
+                    for name in ("magnitude_sigma", "phase_rad", "range_offset_m")
+                },
             ),
             predicted_pd=_single(self.predicted_pd),
         )

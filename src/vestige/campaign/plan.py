@@ -113,8 +113,8 @@ class Coord:
 
     dim: str
     values: np.ndarray
-    units: str
     long_name: str
+    units: str = "1"
 
 
 @runtime_checkable

@@ -118,16 +118,15 @@ class ScenarioPlan:
         checks = np.array([str(spec.name) for spec in self._judged.processor.specs])
         return (
             {
-                "svid": Coord(dim="satellite", values=svids, units="1", long_name="satellite"),
+                "svid": Coord(dim="satellite", values=svids, long_name="satellite"),
                 "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
                 "detector": Coord(
                     dim="detector",
                     values=np.array(list(self.scenario.processor.detectors)),
-                    units="1",
                     long_name="detector",
                 ),
-                "check": Coord(dim="check", values=checks, units="1", long_name="check"),
-                "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
+                "check": Coord(dim="check", values=checks, long_name="check"),
+                "ray": Coord(dim="ray", values=rays, long_name="ray beside the line of sight"),
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})
@@ -269,7 +268,7 @@ class _Preparation:
 
 def _e1_coords() -> dict[str, Coord]:
     """Return the axis of the E1 correlators."""
-    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), units="1", long_name="chips of E1 after where it is tracked")
+    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), long_name="chips of E1 after where it is tracked")
     return {"e1_tap_chips": taps}
 
 

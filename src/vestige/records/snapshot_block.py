@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -11,6 +11,8 @@ from jaxtyping import Bool, Complex128, Float, Int8, Int64
 
 from vestige.records import Band, E1Observation, Handover
 from vestige.records.times import GalileoTimes
+
+OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,14 +38,7 @@ class E1Block:
     def observation(self, svid: int, epoch: int, satellite: int) -> E1Observation:
         """Return the observation of one satellite at one epoch."""
         here = (epoch, satellite)
-        return E1Observation(
-            svid=svid,
-            pseudorange_m=float(self.pseudorange_m[here]),
-            carrier_phase_cycles=float(self.carrier_phase_cycles[here]),
-            doppler_hz=float(self.doppler_hz[here]),
-            doppler_rate_hz_per_s=float(self.doppler_rate_hz_per_s[here]),
-            cn0_dbhz=float(self.cn0_dbhz[here]),
-        )
+        return E1Observation(svid=svid, **{name: float(getattr(self, name)[here]) for name in OBSERVED})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

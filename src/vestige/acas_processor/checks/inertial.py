@@ -80,14 +80,13 @@ class InertialMonitor(Monitor):
         """Return the check over a block: at every epoch with RECS and a position, against the one before."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         reasons: dict[int, str] = {}
-        for step in rate_steps(evidence):
-            if step.why:
-                reasons[step.epoch] = step.why
+        for epoch, step in rate_steps(evidence):
+            if isinstance(step, str):
+                reasons[epoch] = step
                 continue
-            change = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
-            statistic[step.epoch] = change
+            statistic[epoch] = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
             of_rates = two_sided_factor(self.p_fa) * step.sigma_change_mps
-            threshold[step.epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
+            threshold[epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
 
         def explain(epoch: int, satellite: int) -> str:
             if evidence.measured.snapshots.increments is None:

@@ -12,7 +12,7 @@ path: first along a straight line, then bent by what the increments say. The vel
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +21,6 @@ from jaxtyping import Float
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
-
-
-def _nothing() -> Float[np.ndarray, " m"]:
-    return np.zeros(0)
 
 
 def gained_towards_mps(
@@ -46,30 +42,30 @@ def gained_towards_mps(
 class RateStep:
     """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both."""
 
-    epoch: int
-    interval_s: float = np.nan
+    interval_s: float
     # as for `InertialMonitor.statistic`
-    rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    delta_velocity_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    # standard deviation of the measured change
-    sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    why: str = ""  # why there is nothing to compare; empty if there is
+    rate_change_mps: Float[np.ndarray, " m"]
+    static_change_mps: Float[np.ndarray, " m"]
+    delta_velocity_mps: Float[np.ndarray, " m"]
+    sigma_change_mps: Float[np.ndarray, " m"]  # standard deviation of the measured change
 
 
-def rate_steps(evidence: Evidence) -> Iterator[RateStep]:
-    """Yield the steps that end at the RECS of a block; nothing without inertial sensors."""
+def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
+    """Yield the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+
+    Nothing without inertial sensors.
+    """
     for epoch, before, now in _pairs(evidence):
         if now is None:
-            yield RateStep(epoch=epoch, why="no position fix")
+            yield epoch, "no position fix"
         elif before is None:
-            yield RateStep(epoch=epoch, why="no snapshot with a position fix before")
+            yield epoch, "no snapshot with a position fix before"
         elif not now.time - before.time > 0:
-            yield RateStep(epoch=epoch, why="the snapshot before is of the same time")
+            yield epoch, "the snapshot before is of the same time"
         elif not before.covered:
-            yield RateStep(epoch=epoch, why=f"the accelerations do not cover the time since {before.time}")
+            yield epoch, f"the accelerations do not cover the time since {before.time}"
         else:
-            yield _step(epoch, before, now, evidence.measured.snapshots.svids)
+            yield epoch, _step(before, now, evidence.measured.snapshots.svids)
 
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
@@ -124,12 +120,12 @@ def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
     return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
 
 
-def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
+def _step(before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
     interval_s = now.time - before.time
     places = np.array([before.position_m, now.position_m])
     ends_s = np.array([time - before.time for time, _ in before.increments])
     sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
-    path = _straight(places, ends_s, interval_s)
+    path = _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
     for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
         gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
         path = _bent(places, ends_s, interval_s, gained)
@@ -143,7 +139,6 @@ def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...
             sigma[column] = np.hypot(old.sigma_mps, new.sigma_mps)
             towards[0, column], towards[1, column] = old.towards, new.towards
     return RateStep(
-        epoch=epoch,
         interval_s=interval_s,
         rate_change_mps=rate,
         static_change_mps=static,
@@ -157,11 +152,6 @@ class _Path(NamedTuple):
 
     middles_m: Float[np.ndarray, "k 3"]
     mean_of_ends_mps: Float[np.ndarray, " 3"]
-
-
-def _straight(places: Float[np.ndarray, "2 3"], ends_s: Float[np.ndarray, " k"], interval_s: float) -> _Path:
-    """Return the path of a receiver that does not accelerate."""
-    return _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
 
 
 def _bent(

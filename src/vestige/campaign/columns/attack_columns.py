@@ -39,8 +39,8 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     made = [attack.counterfeit(Band.E6, np.zeros(1)) for attack in attacks]  # whichever satellite it is for
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
-        "attack": Coord(dim="attack", values=names, units="1", long_name="attack"),
-        "forged": Coord(dim="attack", values=forged, units="1", long_name="whether its E6 chips are made up"),
+        "attack": Coord(dim="attack", values=names, long_name="attack"),
+        "forged": Coord(dim="attack", values=forged, long_name="whether its E6 chips are made up"),
     }
 
 

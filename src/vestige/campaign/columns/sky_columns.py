@@ -65,10 +65,7 @@ def sky_coords() -> dict[str, Coord]:
     """Return the axes of the fixes."""
     labels = {"fix": FIXES, "axis": ("x", "y", "z"), "local_axis": _AXES, "dilution": _DILUTIONS}
     texts = {"fix": "satellites of a fix", "axis": "ECEF axis", "local_axis": "local axis", "dilution": "dilution"}
-    return {
-        name: Coord(dim=name, values=np.array(values), units="1", long_name=texts[name])
-        for name, values in labels.items()
-    }
+    return {name: Coord(dim=name, values=np.array(values), long_name=texts[name]) for name, values in labels.items()}
 
 
 def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:

@@ -25,6 +25,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
+from scipy.ndimage import gaussian_filter
 
 from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.checks.power.power_distortion import distortion_variance, mean_distortion, power_rise_db
@@ -132,7 +133,7 @@ def decision_map(
             for value, edge in zip((rise_db, np.log1p(distortion)), edges, strict=True)
         )
         counts, _, _ = np.histogram2d(x, y, bins=edges)
-        densities.append(_smoothed(counts / draws))
+        densities.append(gaussian_filter(counts / draws, _SMOOTHING_CELLS, mode="reflect", truncate=4.0))
     likelihood = np.stack(densities)
     cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
     cost[: SignalClass.SPOOFED, SignalClass.SPOOFED :] = alarm_cost
@@ -159,21 +160,6 @@ def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> 
             classes[to] = np.where(known, classes[source], classes[to])
             drawn[to] |= known
     return classes
-
-
-def _smoothed(density: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a b"]:
-    """Return a histogram smoothed by a Gaussian of `_SMOOTHING_CELLS` along both axes, its sum kept."""
-    reach = np.arange(-4, 5)
-    kernel = np.exp(-((reach / _SMOOTHING_CELLS) ** 2) / 2)
-    kernel /= kernel.sum()
-    for axis in (0, 1):
-        pad = [(4, 4) if k == axis else (0, 0) for k in range(2)]
-        padded = np.pad(density, pad, mode="symmetric")
-        density = sum(
-            weight * np.take(padded, np.arange(k, k + density.shape[axis]), axis=axis)
-            for k, weight in enumerate(kernel)
-        )
-    return density
 
 
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
