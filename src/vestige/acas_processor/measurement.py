@@ -143,10 +143,9 @@ class MeasurementBlock:
             ),
             detected=replace(
                 detected,
-                **{
-                    name: _single(getattr(detected, name))
-                    for name in ("magnitude_sigma", "phase_rad", "range_offset_m")
-                },
+                magnitude_sigma=_single(detected.magnitude_sigma),
+                phase_rad=_single(detected.phase_rad),
+                range_offset_m=_single(detected.range_offset_m),
             ),
             predicted_pd=_single(self.predicted_pd),
         )
