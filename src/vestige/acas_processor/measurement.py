@@ -87,36 +87,21 @@ class Fixes(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasurementBlock:
-    """What was measured of n epochs and m satellites, each epoch by itself.
+    """What was measured of n epochs and m satellites, each epoch by itself."""
 
-    Attributes
-    ----------
-    snapshots
-        The block that was measured.
-    recs
-        RECS and keys.
-    availability
-        int8[n, m], values of `Availability`.
-    banks, detected
-        Correlators of E6, and what the detector says of them.
-    predicted_pd
-        Probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated.
-    expected_s, doppler_e6_hz
-        When E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing
-        was handed over one by one.
-    fixes
-        Makes the position fix.
-    """
-
-    snapshots: SnapshotBlock
-    recs: RecsBlock
-    availability: Int8[np.ndarray, "n m"]
+    snapshots: SnapshotBlock  # the block that was measured
+    recs: RecsBlock  # RECS and keys
+    availability: Int8[np.ndarray, "n m"]  # values of `Availability`
+    # correlators of E6, and what the detector says of them
     banks: BankBlock
     detected: DetectedBlock
+    # probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated
     predicted_pd: Float[np.ndarray, "n m"]
+    # when E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing was
+    # handed over one by one.
     expected_s: Float[np.ndarray, "n m"]
     doppler_e6_hz: Float[np.ndarray, "n m"]
-    fixes: Fixes | None = None
+    fixes: Fixes | None = None  # makes the position fix
 
     @property
     def fix(self) -> FixBlock | None:

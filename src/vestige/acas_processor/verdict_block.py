@@ -43,56 +43,31 @@ class PositionBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VerdictBlock:
-    """What the processor says of n epochs and m satellites at one mitigation level.
+    """What the processor says of n epochs and m satellites at one mitigation level."""
 
-    Attributes
-    ----------
-    measured
-        What was judged.
-    level, specs
-        Mitigation level, and its checks.
-    status, cause
-        int8[n, m], the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`).
-    state
-        int8[n, m], what a receiver shows its user after that epoch.
-    before
-        What it showed before the block.
-    due
-        bool[n, m], where a verdict is due.
-    checks, failed
-        Every check of the level that could be made, and where it failed, after confirmation.
-    e1_search, exhaustive_search
-        What the searches found.
-    searched
-        bool[n], epochs in which the exhaustive search was made.
-    evidence
-        What the checks looked at.
-    true_offset_m
-        As in `Verdict`.
-    range_in_use_m, earlier
-        Pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1.
-    position
-        Position of each epoch; None without orbits.
-    """
-
-    measured: MeasurementBlock
+    measured: MeasurementBlock  # what was judged
+    # mitigation level, and its checks
     level: int
     specs: tuple[CheckSpec, ...]
+    # the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`)
     status: Int8[np.ndarray, "n m"]
     cause: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]
-    before: AlarmState
-    due: Bool[np.ndarray, "n m"]
+    state: Int8[np.ndarray, "n m"]  # what a receiver shows its user after that epoch
+    before: AlarmState  # what it showed before the block
+    due: Bool[np.ndarray, "n m"]  # where a verdict is due
+    # every check of the level that could be made, and where it failed, after confirmation
     checks: Mapping[CheckName | str, CheckSeries]
     failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]
+    # what the searches found
     e1_search: SearchResults
     exhaustive_search: SearchResults
-    searched: Bool[np.ndarray, " n"]
-    evidence: Evidence
-    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
+    evidence: Evidence  # what the checks looked at
+    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # as in `Verdict`
+    # pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
-    position: PositionBlock | None = None
+    position: PositionBlock | None = None  # position of each epoch; None without orbits
 
     @property
     def found_twice(self) -> Bool[np.ndarray, "n m"]:

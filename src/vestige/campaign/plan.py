@@ -65,26 +65,14 @@ CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 40 small files), 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One variable of the results.
+    """One variable of the results."""
 
-    Attributes
-    ----------
-    dims
-        Names of its axes in order. `epoch` is one of them, anywhere; each of the others is the dim of a `Coord`.
-    dtype
-        A numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
-    units
-        In the words of UDUNITS: `m`, `m s-1`, `Hz`, `rad`, `1`.
-    long_name
-        What it is, for the axis of a plot.
-    attrs
-        Further attributes, e.g. `flag_values` and `flag_meanings`.
-    """
-
+    # names of its axes in order. `epoch` is one of them, anywhere; each of the others is the dim of a `Coord`.
     dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
+    dtype: str  # a numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
+    units: str  # in the words of UDUNITS: `m`, `m s-1`, `Hz`, `rad`, `1`
+    long_name: str  # what it is, for the axis of a plot
+    # further attributes, e.g. `flag_values` and `flag_meanings`.
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -101,18 +89,10 @@ def column_table(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coord:
-    """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index.
+    """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index."""
 
-    Attributes
-    ----------
-    dim
-        The axis.
-    values
-        One number or text for each place on it.
-    """
-
-    dim: str
-    values: np.ndarray
+    dim: str  # the axis
+    values: np.ndarray  # one number or text for each place on it
     long_name: str
     units: str = "1"
 

@@ -64,8 +64,6 @@ def range_histogram(
 
     Parameters
     ----------
-    results
-        Results of a campaign.
     bin_m
         Width of a bin in m, 0 m is the middle of one; wider if there were more than 600.
     mark_cluster
@@ -73,8 +71,6 @@ def range_histogram(
         taps of 15 m, with the number of epochs within 4.5 m.
     right_flank
         A law to draw over the right flank, a straight line in log scale; a number is where one is fitted from, in m.
-    ax
-        Axes to draw on; new ones without it.
 
     Raises
     ------

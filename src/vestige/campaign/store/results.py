@@ -35,44 +35,26 @@ NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemer
 
 
 class RunAttributes(BaseModel):
-    """What the results say of their run beside the scenario.
-
-    Attributes
-    ----------
-    scenario_digest
-        SHA-256 of the scenario, in hexadecimal digits.
-    p_fa, threshold_sigma
-        False-alarm probability of one correlator, and its threshold in standard deviations of one dimension.
-    signal, cn0_dbhz
-        Whether E6-C was on air, and its C/N0; None without it.
-    integration_s
-        Length of a correlation.
-    vestige_version
-        The source that made the results; empty if they were not stored.
-    processor
-        The kind of processor on which bits depend; None if they do not.
-    navigation
-        RINEX text of the ephemerides of a sky; None of a single line of sight.
-    own_parts
-        The parts of the user's, `module:Name@digest` of each, with spaces between them.
-    """
+    """What the results say of their run beside the scenario."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
-    scenario_digest: str
+    scenario_digest: str  # SHA-256 of the scenario, in hexadecimal digits
+    # false-alarm probability of one correlator, and its threshold in standard deviations of one dimension
     p_fa: Annotated[float, Field(gt=0, lt=1)]
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
+    # whether E6-C was on air, and its C/N0; None without it
     signal: bool
     cn0_dbhz: FiniteFloat | None = None
-    integration_s: Annotated[float, Field(gt=0, le=10)]
+    integration_s: Annotated[float, Field(gt=0, le=10)]  # length of a correlation
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
-    vestige_version: str = ""
-    processor: str | None = None
-    navigation: str | None = None
-    own_parts: str = ""
+    vestige_version: str = ""  # the source that made the results; empty if they were not stored
+    processor: str | None = None  # the kind of processor on which bits depend; None if they do not
+    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None of a single line of sight
+    own_parts: str = ""  # the parts of the user's, `module:Name@digest` of each, with spaces between them
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:

@@ -84,8 +84,6 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
         and `p_fa`.
     count
         `detections`, `misses` or `false_alarms`.
-    ax
-        Axes to draw on; new ones without it.
 
     Raises
     ------
