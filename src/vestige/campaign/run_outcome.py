@@ -48,8 +48,8 @@ _HARMFUL = 2.0  # times κσ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOutcome:
-    """What came of one run at one level."""
+class OutcomeCounts:
+    """What is counted in a run, and summed over many."""
 
     duration_s: float  # how long the epochs that count are: those of the attack, or all if there is none
     # alarms that began in them, and how many the budget allows
@@ -65,6 +65,12 @@ class RunOutcome:
     # the same of the range check, whose p_fa is a bound
     range_failures: int
     budget_range_failures: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutcome(OutcomeCounts):
+    """What came of one run at one level."""
+
     # see the top of this module; without an attack only `detected` can be true, by chance
     detected: bool
     mitigated: bool

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
@@ -22,8 +21,7 @@ _CURVE_POINTS = 300
 _MARGIN_DB = 1.0  # theory goes on beyond the outermost points
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Kind:
+class _Kind(NamedTuple):
     """A relative frequency: the variables of the sweep behind it, its theory as a function of C/N0, T_I and P_fa."""
 
     title: str
@@ -32,39 +30,19 @@ class _Kind:
     counted: str
     theory: Callable[[Float[np.ndarray, " n"], float, float], Float[np.ndarray, " n"]]
     theory_label: str
-    log: bool
+    log: bool = True
     of_others: bool = False  # the events are the trials that are not counted
 
 
+def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float[np.ndarray, " n"]:
+    return np.full(cn0_dbhz.shape, p_fa)
+
+
+_DETECTED, _ALIGNED = ("trials", "detections"), "Marcum Q, aligned"
 KINDS = {
-    "detections": _Kind(
-        title="Detection",
-        label="P_d",
-        trials="trials",
-        counted="detections",
-        theory=probability_of_detection,
-        theory_label="Marcum Q, aligned",
-        log=False,
-    ),
-    "misses": _Kind(
-        title="Missed detection",
-        label="1 − P_d",
-        trials="trials",
-        counted="detections",
-        of_others=True,
-        theory=miss_probability,
-        theory_label="1 − Marcum Q, aligned",
-        log=True,
-    ),
-    "false_alarms": _Kind(
-        title="False alarm",
-        label="P_fa",
-        trials="false_alarm_trials",
-        counted="false_alarms",
-        theory=lambda cn0_dbhz, _, p_fa: np.full(cn0_dbhz.shape, p_fa),
-        theory_label="P_fa asked for",
-        log=True,
-    ),
+    "detections": _Kind("Detection", "P_d", *_DETECTED, probability_of_detection, _ALIGNED, log=False),
+    "misses": _Kind("Missed detection", "1 − P_d", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
+    "false_alarms": _Kind("False alarm", "P_fa", "false_alarm_trials", "false_alarms", _as_asked, "P_fa asked for"),
 }
 
 
