@@ -116,6 +116,7 @@ class ScenarioPlan:
         offsets_m = self._judged.processor.offsets_m
         rays = np.arange(simulation.models.n_rays)
         checks = np.array([str(spec.name) for spec in self._judged.processor.specs])
+        e1_taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), long_name="chips of E1 after where it is tracked")
         return (
             {
                 "svid": Coord(dim="satellite", values=svids, long_name="satellite"),
@@ -130,7 +131,7 @@ class ScenarioPlan:
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})
-            | (_e1_coords() if self._receiver.with_taps else {})
+            | ({"e1_tap_chips": e1_taps} if self._receiver.with_taps else {})
         )
 
     @property
@@ -264,12 +265,6 @@ class _Preparation:
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
         with blamed_on_own_parts():
             return {"truth": tuple(one.advance(first, count) for one in self._truth)}
-
-
-def _e1_coords() -> dict[str, Coord]:
-    """Return the axis of the E1 correlators."""
-    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), long_name="chips of E1 after where it is tracked")
-    return {"e1_tap_chips": taps}
 
 
 def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

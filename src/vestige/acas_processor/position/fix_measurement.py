@@ -59,14 +59,12 @@ class FixSettings:
         anchor = self.ephemerides[0].toe
         elapsed_s = time.since(anchor)
         for column, svid in enumerate(svids):
-            for ephemeris, rows in _chosen(self._of(svid), time, self.fit_interval_s):
+            own = tuple(one for one in self.ephemerides if one.svid == svid)
+            for ephemeris, rows in _chosen(own, time, self.fit_interval_s):
                 sent = transmission([ephemeris], anchor, elapsed_s[rows], pseudorange_m[rows, column][:, None])
                 position[rows, column], velocity[rows, column] = sent.position_m[:, 0], sent.velocity_mps[:, 0]
                 clock_m[rows, column], clock_mps[rows, column] = sent.clock_m[:, 0], sent.clock_mps[:, 0]
         return Transmission(position_m=position, velocity_mps=velocity, clock_m=clock_m, clock_mps=clock_mps)
-
-    def _of(self, svid: int) -> tuple[Ephemeris, ...]:
-        return tuple(one for one in self.ephemerides if one.svid == svid)
 
     def measure(self, time: GalileoTimes, svids: tuple[int, ...], e1: E1Block) -> FixBlock | None:
         """Return the fix of every epoch; None without orbits."""
@@ -77,7 +75,8 @@ class FixSettings:
         elevation_rad = unknown
         if self.errors.needs_elevation:
             plain = PseudorangeErrors(floor_m=max(self.errors.floor_m, 1.0), loops=self.errors.loops)
-            elevation_rad = elevations(sent, position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown)))
+            first = position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown))
+            elevation_rad = elevations_from(first.position_m, sent.position_m)
         sigma_m = self.errors.range_m(e1.cn0_dbhz, elevation_rad)
         common_m = self.errors.common_m(elevation_rad)
         fix = position_fix(sent, e1.pseudorange_m, sigma_m, common_m=common_m)
@@ -128,11 +127,6 @@ class LazyFix:
     def block(self) -> FixBlock | None:
         """The fix of each epoch; None without orbits."""
         return self.settings.measure(self.time, self.svids, self.e1)
-
-
-def elevations(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
-    """Return the elevation of the satellites in rad, seen from the fix; NaN without one."""
-    return elevations_from(fix.position_m, sent.position_m)
 
 
 def elevations_from(

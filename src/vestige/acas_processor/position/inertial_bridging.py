@@ -72,7 +72,8 @@ def remembered_rates(evidence: Evidence) -> RateMemory | None:
     """Return what the next block needs."""
     left = [now for _, _, now in _pairs(evidence)]
     last = left[-1] if left else evidence.rates
-    return _with_increments(evidence, last, _last_recs(evidence), evidence.shape[0])
+    after = int(np.max(np.flatnonzero(evidence.measured.snapshots.recs), initial=-1)) + 1
+    return _with_increments(evidence, last, after, evidence.shape[0])
 
 
 def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMemory | None]]:
@@ -84,12 +85,6 @@ def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMem
         now = _left_behind(evidence, epoch)
         yield epoch, _with_increments(evidence, before, after, epoch + 1), now
         before, after = now, epoch + 1
-
-
-def _last_recs(evidence: Evidence) -> int:
-    """Return the row after the last epoch with RECS, 0 if there is none."""
-    rows = np.flatnonzero(evidence.measured.snapshots.recs)
-    return int(rows[-1]) + 1 if rows.size else 0
 
 
 def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:

@@ -120,7 +120,9 @@ class _Truth(NamedTuple):
 def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) -> dict[str, np.ndarray]:
     """Return the columns of one fix of all epochs, NaN in those that are not among `rows`."""
     fix, (place_m, clock_m, drift_mps) = fixes.fix, (values[rows] for values in truth)
-    local = dilution(local_geometry(_placed(fix, place_m)))
+    # with the true place where there is no fix, axes are always defined
+    placed = replace(fix, position_m=np.where(fix.valid[:, None], fix.position_m, place_m))
+    local = dilution(local_geometry(placed))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     found = {
@@ -144,11 +146,6 @@ def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) 
     counted = {name: 0.0 for name, values in found.items() if values.dtype.kind == "i"}
     n = truth.clock_m.shape
     return {name: spread(values, rows, n, counted.get(name, np.nan)) for name, values in found.items()}
-
-
-def _placed(fix: Fix, place_m: Float[np.ndarray, "n 3"]) -> Fix:
-    """Return the fixes with the true place where there is none, for axes that are always defined."""
-    return replace(fix, position_m=np.where(fix.valid[:, None], fix.position_m, place_m))
 
 
 def _nees(fix: Fix, error: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
