@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import xarray
 
-from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
+from vestige.acas_processor.measure import detect_block
 from vestige.campaign.plan import Column, Coord
 from vestige.campaign.run import run
 

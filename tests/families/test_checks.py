@@ -102,5 +102,5 @@ def test_stored_results_are_judged_again_alike(module: str) -> None:
     results = direct_results(plan)
     (found,) = level_verdicts(results, (2,))
     np.testing.assert_array_equal(results["status"].values, found.status)
-    np.testing.assert_array_equal(results["cause"].values, found.block.cause)
+    np.testing.assert_array_equal(results["cause"].values, found.cause)
     assert pickle.loads(pickle.dumps(plan)).attrs == plan.attrs  # noqa: S301

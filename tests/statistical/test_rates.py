@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from tests.simulated_banks import banks as banks_of
 
-from vestige.acas_processor.detection_block import detect_block
 from vestige.acas_processor.detectors import MaximumDetector
+from vestige.acas_processor.measure import detect_block
 from vestige.campaign.statistics import binomial_test
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import CampaignScenario

@@ -24,11 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import combine, confirmed, is_alarm
+from vestige.acas_processor.levels import POSITION, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
@@ -36,9 +35,8 @@ from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState, Sear
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.range_in_use import ranges_in_use
-from vestige.acas_processor.searches.search_schedule import search_due
-from vestige.acas_processor.searches.searches import SearchResults
-from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.acas_processor.searches.searches import SearchResults, search_due
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.recs_block import AssistanceData
@@ -81,16 +79,7 @@ def assess(
 ) -> tuple[VerdictBlock, ReceiverState]:
     """Return what the processor says of a block, and the state for the next one.
 
-    Parameters
-    ----------
-    processor
-        Level and settings.
-    state
-        After the block before; None at first.
-    measured
-        The block, from `AcasProcessor.measure`; at least one epoch.
-    assistance
-        For the searches.
+    `state` is that after the block before, None at first; `measured` has at least one epoch.
     """
     times = measured.snapshots.time
     if state is None:
@@ -125,10 +114,10 @@ class _Assessment:
         self._needs_references = {name for name in self._checks if name in _NEED_REFERENCES or name in self._own}
         if processor.monitoring.second_signal_filtered:
             self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
-        self._fixed = self._series(
-            {name: check for name, check in self._checks.items() if name not in self._needs_references},
-            self._evidence({}),
-        )
+        evidence = self._evidence({})
+        self._fixed = {
+            name: check.series(evidence) for name, check in self._checks.items() if name not in self._needs_references
+        }
         self._settle()
 
     def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
@@ -164,10 +153,6 @@ class _Assessment:
             rates=self._state.rates,
         )
 
-    @staticmethod
-    def _series(checks: Mapping[CheckName | str, Check], evidence: Evidence) -> dict[CheckName | str, CheckSeries]:
-        return {name: check.series(evidence) for name, check in checks.items()}
-
     def _settle(self) -> None:
         """Judge the block until the guess is right."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
@@ -183,14 +168,15 @@ class _Assessment:
         snapshots = self._measured.snapshots
         self._teaches = guess.quiet & snapshots.recs
         references = self._references()
-        later = {name: check for name, check in self._checks.items() if name in self._needs_references}
-        series = self._fixed | self._series(later, self._evidence(references))
+        evidence = self._evidence(references)
+        series = self._fixed | {
+            name: check.series(evidence) for name, check in self._checks.items() if name in self._needs_references
+        }
         failed = {name: self._confirmed(one) for name, one in series.items()}
         self._uncertainties = self._clock_limits(guess)
         self._e1_search = self._search_e1()
         self._exhaustive = SearchResults.empty(self._seen.shape)
         self._searched = np.zeros(self._time_s.size, np.bool_)
-        evidence = self._evidence(references)
         p_fa = self._processor.monitoring.search_p_fa
         if CheckName.E1_VESTIGIAL_SEARCH in self._specs:
             name = CheckName.E1_VESTIGIAL_SEARCH

@@ -39,7 +39,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from vestige.own_parts import OwnPartError, blamed_on_own_parts
 
@@ -53,29 +53,6 @@ class Detector(Protocol):
     @property
     def spacing(self) -> int:
         """Distance n of the early and late tap from the punctual one, in taps."""
-        ...
-
-    def detect(
-        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
-    ) -> Int[np.ndarray, " n_epochs"]:
-        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MaximumDetector:
-    """The highest tap above the threshold [WFO, Sec. III-A].
-
-    Attributes
-    ----------
-    spacing
-        n, distance of the early and late tap from the punctual one, in taps.
-    """
-
-    spacing: int = 1
-
-    def __post_init__(self) -> None:
-        _check_spacing(self.spacing)
 
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
@@ -94,6 +71,31 @@ class MaximumDetector:
         ValueError
             If there are fewer than 2n + 1 taps.
         """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Spaced:
+    spacing: int = 1
+
+    def __post_init__(self) -> None:
+        if self.spacing < 1:
+            raise ValueError(f"the correlator spacing must be at least 1 tap, found {self.spacing}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaximumDetector(_Spaced):
+    """The highest tap above the threshold [WFO, Sec. III-A].
+
+    Attributes
+    ----------
+    spacing
+        n, distance of the early and late tap from the punctual one, in taps.
+    """
+
+    def detect(
+        self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
+    ) -> Int[np.ndarray, " n_epochs"]:
+        """Return the punctual tap of each epoch, with arguments and errors of `Detector.detect`."""
         candidates = _punctual(magnitudes, self.spacing)
         tap = np.argmax(candidates, axis=1)
         height = np.take_along_axis(candidates, tap[:, None], axis=1)[:, 0]
@@ -101,7 +103,7 @@ class MaximumDetector:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EarlyDetector:
+class EarlyDetector(_Spaced):
     """The earliest peak above the threshold [WFO, Sec. III-B].
 
     Attributes
@@ -110,28 +112,10 @@ class EarlyDetector:
         n, distance of the early and late tap from the punctual one, in taps.
     """
 
-    spacing: int = 1
-
-    def __post_init__(self) -> None:
-        _check_spacing(self.spacing)
-
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
     ) -> Int[np.ndarray, " n_epochs"]:
-        """Return the index of the punctual tap of each epoch, or −1 where the signal is not detected.
-
-        Parameters
-        ----------
-        magnitudes
-            |c|, early to late, at equal distances. A NaN is no tap above the threshold.
-        threshold
-            In the unit of the magnitudes; one, or one an epoch.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than 2n + 1 taps.
-        """
+        """Return the punctual tap of each epoch, with arguments and errors of `Detector.detect`."""
         n = self.spacing
         punctual = _punctual(magnitudes, n)
         early, late = magnitudes[:, : -2 * n], magnitudes[:, 2 * n :]
@@ -141,23 +125,15 @@ class EarlyDetector:
         first = np.argmax(peak, axis=1)
         goes_on = np.zeros_like(peak)
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
-        tap = _first_from(first, ~goes_on)
+        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # the first from there
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnDetector:
-    """A detector that a user wrote; what it returns is checked.
+    """A detector that a user wrote; what it returns is checked."""
 
-    Attributes
-    ----------
-    kind
-        How a scenario names it, `module:Name`.
-    detector
-        It.
-    """
-
-    kind: str
+    kind: str  # how a scenario names it, `module:Name`
     detector: Detector
 
     @property
@@ -190,20 +166,8 @@ class OwnDetector:
 DETECTORS: dict[str, type[EarlyDetector] | type[MaximumDetector]] = {"early": EarlyDetector, "maximum": MaximumDetector}
 
 
-def _first_from(
-    start: Int[np.ndarray, " n_epochs"], flag: Bool[np.ndarray, "n_epochs n"]
-) -> Int[np.ndarray, " n_epochs"]:
-    """Return the first index of each row at or behind `start` at which the flag is set."""
-    return np.argmax(flag & (np.arange(flag.shape[1]) >= start[:, None]), axis=1)
-
-
 def _punctual(magnitudes: Float[np.ndarray, "n_epochs n_taps"], n: int) -> Float[np.ndarray, "n_epochs n_punctual"]:
     """Return the taps that have both neighbours."""
     if magnitudes.shape[1] < 2 * n + 1:
         raise ValueError(f"a correlator spacing of {n} needs at least {2 * n + 1} taps, found {magnitudes.shape[1]}")
     return magnitudes[:, n : magnitudes.shape[1] - n]
-
-
-def _check_spacing(spacing: int) -> None:
-    if spacing < 1:
-        raise ValueError(f"the correlator spacing must be at least 1 tap, found {spacing}")

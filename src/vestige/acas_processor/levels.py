@@ -52,45 +52,28 @@ class TestCadence(Enum):
     RECS = "RECS"
     OBSERVATION = "observation"  # every epoch of E1
     SUBFRAME = "subframe"  # every 30 s of navigation message
-    SEARCH = "search"  # as `search_schedule.py` says
+    SEARCH = "search"  # as `searches.search_due` says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """One check of a level.
+    """One check of a level."""
 
-    Attributes
-    ----------
-    step
-        Its number in [WFO, Sec. IV].
-    name
-        The check; a text of one that a user wrote.
-    failure
-        Status that follows if it fails.
-    scope, cadence
-        What one test looks at, and when it is made.
-    confirm
-        Tests in a row that must fail.
-    suspects_all_satellites
-        Whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all.
-    own_p_fa
-        Whether the check has a false-alarm probability of its own, and no share of the level's budget.
-    """
-
-    step: int
-    name: CheckName | str
-    failure: Status
+    step: int  # its number in [WFO, Sec. IV].
+    name: CheckName | str  # the check; a text of one that a user wrote
+    failure: Status  # status that follows if it fails
+    # what one test looks at, and when it is made
     scope: Scope = Scope.SATELLITE
     cadence: TestCadence = TestCadence.OBSERVATION
     confirm: int = 1
+    # whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all
     suspects_all_satellites: bool = False
-    own_p_fa: bool = False
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
 _MINIMUM = (
-    CheckSpec(step=1, name=CheckName.E6_POWER, failure=Status.NOT_DETECTED, cadence=_RECS, own_p_fa=True),
-    CheckSpec(step=2, name=CheckName.E1_E6_RANGE, failure=Status.SPOOFED, cadence=_RECS, own_p_fa=True),
+    CheckSpec(step=1, name=CheckName.E6_POWER, failure=Status.NOT_DETECTED, cadence=_RECS),
+    CheckSpec(step=2, name=CheckName.E1_E6_RANGE, failure=Status.SPOOFED, cadence=_RECS),
 )
 _POWER = (
     CheckSpec(step=3, name=CheckName.E1_RECEIVED_POWER, failure=Status.SUSPECT, scope=_RECEIVER),
@@ -102,11 +85,7 @@ _POWER = (
 _HANDOVER_SEARCH = (
     CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=Status.SPOOFED, cadence=_RECS),
     CheckSpec(
-        step=4,
-        name=CheckName.E1_VESTIGIAL_SEARCH,
-        failure=Status.SPOOFED,
-        cadence=_RECS,
-        suspects_all_satellites=True,
+        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=Status.SPOOFED, cadence=_RECS, suspects_all_satellites=True
     ),
 )
 _FIX = tuple(
@@ -128,7 +107,6 @@ _SECOND_CHANNEL = (
         failure=Status.SPOOFED,
         scope=_RECEIVER,
         cadence=_SUBFRAME,
-        own_p_fa=True,
     ),
 )
 _EXHAUSTIVE_SEARCH = (
@@ -141,7 +119,7 @@ _EXHAUSTIVE_SEARCH = (
     ),
 )
 _BRIDGING = (
-    CheckSpec(step=7, name=CheckName.POWER_DISTORTION, failure=Status.SUSPECT, confirm=3, own_p_fa=True),
+    CheckSpec(step=7, name=CheckName.POWER_DISTORTION, failure=Status.SUSPECT, confirm=3),
     CheckSpec(step=7, name=CheckName.INERTIAL_RANGE_RATE, failure=Status.SUSPECT),
 )
 
@@ -158,13 +136,13 @@ ALARMS = GRAVITY[GRAVITY.index(Status.SUSPECT) :]
 NO_CAUSE = -2  # as a cause: nothing failed
 OTHERS = -1  # as a cause: another satellite was found twice
 
-_POSITION = {status: position for position, status in enumerate(Status)}
-_BY_GRAVITY = np.array([_POSITION[status] for status in GRAVITY], np.int8)
+POSITION = {status: place for place, status in enumerate(Status)}  # how arrays write a status
+_BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
 def is_alarm(status: Int8[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
     """Return whether statuses, as positions in `Status`, are alarms."""
-    return np.isin(status, [_POSITION[one] for one in ALARMS])
+    return np.isin(status, [POSITION[one] for one in ALARMS])
 
 
 def combine(
@@ -175,17 +153,9 @@ def combine(
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
     """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
 
-    Parameters
-    ----------
-    level
-        Mitigation level, a key of `LEVELS`.
-    failed
-        Confirmed failures of each check, of each satellite or of the receiver; checks that are not of the level are
-        not looked at.
-    available
-        Whether steps 1 and 2 were run.
-    own
-        Checks of the user's, which the level has after those of vestige.
+    `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
+    not looked at. `available` says whether steps 1 and 2 were run. `own` are the user's checks, which the level has
+    after those of vestige.
 
     Returns
     -------
@@ -215,14 +185,7 @@ def confirmed(
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
 
-    Parameters
-    ----------
-    failed, run
-        Whether it failed, and whether it was run.
-    confirm
-        As `CheckSpec`.
-    before
-        For each satellite, how many of its last tests before the block failed in a row, at most `confirm`.
+    `before` says how many of a satellite's last tests before the block failed in a row, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

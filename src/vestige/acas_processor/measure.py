@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex128, Float
 
-from vestige.acas_processor.detection_block import detect_block
-from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
+from vestige.acas_processor.detectors import Detector
+from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock, spread
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -27,6 +27,7 @@ from vestige.crypto.recs.recs_segment import decrypt
 from vestige.records import Handover
 from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
+from vestige.theory.range_offset import range_offset_m
 from vestige.theory.thresholds import probability_of_detection, threshold
 
 if TYPE_CHECKING:
@@ -36,17 +37,7 @@ _CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different val
 
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
-    """Return what can be measured of every satellite that E1 observes.
-
-    Parameters
-    ----------
-    processor
-        With its settings.
-    snapshots
-        The block.
-    assistance
-        RECS, keys, group delays.
-    """
+    """Return what can be measured of every satellite that E1 observes."""
     lookup = assistance.recs_of(snapshots)
     availability = _before_samples(snapshots, lookup.block)
     asked = availability == Availability.CORRELATED
@@ -71,17 +62,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
 
 
 def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-    """Return what the processor's detector says of banks.
-
-    Parameters
-    ----------
-    processor
-        With its detector and threshold.
-    banks
-        The banks.
-    correlated
-        Which of them are there.
-    """
+    """Return what the processor's detector says of banks."""
     limit = float(threshold(processor.p_fa))
     found = detect_block(
         banks.taps[correlated],
@@ -90,18 +71,39 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
         detector=processor.detector,
         threshold_sigma=limit,
     )
-    tap = np.full(correlated.shape, -1, np.int64)
-    tap[correlated] = found.tap
-    values = []
-    for one in (found.magnitude_sigma, found.phase_rad, found.range_offset_m):
-        values.append(np.full(correlated.shape, np.nan))
-        values[-1][correlated] = one
+    shape = correlated.shape
+    return DetectedBlock(
+        tap=spread(found.tap, correlated, shape, -1),
+        magnitude_sigma=spread(found.magnitude_sigma, correlated, shape),
+        phase_rad=spread(found.phase_rad, correlated, shape),
+        range_offset_m=spread(found.range_offset_m, correlated, shape),
+        threshold_sigma=limit,
+    )
+
+
+def detect_block(
+    taps: Complex128[np.ndarray, "n_epochs n_taps"],
+    noise_power: Float[np.ndarray, " n_epochs"],
+    offsets_m: Float[np.ndarray, " n_taps"],
+    *,
+    detector: Detector,
+    threshold_sigma: float,
+) -> DetectedBlock:
+    """Return what `detector` finds in banks.
+
+    `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
+    dimension.
+    """
+    magnitudes = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
+    tap = detector.detect(magnitudes, threshold_sigma)
+    found = tap >= 0
+    rows, columns = np.arange(tap.size), np.where(found, tap, 0)
     return DetectedBlock(
         tap=tap,
-        magnitude_sigma=values[0],
-        phase_rad=values[1],
-        range_offset_m=values[2],
-        threshold_sigma=limit,
+        magnitude_sigma=np.where(found, magnitudes[rows, columns], np.nan),
+        phase_rad=np.where(found, np.angle(taps[rows, columns]), np.nan),
+        range_offset_m=range_offset_m(magnitudes, tap, detector.spacing, offsets_m),
+        threshold_sigma=threshold_sigma,
     )
 
 
@@ -124,13 +126,9 @@ def _banks(
 ) -> BankBlock:
     if snapshots.e6 is not None:
         return snapshots.e6.correlate(asked, handovers, processor.offsets_m)
+    noise_power, integration_s = np.full((2, *asked.shape), np.nan)
     taps = np.full((*asked.shape, processor.n_taps), np.nan + 0j)
-    return BankBlock(
-        offsets_m=processor.offsets_m,
-        taps=taps,
-        noise_power=np.full(asked.shape, np.nan),
-        integration_s=np.full(asked.shape, np.nan),
-    )
+    return BankBlock(offsets_m=processor.offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
 
 def _predicted_pd(

@@ -29,61 +29,39 @@ class Availability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectedBlock:
-    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected.
+    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected."""
 
-    Attributes
-    ----------
-    tap
-        Index of the punctual correlator.
-    magnitude_sigma, phase_rad
-        Its magnitude in standard deviations of the noise per dimension, and its phase.
-    range_offset_m
-        Measured minus predicted E6 range.
-    threshold_sigma
-        What the magnitude had to exceed.
-    """
-
-    tap: Int[np.ndarray, "n m"]
-    magnitude_sigma: Float[np.ndarray, "n m"]
-    phase_rad: Float[np.ndarray, "n m"]
-    range_offset_m: Float[np.ndarray, "n m"]
-    threshold_sigma: float
+    tap: Int[np.ndarray, "*n"]  # index of the punctual correlator
+    # its magnitude in standard deviations of the noise per dimension, and its phase
+    magnitude_sigma: Float[np.ndarray, "*n"]
+    phase_rad: Float[np.ndarray, "*n"]
+    range_offset_m: Float[np.ndarray, "*n"]  # measured minus predicted E6 range
+    threshold_sigma: float  # what the magnitude had to exceed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FixBlock:
-    """The position fix of each epoch out of all E1 pseudoranges; NaN where there is none.
+    """The position fix of each epoch out of all E1 pseudoranges; NaN where there is none."""
 
-    Attributes
-    ----------
-    fix, sent
-        The fix, and the satellites at transmission; NaN for satellites without an orbit.
-    sigma_m, common_m
-        float64[n, m], standard deviation of each pseudorange as the receiver assumes it, and the part of it that the
-        ionosphere makes in all satellites at once; None if that is not modelled.
-    range_rate_mps, static_range_rate_mps, sigma_rate_mps
-        float64[n, m]: measured rate of the pseudorange, that of a receiver and a clock that stand still, and the
-        standard deviation of the first.
-    drift_mps, sigma_drift_mps, own_sigma_clock_m
-        Rate of the receiver clock times c, and standard deviations of that and of the clock, without what satellites
-        have in common.
-    raim_statistic
-        Weighted sum of squared residuals; NaN without redundancy.
-    separation_sigmas, separation_modes
-        Largest separations east, north, up in standard deviations, and the number of satellites left out in turn.
-    """
-
+    # the fix, and the satellites at transmission; NaN for satellites without an orbit
     fix: Fix
     sent: Transmission
+    # standard deviation of each pseudorange as the receiver assumes it, and the part of it that the
+    # ionosphere makes in all satellites at once; None if that is not modelled.
     sigma_m: Float[np.ndarray, "n m"]
     common_m: Float[np.ndarray, "n m"] | None
+    # measured rate of the pseudorange, that of a receiver and a clock that stand still, and the standard
+    # deviation of the first.
     range_rate_mps: Float[np.ndarray, "n m"]
     static_range_rate_mps: Float[np.ndarray, "n m"]
     sigma_rate_mps: Float[np.ndarray, "n m"]
+    # rate of the receiver clock times c, and standard deviations of that and of the clock, without what satellites have
+    # in common.
     drift_mps: Float[np.ndarray, " n"]
     sigma_drift_mps: Float[np.ndarray, " n"]
     own_sigma_clock_m: Float[np.ndarray, " n"]
-    raim_statistic: Float[np.ndarray, " n"]
+    raim_statistic: Float[np.ndarray, " n"]  # weighted sum of squared residuals; NaN without redundancy
+    # largest separations east, north, up in standard deviations, and the number of satellites left out in turn
     separation_sigmas: Float[np.ndarray, "n 3"]
     separation_modes: Int64[np.ndarray, " n"]
 
@@ -105,41 +83,25 @@ class Fixes(Protocol):
     @property
     def block(self) -> FixBlock | None:
         """The fix of each epoch; None without orbits."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasurementBlock:
-    """What was measured of n epochs and m satellites, each epoch by itself.
+    """What was measured of n epochs and m satellites, each epoch by itself."""
 
-    Attributes
-    ----------
-    snapshots
-        The block that was measured.
-    recs
-        RECS and keys.
-    availability
-        int8[n, m], values of `Availability`.
-    banks, detected
-        Correlators of E6, and what the detector says of them.
-    predicted_pd
-        Probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated.
-    expected_s, doppler_e6_hz
-        When E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing
-        was handed over one by one.
-    fixes
-        Makes the position fix.
-    """
-
-    snapshots: SnapshotBlock
-    recs: RecsBlock
-    availability: Int8[np.ndarray, "n m"]
+    snapshots: SnapshotBlock  # the block that was measured
+    recs: RecsBlock  # RECS and keys
+    availability: Int8[np.ndarray, "n m"]  # values of `Availability`
+    # correlators of E6, and what the detector says of them
     banks: BankBlock
     detected: DetectedBlock
+    # probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated
     predicted_pd: Float[np.ndarray, "n m"]
+    # when E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing was
+    # handed over one by one.
     expected_s: Float[np.ndarray, "n m"]
     doppler_e6_hz: Float[np.ndarray, "n m"]
-    fixes: Fixes | None = None
+    fixes: Fixes | None = None  # makes the position fix
 
     @property
     def fix(self) -> FixBlock | None:
@@ -194,6 +156,13 @@ class MeasurementBlock:
             f"not provably received before the key's disclosure: samples until {self.snapshots.received_at.at(*here)} "
             f"± {uncertainty_s:g} s, key on air from {self.recs.disclosed.at(*here)}"
         )
+
+
+def spread(values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan) -> np.ndarray:
+    """Return values of some places, rows or a mask, among all of a shape, with nothing in the others."""
+    found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
+    found[where] = values
+    return found
 
 
 def _single(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:

@@ -29,14 +29,7 @@ def compare_osnma(
     The key of a subframe is the same from every satellite: it counts once, in the first column. If a satellite sent
     another one, that stands in the last column. A key that is right but was not validated counts as lost.
 
-    Parameters
-    ----------
-    own, second
-        Assistance with what was demodulated, and that of the second channel.
-    since, until
-        The window; its end is in it, its begin is not.
-    svids
-        Satellites of the columns, at least one.
+    The end of the window is in it, its begin is not. There is at least one satellite.
     """
     keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
     demodulated = _between(own, since, until)

@@ -36,38 +36,22 @@ class OwnCheckProtocol(Protocol):
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnCheck:
-    """A check of the user's.
+    """A check of the user's."""
 
-    Attributes
-    ----------
-    kind
-        How a scenario names it, `module:Name`.
-    check
-        It.
-    level
-        The lowest mitigation level that has it.
-    spec
-        Its row in the table of levels.
-    """
-
-    kind: str
+    kind: str  # how a scenario names it, `module:Name`
     check: Any
-    level: int
-    spec: CheckSpec
+    level: int  # the lowest mitigation level that has it
+    spec: CheckSpec  # its row in the table of levels
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:
         """Return a check with what it says of itself.
 
-        Raises
-        ------
-        OwnPartError
-            If something of that cannot be.
+        Raises `OwnPartError` if something of that cannot be.
         """
         kind = kind_of(type(check))
         require_members(kind, check, OwnCheckProtocol)
@@ -99,7 +83,6 @@ class OwnCheck:
             confirm=attribute(
                 "confirm", 1, lambda one: type(one) is int and 1 <= one <= _MOST_CONFIRM, f"1 to {_MOST_CONFIRM}"
             ),
-            own_p_fa=True,
         )  # fmt: skip
         attribute("unit", None, lambda one: isinstance(one, str), "a text")
         p_fa = attribute("p_fa", None, lambda one: isinstance(one, float), "a number between 0 and 1")
@@ -128,10 +111,8 @@ class OwnCheck:
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs.
 
-        Raises
-        ------
-        OwnPartError
-            If the check raises something, or returns anything but a `CheckSeries` of its name and shape.
+        Raises `OwnPartError` if the check raises something, or returns anything but a `CheckSeries` of its name and
+        shape.
         """
         with blamed_on_own_parts():
             found = self.check.series(evidence)

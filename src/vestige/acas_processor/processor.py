@@ -39,18 +39,10 @@ from vestige.source import Source
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """The processor's answer to one block of snapshots: verdicts, positions, and the state for the next block.
+    """The processor's answer to one block of snapshots: verdicts, positions, and the state for the next block."""
 
-    Attributes
-    ----------
-    block
-        What the processor says of every epoch and satellite, as arrays.
-    state
-        What the next block needs.
-    """
-
-    block: VerdictBlock
-    state: ReceiverState
+    block: VerdictBlock  # what the processor says of every epoch and satellite, as arrays
+    state: ReceiverState  # what the next block needs
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:

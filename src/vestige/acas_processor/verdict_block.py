@@ -10,104 +10,64 @@ from jaxtyping import Bool, Float, Int8, Int64
 
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
-from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock
+from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock, spread
 from vestige.acas_processor.monitoring.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
 
 STATUSES = tuple(Status)
-POSITION = {status: place for place, status in enumerate(STATUSES)}  # how arrays write a status
 _NO_KEY = (Availability.NOT_SEEN, Availability.NO_RECS, Availability.NO_KEY, Availability.NOT_PROVEN)
 _NOTHING = np.zeros((0, 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionBlock:
-    """The positions that n epochs authenticate.
+    """The positions that n epochs authenticate."""
 
-    Attributes
-    ----------
-    rows
-        Epochs with enough ranges in use.
-    fixes
-        The fix of each of them.
-    used
-        bool[n, m], satellites of which a range is used.
-    """
-
-    rows: Int64[np.ndarray, " k"]
-    fixes: FixBlock
-    used: Bool[np.ndarray, "n m"]
+    rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
+    fixes: FixBlock  # the fix of each of them
+    used: Bool[np.ndarray, "n m"]  # satellites of which a range is used
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:
         """ECEF positions, NaN where there is none."""
-        return self._of_epochs(np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan))
+        position_m = np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan)
+        return spread(position_m, self.rows, self.used.shape[:1])
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
         """Their covariances."""
-        return self._of_epochs(self.fixes.fix.covariance_m2[:, :3, :3])
-
-    def _of_epochs(self, values: np.ndarray) -> np.ndarray:
-        found = np.full((self.used.shape[0], *values.shape[1:]), np.nan)
-        found[self.rows] = values
-        return found
+        return spread(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VerdictBlock:
-    """What the processor says of n epochs and m satellites at one mitigation level.
+    """What the processor says of n epochs and m satellites at one mitigation level."""
 
-    Attributes
-    ----------
-    measured
-        What was judged.
-    level, specs
-        Mitigation level, and its checks.
-    status, cause
-        int8[n, m], the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`).
-    state
-        int8[n, m], what a receiver shows its user after that epoch.
-    before
-        What it showed before the block.
-    due
-        bool[n, m], where a verdict is due.
-    checks, failed
-        Every check of the level that could be made, and where it failed, after confirmation.
-    e1_search, exhaustive_search
-        What the searches found.
-    searched
-        bool[n], epochs in which the exhaustive search was made.
-    evidence
-        What the checks looked at.
-    true_offset_m
-        As in `Verdict`.
-    range_in_use_m, earlier
-        Pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1.
-    position
-        Position of each epoch; None without orbits.
-    """
-
-    measured: MeasurementBlock
+    measured: MeasurementBlock  # what was judged
+    # mitigation level, and its checks
     level: int
     specs: tuple[CheckSpec, ...]
+    # the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`)
     status: Int8[np.ndarray, "n m"]
     cause: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]
-    before: AlarmState
-    due: Bool[np.ndarray, "n m"]
+    state: Int8[np.ndarray, "n m"]  # what a receiver shows its user after that epoch
+    before: AlarmState  # what it showed before the block
+    due: Bool[np.ndarray, "n m"]  # where a verdict is due
+    # every check of the level that could be made, and where it failed, after confirmation
     checks: Mapping[CheckName | str, CheckSeries]
     failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]
+    # what the searches found
     e1_search: SearchResults
     exhaustive_search: SearchResults
-    searched: Bool[np.ndarray, " n"]
-    evidence: Evidence
-    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
+    evidence: Evidence  # what the checks looked at
+    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # as in `Verdict`
+    # pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
-    position: PositionBlock | None = None
+    position: PositionBlock | None = None  # position of each epoch; None without orbits
 
     @property
     def found_twice(self) -> Bool[np.ndarray, "n m"]:

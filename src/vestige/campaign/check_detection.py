@@ -28,23 +28,10 @@ def check_detection(
 ) -> dict[str, Proportion]:
     """Return for each check in how many runs it fails, for any satellite, at any time of a window.
 
-    Parameters
-    ----------
-    scenario
-        Gives the campaign of a seed; one of a sky.
-    seeds
-        Of the runs.
-    checks
-        Names of checks.
-    window_s
-        Times that count, the end not included.
-    p_fa
-        Budget of one test of each check whose budget is free.
+    `scenario` gives the campaign of a seed, one of a sky. The end of the window does not count. `p_fa` is the budget of
+    one test of each check whose budget is free.
 
-    Raises
-    ------
-    VestigeError
-        If the campaign has no sky.
+    Raises `VestigeError` if the campaign has no sky.
     """
     seen = dict.fromkeys(checks, 0)
     for seed in seeds:

@@ -12,18 +12,18 @@ instead, it is the error of that.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS, GRAVITY, LEVELS
+from vestige.acas_processor.levels import GRAVITY, LEVELS, POSITION, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.columns.measured_columns import (
     E1_COLUMNS,
     MEASURED_COLUMNS,
@@ -33,7 +33,7 @@ from vestige.campaign.columns.measured_columns import (
 )
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.results import attributes_of, scenario_of
+from vestige.campaign.store.results import attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status
@@ -48,74 +48,25 @@ if TYPE_CHECKING:
 _READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
 
 
-@dataclass(frozen=True, kw_only=True)
-class LevelVerdicts:
-    """A level over a campaign of n epochs and m satellites.
-
-    Attributes
-    ----------
-    processor
-        The processor.
-    block
-        What it says.
-    budget
-        Share of each check.
-    seen
-        bool[n, m], where a satellite is in view.
-    range_error_m
-        Error that the attack makes of the range in use, the largest since the RECS before; NaN where none is.
-    """
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LevelVerdicts(VerdictBlock):
+    """What a level says of a campaign of n epochs and m satellites, and the error of its ranges."""
 
     processor: AcasProcessor
-    block: VerdictBlock
     budget: Mapping[CheckName | str, Share]
-    seen: Bool[np.ndarray, "n m"]
+    seen: Bool[np.ndarray, "n m"]  # where a satellite is in view
+    # error that the attack makes of the range in use, the largest since the RECS before; NaN where none is
     range_error_m: Float[np.ndarray, "n m"]
-
-    @property
-    def level(self) -> int:
-        """Mitigation level."""
-        return self.block.level
-
-    @property
-    def status(self) -> Int8[np.ndarray, "n m"]:
-        """Verdict of every epoch, as position in `Status`."""
-        return self.block.status
-
-    @property
-    def state(self) -> Int8[np.ndarray, "n m"]:
-        """What a user is shown, as position in `Status`."""
-        return self.block.state
-
-    @property
-    def checks(self) -> Mapping[CheckName | str, CheckSeries]:
-        """Every check of the level that could be made."""
-        return self.block.checks
-
-    @property
-    def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
-        """Where each check failed, after confirmation."""
-        return self.block.failed
 
     @cached_property
     def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
         """Where each check was made."""
-        return {name: series.run for name, series in self.block.checks.items()}
+        return {name: series.run for name, series in self.checks.items()}
 
     @property
     def recs(self) -> Bool[np.ndarray, " n"]:
         """Epochs with RECS."""
-        return self.block.measured.snapshots.recs
-
-    @property
-    def searched(self) -> Bool[np.ndarray, " n"]:
-        """Where the exhaustive search was made."""
-        return self.block.searched
-
-    @property
-    def earlier(self) -> Bool[np.ndarray, "n m"]:
-        """Whether the range in use is the earliest of several."""
-        return self.block.earlier
+        return self.measured.snapshots.recs
 
     @property
     def not_run(self) -> tuple[str, ...]:
@@ -126,7 +77,7 @@ class LevelVerdicts:
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
         """Whether an alarm stands."""
-        return np.isin(self.state, [POSITION[one] for one in ALARMS])
+        return is_alarm(self.state)
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
@@ -161,19 +112,10 @@ def level_verdicts(
 ) -> tuple[LevelVerdicts, ...]:
     """Return what mitigation levels make of a campaign.
 
-    Parameters
-    ----------
-    results
-        As `run` returns them, of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone.
-    levels
-        Keys of `LEVELS`.
-    alarms_a_day
-        False alarms of all checks together whose probability can be chosen.
+    The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_a_day` is
+    for all checks together whose probability can be chosen.
 
-    Raises
-    ------
-    VestigeError
-        If the results hold too little for a level above 1.
+    Raises `VestigeError` if the results hold too little for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
@@ -186,17 +128,9 @@ def level_verdicts(
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
     """Return what a processor with other settings makes of a campaign.
 
-    Parameters
-    ----------
-    results
-        As `level_verdicts`.
-    change
-        Returns the processor that judges for the one of the campaign.
+    `change` returns the processor that judges for the one of the campaign.
 
-    Raises
-    ------
-    VestigeError
-        If the results hold too little for the level of that processor.
+    Raises `VestigeError` if the results hold too little for the level of that processor.
     """
     processor, measured = measured_of(results)
     changed = change(processor)
@@ -260,8 +194,8 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
         further={one.spec: one.p_fa for one in processor.own_of_level},
     )
     return LevelVerdicts(
+        **{one.name: getattr(block, one.name) for one in fields(block)},
         processor=processor,
-        block=block,
         budget=budget,
         seen=_seen(results),
         range_error_m=_range_error_m(results, block),
@@ -287,7 +221,7 @@ def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.nda
     in_use_m, e1_m = block.range_in_use_m, block.measured.snapshots.e1.pseudorange_m
     of_e1_m = np.where(np.isfinite(in_use_m), _e1_error_m(results, block.measured.snapshots.recs), np.nan)
     names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
-    errors_m = [_of_satellites(results[name]) for name in names if name in results]
+    errors_m = [values(results, name, "epoch", "satellite") for name in names if name in results]
     return np.where(block.earlier, in_use_m - e1_m + np.sum(errors_m, axis=0), of_e1_m)
 
 
@@ -296,7 +230,7 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
     shape = (results.sizes["epoch"], results.sizes["satellite"])
     if "truth_e1_worst_error_m" not in results:
         return np.zeros(shape)
-    error_m = _of_satellites(results["truth_e1_worst_error_m"])
+    error_m = values(results, "truth_e1_worst_error_m", "epoch", "satellite")
     worst = np.zeros(shape)
     after = 0
     for place in np.flatnonzero(recs).tolist():
@@ -304,10 +238,6 @@ def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[
         worst[place] = part[np.argmax(np.abs(part), axis=0), np.arange(shape[1])]
         after = place + 1
     return worst
-
-
-def _of_satellites(values: xarray.DataArray) -> Float[np.ndarray, "n m"]:
-    return values.transpose("epoch", "satellite").values.astype(np.float64)
 
 
 def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:

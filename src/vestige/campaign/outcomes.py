@@ -30,7 +30,7 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS
+from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Status
 from vestige.signals.definitions import E6C
@@ -60,18 +60,8 @@ def classify(
 ) -> Int8[np.ndarray, " n"]:
     """Return the `DetectedSignal` of every epoch.
 
-    Parameters
-    ----------
-    range_offset_m
-        Of the detections, NaN where nothing was detected.
-    prediction_error_m
-        How much later than predicted the line of sight arrives.
-    spoofer_offset_m, spoofer_power_db
-        Delay and power of the counterfeits after and over the line of sight.
-    resolution_m
-        Distance below which two signals are one.
-    floor_db
-        Power below which a counterfeit does not count.
+    Offsets are NaN where nothing was detected, and the prediction's error is how much later than predicted the line of
+    sight arrives. Two signals closer than `resolution_m` are one; a counterfeit below `floor_db` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > floor_db
@@ -86,15 +76,7 @@ def classify(
 def outcomes(
     results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M, floor_db: float = FLOOR_DB
 ) -> xarray.DataArray:
-    """Return the `DetectedSignal` over (detector, epoch, satellite).
-
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    resolution_m, floor_db
-        See `classify`.
-    """
+    """Return the `DetectedSignal` over (detector, epoch, satellite)."""
     offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
     values = np.full(offset.shape, DetectedSignal.NONE, np.int8)
     for satellite in range(offset.sizes["satellite"]):
@@ -130,35 +112,20 @@ def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satell
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
-    """What came of an attack on one satellite.
+    """What came of an attack on one satellite."""
 
-    Attributes
-    ----------
-    detector
-        Whose outcomes these are; the status is that of the detector which the scenario chose.
-    first_s, epochs
-        Time of the attack's first epoch, and the number of those in which a verdict was due.
-    shares
-        Share of each outcome in the epochs of the attack in which a verdict was due.
-    time_to_detect_s
-        From the attack's first epoch to the first alarm in it; NaN if there is none.
-    time_to_mitigate_s
-        From the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if
-        it always had.
-    worst_accepted_m
-        Largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted.
-    e1_captured
-        Share of the attack's epochs in which E1 tracking was on a counterfeit.
-    """
-
-    detector: str
+    detector: str  # whose outcomes these are; the status is that of the detector which the scenario chose
+    # time of the attack's first epoch, and the number of those in which a verdict was due
     first_s: float
     epochs: int
-    shares: dict[DetectedSignal, float]
-    time_to_detect_s: float
+    shares: dict[DetectedSignal, float]  # share of each outcome in the epochs of the attack in which a verdict was due
+    time_to_detect_s: float  # from the attack's first epoch to the first alarm in it; NaN if there is none
+    # from the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if it
+    # always had.
     time_to_mitigate_s: float
+    # largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted
     worst_accepted_m: float
-    e1_captured: float
+    e1_captured: float  # share of the attack's epochs in which E1 tracking was on a counterfeit
 
 
 def report(
@@ -166,16 +133,7 @@ def report(
 ) -> AttackReport | None:
     """Return what came of the attack on a satellite; None if no verdict was due under attack.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign with an attack.
-    detector
-        Whose outcomes.
-    satellite
-        Place on the axis.
-    share
-        Of the detections that must be of the true signal to call the attack mitigated.
+    Satellite is its place on the axis; the attack is mitigated when `share` of the detections are of the true signal.
     """
     if "truth_spoofed" not in results:
         return None
@@ -187,8 +145,8 @@ def report(
     time_s = one["time_s"].values[attacked]
     outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
     status = one["status"].values[attacked]
-    alarm = np.isin(status, [position(alarm) for alarm in ALARMS])
-    accepted = status == position(Status.AUTHENTIC)
+    alarm = is_alarm(status)
+    accepted = status == POSITION[Status.AUTHENTIC]
     return AttackReport(
         detector=detector,
         first_s=float(time_s[0]),
@@ -224,8 +182,3 @@ def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarra
 
 def _worst(error_m: Float[np.ndarray, " n"]) -> float:
     return float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan")
-
-
-def position(status: Status) -> int:
-    """Return how the results write a status."""
-    return list(Status).index(status)

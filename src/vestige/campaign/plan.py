@@ -65,45 +65,36 @@ CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 40 small files), 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One variable of the results.
+    """One variable of the results."""
 
-    Attributes
-    ----------
-    dims
-        Names of its axes in order. `epoch` is one of them, anywhere; each of the others is the dim of a `Coord`.
-    dtype
-        A numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
-    units
-        In the words of UDUNITS: `m`, `m s-1`, `Hz`, `rad`, `1`.
-    long_name
-        What it is, for the axis of a plot.
-    attrs
-        Further attributes, e.g. `flag_values` and `flag_meanings`.
-    """
-
+    # names of its axes in order. `epoch` is one of them, anywhere; each of the others is the dim of a `Coord`.
     dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
+    dtype: str  # a numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
+    units: str  # in the words of UDUNITS: `m`, `m s-1`, `Hz`, `rad`, `1`
+    long_name: str  # what it is, for the axis of a plot
+    # further attributes, e.g. `flag_values` and `flag_meanings`.
     attrs: Mapping[str, Any] = field(default_factory=dict)
+
+
+def column_table(
+    *rows: tuple[str, tuple[str, ...], str, str, str], attrs: Mapping[str, Mapping[str, Any]] | None = None
+) -> dict[str, Column]:
+    """Return columns from rows of name, dims, dtype, units and meaning; some have attributes."""
+    more = attrs or {}
+    return {
+        name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=more.get(name, {}))
+        for name, dims, dtype, units, text in rows
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coord:
-    """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index.
+    """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index."""
 
-    Attributes
-    ----------
-    dim
-        The axis.
-    values
-        One number or text for each place on it.
-    """
-
-    dim: str
-    values: np.ndarray
-    units: str
+    dim: str  # the axis
+    values: np.ndarray  # one number or text for each place on it
     long_name: str
+    units: str = "1"
 
 
 @runtime_checkable
@@ -112,7 +103,6 @@ class Preparation(Protocol):
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
         """Return the inputs of epochs first … first + count − 1 (arrays by name), which are the next ones."""
-        ...
 
 
 @runtime_checkable
@@ -122,30 +112,24 @@ class Plan(Protocol):
     @property
     def n_epochs(self) -> int:
         """How many epochs there are; at least 1."""
-        ...
 
     @property
     def columns(self) -> Mapping[str, Column]:
         """The variables that `measure` returns."""
-        ...
 
     @property
     def coords(self) -> Mapping[str, Coord]:
         """The axes other than `epoch`; each one needs at least one coordinate."""
-        ...
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """What identifies the work: text, whole and finite numbers, and lists of them."""
-        ...
 
     def prepare(self) -> Preparation:
         """Return the sequential half at its beginning."""
-        ...
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         """Return every column for the epochs from `first` on to which `inputs` belong."""
-        ...
 
 
 @runtime_checkable
@@ -154,7 +138,6 @@ class JudgedPlan(Plan, Protocol):
 
     def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
         """Return the state after the epochs from `first` on, and all their columns."""
-        ...
 
 
 def judged(
@@ -167,10 +150,8 @@ def judged(
 def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
     """Return the shape of a column over `n_epochs` epochs.
 
-    Raises
-    ------
-    ValueError
-        If the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in length.
+    Raises `ValueError` if the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in
+    length.
     """
     if column.dims.count(EPOCH) != 1:
         raise ValueError(f"a column needs the dim {EPOCH} once, not {column.dims}")
@@ -180,10 +161,7 @@ def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
 def check_results(plan: Plan, results: Mapping[str, np.ndarray], n_epochs: int) -> None:
     """Return nothing if a plan's results for `n_epochs` epochs are what its columns promise.
 
-    Raises
-    ------
-    ValueError
-        If a column is missing, unknown, or of another dtype or shape.
+    Raises `ValueError` if a column is missing, unknown, or of another dtype or shape.
     """
     if set(results) != set(plan.columns):
         raise ValueError(f"measure returned {sorted(results)}, the plan's columns are {sorted(plan.columns)}")

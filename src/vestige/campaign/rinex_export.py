@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from vestige.campaign.store.results import NAVIGATION_TEXT, attributes_of, scenario_of
+from vestige.campaign.store.results import NAVIGATION_TEXT, attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
 from vestige.output import new_folder
@@ -46,40 +46,20 @@ _TENTHS = 10  # epochs are whole tenths of a second apart
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RinexExport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    files
-        Observations, navigation data, settings of `rnx2rtkp`.
-    n_epochs
-        Epochs with at least one satellite.
-    svids
-        Satellites that were tracked at some epoch.
-    n_ephemerides
-        Records of the navigation file.
-    """
-
-    files: tuple[Path, ...]
-    n_epochs: int
-    svids: tuple[int, ...]
-    n_ephemerides: int
+    files: tuple[Path, ...]  # observations, navigation data, settings of `rnx2rtkp`
+    n_epochs: int  # epochs with at least one satellite
+    svids: tuple[int, ...]  # satellites that were tracked at some epoch
+    n_ephemerides: int  # records of the navigation file
 
 
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     """Write the results of a sky into a new folder.
 
-    Parameters
-    ----------
-    results
-        Of a whole campaign, as `run` returns them.
-    folder
-        Must not exist.
+    The results are of a whole campaign; the folder must not exist.
 
-    Raises
-    ------
-    VestigeError
-        If the results are not those of a sky, no satellite was tracked, or `folder` exists.
+    Raises `VestigeError` if the results are not those of a sky, no satellite was tracked, or `folder` exists.
     """
     navigation = attributes_of(results).navigation
     if navigation is None:
@@ -89,8 +69,8 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     end = start + scenario.epochs * scenario.interval_s
     given = parse_rinex_navigation(Path(NAVIGATION_TEXT), lines)
     ephemerides = [issue for one in given for issue in issues(one, start, end)]
-    cn0_dbhz = _column(results, "e1_cn0_dbhz")
-    tracked = np.isfinite(_column(results, "e1_pseudorange_m"))
+    cn0_dbhz = values(results, "e1_cn0_dbhz", "epoch", "satellite")
+    tracked = np.isfinite(values(results, "e1_pseudorange_m", "epoch", "satellite"))
     if not tracked.any():
         raise VestigeError("results: found no satellite that E1 tracked, expected one at least")
     svids = results["svid"].values
@@ -111,8 +91,8 @@ def _epochs(
 ) -> Iterator[ObservationEpoch]:
     """Yield the epochs in which a satellite is tracked."""
     svids = results["svid"].values.tolist()
-    range_m = _column(results, "e1_pseudorange_m")
-    doppler_hz = _column(results, "e1_doppler_hz")
+    range_m = values(results, "e1_pseudorange_m", "epoch", "satellite")
+    doppler_hz = values(results, "e1_doppler_hz", "epoch", "satellite")
     tenths = np.rint(results["time_s"].values * _TENTHS).astype(np.int64)  # RINEX wants the exact one
     for row in np.flatnonzero(tracked.any(axis=1)):
         whole, rest = divmod(int(tenths[row]), _TENTHS)
@@ -128,7 +108,3 @@ def _epochs(
             for column in np.flatnonzero(tracked[row])
         }
         yield ObservationEpoch(time=start + whole + rest / _TENTHS, observations=seen)
-
-
-def _column(results: xarray.Dataset, name: str) -> np.ndarray:
-    return results[name].transpose("epoch", "satellite").values.astype(np.float64)

@@ -36,22 +36,12 @@ Columns = Mapping[str, np.ndarray]  # columns by name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunProgress:
-    """How far a run is.
+    """How far a run is."""
 
-    Attributes
-    ----------
-    epochs_done
-        Epochs in the store.
-    epochs_resumed
-        Those of them that were there when this run began.
-    elapsed_s
-        Since this run began.
-    """
-
-    epochs_done: int
+    epochs_done: int  # epochs in the store
     epochs_total: int
-    epochs_resumed: int
-    elapsed_s: float
+    epochs_resumed: int  # those of them that were there when this run began
+    elapsed_s: float  # since this run began
 
     @property
     def rate_epochs_per_s(self) -> float:
@@ -179,12 +169,6 @@ def measure_chunks(
     """Yield number and results of each chunk, in order, whatever the workers.
 
     Who has seen enough closes this iterator: the epochs seen by then do not depend on the number of workers.
-
-    Parameters
-    ----------
-    skip
-        Chunks that are not measured.
-
     """
     left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
     if not left:

@@ -31,11 +31,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.levels import ALARMS
-from vestige.acas_processor.monitoring.alarm_budget import EXACT, RANGE
-from vestige.campaign.level_positions import position_error_m
+from vestige.acas_processor.levels import POSITION, is_alarm
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S, EXACT, RANGE
+from vestige.campaign.columns.sky_columns import true_place_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
-from vestige.campaign.outcomes import position
 from vestige.records import Status
 from vestige.records.checks import CheckName
 from vestige.scenario.campaign import CampaignScenario
@@ -43,58 +42,46 @@ from vestige.scenario.campaign import CampaignScenario
 if TYPE_CHECKING:
     import xarray
 
-DAY_S = 86_400.0
 HALF = 0.5
 _LAST = 0.25  # of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOutcome:
-    """What came of one run at one level.
+class OutcomeCounts:
+    """What is counted in a run, and summed over many."""
 
-    Attributes
-    ----------
-    duration_s
-        How long the epochs that count are: those of the attack, or all if there is none.
-    alarms, budget_alarms
-        Alarms that began in them, and how many the budget allows.
-    budget_range_alarms
-        The range check's part of that.
-    failures, budget_failures
-        Tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them.
-    exact_failures, budget_exact_failures
-        The same of those among them whose budget is exact.
-    range_failures, budget_range_failures
-        The same of the range check, whose p_fa is a bound.
-    detected, mitigated, protected, missed, denied
-        See the top of this module; without an attack only `detected` can be true, by chance.
-    time_to_detect_s
-        From the first attacked epoch to the first with an alarm; NaN if there is none.
-    checks
-        Each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
-        first: `C/N0 0; RAIM 31`.
-    worst_range_m, worst_position_m
-        Errors of largest magnitude of a range and of a position that were in use; NaN if nothing was.
-    """
-
-    duration_s: float
+    duration_s: float  # how long the epochs that count are: those of the attack, or all if there is none
+    # alarms that began in them, and how many the budget allows
     alarms: int
     budget_alarms: float
-    budget_range_alarms: float
+    budget_range_alarms: float  # the range check's part of that
+    # tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them
     failures: int
     budget_failures: float
+    # the same of those among them whose budget is exact
     exact_failures: int
     budget_exact_failures: float
+    # the same of the range check, whose p_fa is a bound
     range_failures: int
     budget_range_failures: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutcome(OutcomeCounts):
+    """What came of one run at one level."""
+
+    # see the top of this module; without an attack only `detected` can be true, by chance
     detected: bool
     mitigated: bool
     protected: bool
     missed: bool
     denied: bool
-    time_to_detect_s: float
+    time_to_detect_s: float  # from the first attacked epoch to the first with an alarm; NaN if there is none
+    # each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
+    # first: `C/N0 0; RAIM 31`.
     checks: str
+    # errors of largest magnitude of a range and of a position that were in use; NaN if nothing was
     worst_range_m: float
     worst_position_m: float
 
@@ -113,20 +100,10 @@ def run_outcome(
 ) -> RunOutcome:
     """Return what came of one run at one level.
 
-    Parameters
-    ----------
-    found
-        What the level makes of the results.
-    time_s
-        Of the epochs.
-    attacked
-        Which epochs count.
-    limit_m
-        What the range test allows, κσ.
-    position_m
-        Error of the position in use; NaN where there is none.
+    `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
+    position in use, NaN where there is none.
     """
-    alarm = np.isin(found.status, [position(one) for one in ALARMS]).any(axis=1)
+    alarm = is_alarm(found.status).any(axis=1)
     here = np.flatnonzero(attacked)
     with_recs = _recs_of(attacked, found.recs)
     counted = attacked | with_recs
@@ -135,7 +112,7 @@ def run_outcome(
     last = max(1, round(_LAST * error_m.shape[0]))
     seen = found.seen[with_recs]
     use = np.isfinite(error_m[-last:][seen[-last:]])
-    none = found.status[with_recs][seen] == position(Status.NOT_AVAILABLE)
+    none = found.status[with_recs][seen] == POSITION[Status.NOT_AVAILABLE]
     first = np.flatnonzero(alarm & counted)
     begin_s = float(time_s[here[0]]) if here.size else nan
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
@@ -208,19 +185,12 @@ def outcomes_of(
 ) -> tuple[RunOutcome, ...]:
     """Return what came of one campaign in a window of time, a level each.
 
-    Parameters
-    ----------
-    scenario, window_s
-        Of a sky, or with a processor of level 2 or 3, or any scenario at level 1 alone; first time that counts, and the
-        first that does not any more.
-    results
-        Of that scenario.
-    levels
-        Keys of `mitigation.LEVELS`.
+    The scenario is of a sky, or with a processor of level 2 or 3; at level 1 alone it is any. The window ends before
+    its second time.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
-    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
+    limit_m = scenario.processor.budget.limit_m(scenario.processor.kappa)
     nowhere = np.full(time_s.size, np.nan)
     return tuple(
         run_outcome(
@@ -228,10 +198,20 @@ def outcomes_of(
             time_s,
             counted,
             limit_m,
-            nowhere if scenario.constellation is None else position_error_m(scenario, results, found),
+            nowhere if scenario.constellation is None else _position_error_m(scenario, results, found),
         )
         for found in level_verdicts(results, levels)
     )
+
+
+def _position_error_m(
+    scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
+) -> Float[np.ndarray, " n"]:
+    """Return how far the position that a level authenticates is from the true one, in m; NaN where there is none."""
+    if found.position is None:
+        return np.full(results.sizes["epoch"], np.nan)
+    place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)
+    return np.linalg.norm(found.position.position_m - place_m, axis=1)
 
 
 def window_of(scenario: CampaignScenario) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from vestige.campaign.columns.measured_columns import (
     osnma_columns,
 )
 from vestige.campaign.columns.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
-from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord
+from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord, column_table
 from vestige.campaign.store.build_id import PARTS, PROCESSOR, processor_name
 from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
@@ -54,42 +54,33 @@ _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
 _FLAGS = {"e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"}}
 
-# name: dims, dtype, units, meaning
-SCENARIO_COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS.get(name, {}))
-    for name, dims, dtype, units, text in (
-        ("tap_index", _FOUND, "int8", "1", "index of the detecting correlator, -1 for none"),
-        ("magnitude_sigma", _FOUND, "float32", "1", "magnitude of the detecting correlator in standard deviations"),
-        ("phase_rad", _FOUND, "float32", "rad", "phase of the detecting correlator"),
-        ("range_offset_m", _FOUND, "float32", "m", "measured minus predicted E6 range"),
-        ("e6_total_power_db", _EPOCH, "float32", "dB", "power of the E6 samples over that of noise alone"),
-        ("e6_agc_gain_db", _EPOCH, "float32", "dB", "gain of the E6 front end over that for noise alone"),
-        ("e6_saturated", _EPOCH, "int8", "1", "whether the E6 quantiser clips"),
-        ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
-        ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
-        ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
-        ("truth_iono_diff_m", _SATELLITE, "float64", "m", "differential ionosphere, E6 later"),
-        ("truth_e1_noise_m", _SATELLITE, "float64", "m", "noise of the E1 pseudorange"),
-        ("truth_e1_phase_noise_m", _SATELLITE, "float64", "m", "noise of the E1 carrier phase times the wavelength"),
-        ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
-        ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
-        ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
-        ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a ray"),
-        ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a ray over the line of sight, on E6"),
-        ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a ray over the line of sight, on E6"),
-    )
-}
+SCENARIO_COLUMNS = column_table(
+    ("tap_index", _FOUND, "int8", "1", "index of the detecting correlator, -1 for none"),
+    ("magnitude_sigma", _FOUND, "float32", "1", "magnitude of the detecting correlator in standard deviations"),
+    ("phase_rad", _FOUND, "float32", "rad", "phase of the detecting correlator"),
+    ("range_offset_m", _FOUND, "float32", "m", "measured minus predicted E6 range"),
+    ("e6_total_power_db", _EPOCH, "float32", "dB", "power of the E6 samples over that of noise alone"),
+    ("e6_agc_gain_db", _EPOCH, "float32", "dB", "gain of the E6 front end over that for noise alone"),
+    ("e6_saturated", _EPOCH, "int8", "1", "whether the E6 quantiser clips"),
+    ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
+    ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
+    ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
+    ("truth_iono_diff_m", _SATELLITE, "float64", "m", "differential ionosphere, E6 later"),
+    ("truth_e1_noise_m", _SATELLITE, "float64", "m", "noise of the E1 pseudorange"),
+    ("truth_e1_phase_noise_m", _SATELLITE, "float64", "m", "noise of the E1 carrier phase times the wavelength"),
+    ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
+    ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
+    ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
+    ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a ray"),
+    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a ray over the line of sight, on E6"),
+    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a ray over the line of sight, on E6"),
+    attrs=_FLAGS,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioPlan:
-    """A campaign scenario, ready to run.
-
-    Attributes
-    ----------
-    scenario
-        The scenario with all defaults filled in.
-    """
+    """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
 
@@ -125,22 +116,22 @@ class ScenarioPlan:
         offsets_m = self._judged.processor.offsets_m
         rays = np.arange(simulation.models.n_rays)
         checks = np.array([str(spec.name) for spec in self._judged.processor.specs])
+        e1_taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), long_name="chips of E1 after where it is tracked")
         return (
             {
-                "svid": Coord(dim="satellite", values=svids, units="1", long_name="satellite"),
+                "svid": Coord(dim="satellite", values=svids, long_name="satellite"),
                 "tap_offset_m": Coord(dim="tap", values=offsets_m, units="m", long_name="offset from the prediction"),
                 "detector": Coord(
                     dim="detector",
                     values=np.array(list(self.scenario.processor.detectors)),
-                    units="1",
                     long_name="detector",
                 ),
-                "check": Coord(dim="check", values=checks, units="1", long_name="check"),
-                "ray": Coord(dim="ray", values=rays, units="1", long_name="ray beside the line of sight"),
+                "check": Coord(dim="check", values=checks, long_name="check"),
+                "ray": Coord(dim="ray", values=rays, long_name="ray beside the line of sight"),
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})
-            | (_e1_coords() if self._receiver.with_taps else {})
+            | ({"e1_tap_chips": e1_taps} if self._receiver.with_taps else {})
         )
 
     @property
@@ -274,12 +265,6 @@ class _Preparation:
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
         with blamed_on_own_parts():
             return {"truth": tuple(one.advance(first, count) for one in self._truth)}
-
-
-def _e1_coords() -> dict[str, Coord]:
-    """Return the axis of the E1 correlators."""
-    taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), units="1", long_name="chips of E1 after where it is tracked")
-    return {"e1_tap_chips": taps}
 
 
 def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -45,33 +45,35 @@ class Proportion:
         return self.successes / self.trials if self.trials else float("nan")
 
 
+def binomial_intervals(
+    successes: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"] | int, *, confidence: float = CONFIDENCE
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the ends of `binomial_interval` for counts side by side."""
+    tail, rest = (1 - confidence) / 2, trials - successes
+    low = np.where(successes > 0, betaincinv(np.maximum(successes, 1), rest + 1, tail), 0.0)
+    high = np.where(rest > 0, betaincinv(successes + 1, np.maximum(rest, 1), 1 - tail), 1.0)
+    return low, high
+
+
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a probability after `successes` in `trials`.
 
     Its ends are the p for which a count as large (or as small) as this has probability (1 − confidence)/2. It contains
     the truth with at least this confidence; without trials it is (0, 1).
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
     _check_counts(successes, trials)
     if not 0 < confidence < 1:
         raise ValueError(f"confidence {confidence} is not between 0 and 1")
-    tail = (1 - confidence) / 2
-    low = float(betaincinv(successes, trials - successes + 1, tail)) if successes > 0 else 0.0
-    high = float(betaincinv(successes + 1, trials - successes, 1 - tail)) if successes < trials else 1.0
-    return low, high
+    low, high = binomial_intervals(np.array([successes]), trials, confidence=confidence)
+    return float(low[0]), float(high[0])
 
 
 def binomial_test(successes: int, trials: int, probability: float) -> float:
     """Return the two-sided p-value of `successes` in `trials` of `probability`: twice the smaller tail, at most 1.
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
     """
     _check_counts(successes, trials)
     if not 0 <= probability <= 1:
@@ -103,10 +105,7 @@ def enough(successes: int, trials: int, wished_width: float, *, confidence: floa
     interval's confidence nominal: a sequence stops a little more easily where the estimate is nearer to 0 or 1 than
     the truth.
 
-    Raises
-    ------
-    ValueError
-        Unless 0 ≤ successes ≤ trials and wished_width > 0.
+    Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
     if not wished_width > 0:
         raise ValueError(f"a width of {wished_width} is never reached")
@@ -116,36 +115,20 @@ def enough(successes: int, trials: int, wished_width: float, *, confidence: floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What one detector did in a campaign.
-
-    Attributes
-    ----------
-    epochs
-        Epochs of the campaign.
-    detections
-        Of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
-        alarm if there is no signal.
-    misses
-        Decisions without a detection.
-    cluster
-        Detections whose range offset lies in `cluster_m`, of all detections.
-    cluster_m
-        The range in m, ends included.
-    range_offset_mean_m, range_offset_std_m
-        Of the detections; NaN without any.
-    percentiles_m
-        Percent to range offset in m, linear between detections.
-    """
+    """What one detector did in a campaign."""
 
     detector: str
     epochs: int
+    # of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
+    # alarm if there is no signal.
     detections: Proportion
-    misses: int
-    cluster: Proportion
-    cluster_m: tuple[float, float]
+    misses: int  # decisions without a detection
+    cluster: Proportion  # detections whose range offset lies in `cluster_m`, of all detections
+    cluster_m: tuple[float, float]  # the range in m, ends included
+    # of the detections; NaN without any
     range_offset_mean_m: float
     range_offset_std_m: float
-    percentiles_m: dict[float, float]
+    percentiles_m: dict[float, float]  # percent to range offset in m, linear between detections
 
 
 def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
@@ -163,16 +146,9 @@ def summarise(
 ) -> Summary:
     """Return what one detector did: detections, misses, and where the range offsets lie.
 
-    Parameters
-    ----------
-    results
-        With `tap_index` and `range_offset_m` over (detector, epoch, satellite). Where `noise_power` (epoch, satellite)
-        is NaN nothing was correlated and nothing is decided.
+    Where `noise_power` is NaN nothing was correlated and nothing is decided.
 
-    Raises
-    ------
-    ValueError
-        If the results do not have this detector.
+    Raises `ValueError` if the results do not have this detector.
     """
     if detector not in (names := detectors_of(results)):
         raise ValueError(f"detector {detector!r}: the results have {list(names)}")
@@ -206,11 +182,7 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
     The threshold is the attribute `threshold_sigma`, in standard deviations of one dimension of the noise. Taps of one
     epoch that are less than a chip apart are correlated; `false_alarms` counts those that are not.
 
-    Parameters
-    ----------
-    results
-        With `taps` over (epoch, satellite, tap) and `noise_power` over (epoch, satellite); NaN where nothing was
-        correlated, which is no trial.
+    Where `taps` or `noise_power` are NaN nothing was correlated, which is no trial.
     """
     exceeding = trials = 0
     for block in _blocks(results[["taps", "noise_power"]]):
@@ -234,11 +206,6 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
     taps more than a chip before the line of sight and any counterfeit are counted: they hold none of them, nor rays,
     which come later.
-
-    Parameters
-    ----------
-    results
-        With `taps`, `noise_power` and the terms of the truth that say where the line of sight is.
     """
     apart = CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray
 
-from vestige.acas_processor.levels import ALARMS
-from vestige.campaign.outcomes import attacked_epochs, due_verdicts, position
-from vestige.campaign.run_outcome import DAY_S
+from vestige.acas_processor.levels import POSITION, is_alarm
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
+from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import scenario_of
 from vestige.records import Status
@@ -23,27 +23,13 @@ from vestige.records import Status
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictCounts:
-    """How often a campaign had each status.
+    """How often a campaign had each status."""
 
-    Attributes
-    ----------
-    due
-        Verdicts that were due.
-    of
-        Status to their number.
-    attacked
-        Verdicts that were due under attack.
-    false_alarms
-        Alarms without an attack, of the verdicts without an attack that were available.
-    recs_a_day
-        RECS of one satellite in a day: times `false_alarms`, the false alarms of a satellite in a day.
-    """
-
-    due: int
+    due: int  # verdicts that were due
     of: dict[Status, int]
-    attacked: int
-    false_alarms: Proportion
-    recs_a_day: float
+    attacked: int  # verdicts that were due under attack
+    false_alarms: Proportion  # alarms without an attack, of the verdicts without an attack that were available
+    recs_a_day: float  # RECS of one satellite in a day: times `false_alarms`, the false alarms of a satellite in a day
 
     @property
     def false_alarms_a_day(self) -> tuple[float, float, float]:
@@ -53,21 +39,15 @@ class VerdictCounts:
 
 
 def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
-    """Return how often a campaign had each status, in epochs in which a verdict was due.
-
-    Parameters
-    ----------
-    results
-        As `run` returns them.
-    """
+    """Return how often a campaign had each status, in epochs in which a verdict was due."""
     due = due_verdicts(results)
     status = results["status"].transpose("epoch", "satellite").values
     attacked = attacked_epochs(results)
-    alarm = np.isin(status, [position(one) for one in ALARMS])
-    quiet = due & ~attacked & (status != position(Status.NOT_AVAILABLE))
+    alarm = is_alarm(status)
+    quiet = due & ~attacked & (status != POSITION[Status.NOT_AVAILABLE])
     return VerdictCounts(
         due=int(np.count_nonzero(due)),
-        of={one: int(np.count_nonzero(due & (status == position(one)))) for one in Status},
+        of={one: int(np.count_nonzero(due & (status == POSITION[one]))) for one in Status},
         attacked=int(np.count_nonzero(due & attacked)),
         false_alarms=proportion(int(np.count_nonzero(quiet & alarm)), int(np.count_nonzero(quiet))),
         recs_a_day=DAY_S / scenario_of(results).recs_interval_s,

@@ -1,4 +1,8 @@
-"""Figures of the results of a campaign: results in, axes out. They compute nothing but bins and counts."""
+"""Figures of the results of a campaign: results in, axes out. They compute nothing but bins and counts.
+
+`results` are those of a campaign; `detector` and `svid` choose among them, None is the only satellite. A figure is
+drawn on the axes `ax`; on new ones without them.
+"""
 
 from __future__ import annotations
 

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.checks.power.decision_map import DecisionMap
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
-COLOURS = {
-    SignalClass.CLEAN: GREEN,
-    SignalClass.MULTIPATH: BLUE,
-    SignalClass.SPOOFED: RED,
-    SignalClass.JAMMED: ORANGE,
-}
+COLOURS = {SignalClass.CLEAN: GREEN, SignalClass.MULTIPATH: BLUE, SignalClass.SPOOFED: RED, SignalClass.JAMMED: ORANGE}
 
 
 def decision_map(
@@ -37,14 +32,8 @@ def decision_map(
 ) -> Axes:
     """Return the axes of the map: power to the right, distortion upwards, the colour of each class.
 
-    Parameters
-    ----------
-    regions
-        The map.
-    power_db, distortion
-        What was measured, as dots; what lies beyond the map is drawn at its edge, as it is decided.
-    attacked
-        Which of the dots are from under attack: they are drawn as crosses.
+    What was measured is drawn as dots, from under attack as crosses; what lies beyond the map is drawn at its edge, as
+    it is decided.
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)

@@ -40,17 +40,7 @@ def detecting_correlator(
     not defined and the curves have a gap. Flags and magnitude share the left axis: a magnitude lies above the
     threshold, so the flags stand free below it.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    ax
-        Axes to draw on; new ones without it.
-
-    Raises
-    ------
-    VestigeError
-        If the results lack the detector or the satellite.
+    Raises `VestigeError` if the results lack the detector or the satellite.
     """
     shown = select(results, detector=detector, svid=svid)
     time_s, magnitude = column(shown, "time_s"), column(shown, "magnitude_sigma")

@@ -28,16 +28,10 @@ VARIABLES = {
 def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None = None) -> xarray.Dataset:
     """Return one satellite and one detector of the results; what is large is not read yet.
 
-    Parameters
-    ----------
-    svid
-        None is the only satellite.
+    Without `svid` it is the only satellite.
 
-    Raises
-    ------
-    VestigeError
-        If the results lack a variable, the detector or the satellite, hold several satellites and `svid` is None, or
-        their times or taps do not ascend.
+    Raises `VestigeError` if the results lack a variable, the detector or the satellite, hold several satellites and
+    `svid` is None, or their times or taps do not ascend.
     """
     for name, (kinds, *dims) in VARIABLES.items():
         expected = f"{name}({', '.join(dims)})"
@@ -65,10 +59,7 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
     """Return the epochs with start ≤ time < stop, in s after the beginning of the scenario.
 
-    Raises
-    ------
-    VestigeError
-        If there is no such epoch.
+    Raises `VestigeError` if there is no such epoch.
     """
     if start_s is None and stop_s is None:
         return results

@@ -44,10 +44,7 @@ FORMATS = ("png", "pdf", "svg")
 def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projection: str | None = None) -> Axes:
     """Return the axes of a new figure.
 
-    Parameters
-    ----------
-    projection
-        `3d` for the waterfall, `polar` for the sky.
+    The projection is `3d` for the waterfall, `polar` for the sky.
     """
     figure = Figure(figsize=(width_cm / CM_PER_INCH, height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
     return figure.add_subplot(projection=projection)
@@ -104,10 +101,7 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
     """Write the figure of `ax` to a file, its format by the suffix (`FORMATS`).
 
-    Parameters
-    ----------
-    width_cm
-        Width to which the figure is brought first, its proportions kept and its letters as they are.
+    The figure is first brought to `width_cm`, its proportions kept and its letters as they are.
 
     Raises
     ------

@@ -12,10 +12,7 @@ _MOST_BINS = 600  # at 8 cm a bin is then a pixel and a half
 def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -> Float[np.ndarray, " n_edges"]:
     """Return equidistant borders of bins that hold all values and one more on either side; `border` is one of them.
 
-    Parameters
-    ----------
-    width
-        Of a bin; doubled as often as it takes to get along with 600 bins.
+    The width is doubled as often as it takes to get along with 600 bins.
     """
     low, high = min(values.min(initial=border), border), max(values.max(initial=border), border)
     while (high - low) / width > _MOST_BINS:

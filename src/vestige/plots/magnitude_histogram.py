@@ -34,14 +34,10 @@ def magnitude_histogram(
 
     Parameters
     ----------
-    results
-        Results of a campaign.
     bin_sigma
         Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600.
     log
         Whether counts are in log scale, without which some tens of misses in 100,000 cannot be seen.
-    ax
-        Axes to draw on; new ones without it.
 
     Raises
     ------

@@ -23,20 +23,10 @@ _LEAST_M = 30.0  # shown on both sides, so that the cluster's place can be seen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RightFlank:
-    """An exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} of them lie beyond x.
+    """An exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} of them lie beyond x."""
 
-    Attributes
-    ----------
-    start_m
-        Offset in m from which the law holds.
-    scale_m
-        Mean distance beyond it in m.
-    events
-        Number of epochs beyond it.
-    """
-
-    start_m: float
-    scale_m: float
+    start_m: float  # offset in m from which the law holds
+    scale_m: float  # mean distance beyond it in m
     events: int
 
     def __post_init__(self) -> None:
@@ -74,8 +64,6 @@ def range_histogram(
 
     Parameters
     ----------
-    results
-        Results of a campaign.
     bin_m
         Width of a bin in m, 0 m is the middle of one; wider if there were more than 600.
     mark_cluster
@@ -83,8 +71,6 @@ def range_histogram(
         taps of 15 m, with the number of epochs within 4.5 m.
     right_flank
         A law to draw over the right flank, a straight line in log scale; a number is where one is fitted from, in m.
-    ax
-        Axes to draw on; new ones without it.
 
     Raises
     ------

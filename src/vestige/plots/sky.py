@@ -42,10 +42,7 @@ class MonitorLine:
 def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
     """Return the axes of a sky plot: zenith in the middle, north up; a dot where each satellite is last.
 
-    Raises
-    ------
-    VestigeError
-        If the results are not those of a sky.
+    Raises `VestigeError` if the results are not those of a sky.
     """
     _check(results, "elevation_deg", "azimuth_deg")
     ax = new_axes(width_cm=8.0, height_cm=8.0, projection="polar") if ax is None else ax
@@ -82,10 +79,7 @@ def position_error(results: xarray.Dataset) -> Axes:
 
     Lines are the fixes of all satellites, dots the authenticated ones.
 
-    Raises
-    ------
-    VestigeError
-        If the results are not those of a sky, or there is not one fix.
+    Raises `VestigeError` if the results are not those of a sky, or there is not one fix.
     """
     _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
     if not np.isfinite(results["fix_clock_error_m"].values).any():

@@ -16,23 +16,14 @@ _ROOM = 1.25  # above the strongest, for the legend
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTrace:
-    """A search in E6.
+    """A search in E6."""
 
-    Attributes
-    ----------
-    time_s, magnitude
-        Places, after the RECS was sent, and the magnitude there: of a hand-over's place, or the strongest in a block of
-        an exhaustive search; in standard deviations of the noise per dimension.
-    threshold
-        In the same unit.
-    peaks
-        Signals that were found: time and magnitude, the earliest first.
-    """
-
+    # places, after the RECS was sent, and the magnitude there: of a hand-over's place, or the strongest in a block of
+    # an exhaustive search; in standard deviations of the noise per dimension.
     time_s: Sequence[float]
     magnitude: Sequence[float]
-    threshold: float
-    peaks: Sequence[tuple[float, float]]
+    threshold: float  # in the same unit
+    peaks: Sequence[tuple[float, float]]  # signals that were found: time and magnitude, the earliest first
 
 
 def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
@@ -60,12 +51,7 @@ def code_phases(
 ) -> Axes:
     """Return the power of the strongest Doppler bin over the threshold, against code phase, with the signals found.
 
-    Parameters
-    ----------
-    phase_ms, power
-        One code period; power over the threshold.
-    found
-        Code phase and power of the signals, the strongest first.
+    The signals found have code phase and power, the strongest first.
     """
     ax = new_axes()
     ax.plot(phase_ms, power, color=GREY, linewidth=0.4, rasterized=True)

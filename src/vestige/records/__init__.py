@@ -176,11 +176,9 @@ class Correlatable(Protocol):
     @property
     def received_until(self) -> GalileoTime:
         """Time tag of the end of what can be correlated."""
-        ...
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
         """Return the bank of correlators at `offsets_m` around the hand-over, or None if it lies outside."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,18 +17,12 @@ LONGEST_STEP_S = 1.5  # between two samples; what a receiver does in a longer on
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Accelerations:
-    """Samples of inertial sensors: kinematic acceleration of the antenna against the Earth.
+    """Samples of inertial sensors: kinematic acceleration of the antenna against the Earth."""
 
-    Attributes
-    ----------
-    start, elapsed_s
-        Ascending times of the samples, `start` + `elapsed_s` on the receiver's clock.
-    acceleration_mps2
-        East, north, up where the receiver is at that time; gravity is taken off.
-    """
-
+    # ascending times of the samples, `start` + `elapsed_s` on the receiver's clock
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
+    # East, north, up where the receiver is at that time; gravity is taken off
     acceleration_mps2: Float[np.ndarray, "n 3"]
 
     def __post_init__(self) -> None:
@@ -38,10 +32,7 @@ class Accelerations:
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
         """Return ∫ a dt from one epoch to the next, sample by sample, a linear between samples.
 
-        Parameters
-        ----------
-        first, last
-            Begin and end; None for no begin, and so nothing to integrate.
+        Without a begin there is nothing to integrate.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

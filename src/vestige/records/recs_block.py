@@ -23,18 +23,12 @@ _NEVER = GalileoTime(0, 0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecsBlock:
-    """The RECS of n epochs and m satellites, and when their keys are on air.
+    """The RECS of n epochs and m satellites, and when their keys are on air."""
 
-    Attributes
-    ----------
-    found, with_key
-        Whether there is a RECS, and a validated key for it.
-    key_time, disclosed, complete
-        Start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS.
-    """
-
+    # whether there is a RECS, and a validated key for it
     found: Bool[np.ndarray, "n m"]
     with_key: Bool[np.ndarray, "n m"]
+    # start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS
     key_time: GalileoTimes
     disclosed: GalileoTimes
     complete: GalileoTimes
@@ -47,35 +41,34 @@ class RecsLookup(Protocol):
     @property
     def block(self) -> RecsBlock:
         """What there is, and when keys are on air."""
-        ...
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
-        ...
 
 
 @runtime_checkable
-class AssistanceData(Protocol):
-    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+class Corrections(Protocol):
+    """What is known of the delay of E6 behind E1: `Assistance`, or whatever else states it."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
         """Broadcast group delays."""
-        ...
 
     @property
     def hardware_bias_e1_e6_s(self) -> float:
         """Calibrated delay of the E6 front end minus that of E1, in s."""
-        ...
 
     @property
     def ionosphere_e1_m(self) -> Mapping[int, float]:
         """Predicted slant ionospheric delay on E1 by SVID, in m."""
-        ...
+
+
+@runtime_checkable
+class AssistanceData(Corrections, Protocol):
+    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,7 +87,7 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
     """Return the RECS that the satellites of a block sent."""
     shape = snapshots.asked.shape
     found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-    times = [[[_NEVER] * shape[1] for _ in range(shape[0])] for _ in range(3)]
+    times = np.full((3, *shape), _NEVER, object)
     segments = {}
     keys = {key.time: key for key in reversed(assistance.keys)}
     for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(snapshots.e1.seen)), strict=True):
@@ -104,13 +97,13 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
         if segment is None:
             continue
         found[epoch, column] = True
-        times[0][epoch][column] = segment.key_time
+        times[0, epoch, column] = segment.key_time
         key = keys.get(segment.key_time)
         if key is not None:
             with_key[epoch, column] = True
-            times[1][epoch][column], times[2][epoch][column] = key.disclosed_at, key.complete_at
+            times[1:, epoch, column] = key.disclosed_at, key.complete_at
             segments[epoch, column] = (segment, key)
-    key_time, disclosed, complete = (_times(rows, shape) for rows in times)
+    key_time, disclosed, complete = (GalileoTimes.of(one.flat).reshaped(shape) for one in times)
     block = RecsBlock(found=found, with_key=with_key, key_time=key_time, disclosed=disclosed, complete=complete)
     return FoundRecs(block=block, segments=segments)
 
@@ -127,8 +120,3 @@ def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) ->
     """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)
-
-
-def _times(rows: list[list[GalileoTime]], shape: tuple[int, int]) -> GalileoTimes:
-    flat = GalileoTimes.of(time for row in rows for time in row)
-    return GalileoTimes(flat.second.reshape(shape), flat.fraction.reshape(shape))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -12,29 +12,23 @@ from jaxtyping import Bool, Complex128, Float, Int8, Int64
 from vestige.records import Band, E1Observation, Handover
 from vestige.records.times import GalileoTimes
 
+OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class E1Block:
-    """What E1 tracking says; arrays [epoch, satellite], NaN where a satellite is not tracked.
+    """What E1 tracking says; arrays [epoch, satellite], NaN where a satellite is not tracked."""
 
-    Attributes
-    ----------
-    pseudorange_m, carrier_phase_cycles, doppler_hz, doppler_rate_hz_per_s, cn0_dbhz
-        As in `E1Observation`; the C/N0 is the receiver's estimate.
-    taps
-        complex128[n, m, k]: E1 correlators around the prompt, in standard deviations of the noise per dimension without
-        interference, behind the gain control; None if E1 is not tracked between two RECS.
-    tap_chips
-        Their offsets from the prompt in chips.
-    """
-
+    # as in `E1Observation`; the C/N0 is the receiver's estimate
     pseudorange_m: Float[np.ndarray, "n m"]
     carrier_phase_cycles: Float[np.ndarray, "n m"]
     doppler_hz: Float[np.ndarray, "n m"]
     doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
     cn0_dbhz: Float[np.ndarray, "n m"]
+    # E1 correlators around the prompt, in standard deviations of the noise per dimension without
+    # interference, behind the gain control; None if E1 is not tracked between two RECS.
     taps: Complex128[np.ndarray, "n m k"] | None = None
-    tap_chips: tuple[float, ...] = ()
+    tap_chips: tuple[float, ...] = ()  # their offsets from the prompt in chips
 
     @property
     def seen(self) -> Bool[np.ndarray, "n m"]:
@@ -44,14 +38,7 @@ class E1Block:
     def observation(self, svid: int, epoch: int, satellite: int) -> E1Observation:
         """Return the observation of one satellite at one epoch."""
         here = (epoch, satellite)
-        return E1Observation(
-            svid=svid,
-            pseudorange_m=float(self.pseudorange_m[here]),
-            carrier_phase_cycles=float(self.carrier_phase_cycles[here]),
-            doppler_hz=float(self.doppler_hz[here]),
-            doppler_rate_hz_per_s=float(self.doppler_rate_hz_per_s[here]),
-            cn0_dbhz=float(self.cn0_dbhz[here]),
-        )
+        return E1Observation(svid=svid, **{name: float(getattr(self, name)[here]) for name in OBSERVED})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,71 +61,37 @@ class OsnmaBlock:
 
     A subframe may come in several pieces, epoch by epoch. Each piece has a bit for every page of the subframe (bit 0:
     the first page) and one, `KEY_BIT`, for a key that is compared as a whole because its pages are not known.
-
-    Attributes
-    ----------
-    epoch
-        Row of the block in which the piece is known.
-    subframe
-        Start of the subframe in s since the GST epoch.
-    due
-        int64[k, m]: pages that the second channel knows to have been sent.
-    received, differs
-        int64[k, m]: those of them that were demodulated, and those that are not what the second channel has.
-    last
-        bool[k]: whether the piece ends its subframe, and all of the subframe was looked at.
     """
 
-    epoch: Int64[np.ndarray, " k"]
-    subframe: Int64[np.ndarray, " k"]
-    due: Int64[np.ndarray, "k m"]
+    epoch: Int64[np.ndarray, " k"]  # row of the block in which the piece is known
+    subframe: Int64[np.ndarray, " k"]  # start of the subframe in s since the GST epoch
+    due: Int64[np.ndarray, "k m"]  # pages that the second channel knows to have been sent
+    # those of them that were demodulated, and those that are not what the second channel has
     received: Int64[np.ndarray, "k m"]
     differs: Int64[np.ndarray, "k m"]
-    last: Bool[np.ndarray, " k"]
+    last: Bool[np.ndarray, " k"]  # whether the piece ends its subframe, and all of the subframe was looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VelocityIncrements:
-    """What inertial sensors integrated: kinematic, against the Earth, gravity taken off.
+    """What inertial sensors integrated: kinematic, against the Earth, gravity taken off."""
 
-    Attributes
-    ----------
-    epoch
-        Row of the block up to which the increment counts.
-    time
-        End of each increment on the receiver's clock.
-    delta_velocity_mps
-        float64[k, 3], east, north, up where the receiver is at that time, since the increment before.
-    covered
-        bool[n]: whether the increments up to an epoch leave no gap since the epoch before.
-    """
-
-    epoch: Int64[np.ndarray, " k"]
-    time: GalileoTimes
+    epoch: Int64[np.ndarray, " k"]  # row of the block up to which the increment counts
+    time: GalileoTimes  # end of each increment on the receiver's clock
+    # east, north, up where the receiver is at that time, since the increment before
     delta_velocity_mps: Float[np.ndarray, "k 3"]
-    covered: Bool[np.ndarray, " n"]
+    covered: Bool[np.ndarray, " n"]  # whether the increments up to an epoch leave no gap since the epoch before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BankBlock:
-    """Correlator banks of n epochs and m satellites.
+    """Correlator banks of n epochs and m satellites."""
 
-    Attributes
-    ----------
-    offsets_m
-        Offset of each tap from the hand-over's prediction in m; positive is later.
-    taps
-        complex128[n, m, n_taps]; NaN where nothing was correlated.
-    noise_power
-        As in `CorrelatorBank`; NaN where nothing was correlated.
-    integration_s
-        float64[n, m], coherent integration time in s; NaN where nothing was correlated.
-    """
-
+    # offset of each tap from the hand-over's prediction in m; positive is later
     offsets_m: Float[np.ndarray, " n_taps"]
-    taps: Complex128[np.ndarray, "n m n_taps"]
-    noise_power: Float[np.ndarray, "n m"]
-    integration_s: Float[np.ndarray, "n m"]
+    taps: Complex128[np.ndarray, "n m n_taps"]  # complex128[n, m, n_taps]; NaN where nothing was correlated
+    noise_power: Float[np.ndarray, "n m"]  # as in `CorrelatorBank`; NaN where nothing was correlated
+    integration_s: Float[np.ndarray, "n m"]  # coherent integration time in s; NaN where nothing was correlated
 
 
 @runtime_checkable
@@ -147,7 +100,6 @@ class Handovers(Protocol):
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
         """Return the hand-over of one satellite at one epoch; None if its window is too late to prove anything."""
-        ...
 
 
 @runtime_checkable
@@ -158,54 +110,30 @@ class E6(Protocol):
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
         """Return the banks at `offsets_m` around the hand-overs that are asked for, NaN where E6 does not hold them."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchBlock:
-    """What a search says of k epochs and m satellites.
+    """What a search says of k epochs and m satellites."""
 
-    Attributes
-    ----------
-    signals
-        Number of signals of a satellite; NaN where the search was not run.
-    carrying
-        Number of those that carry the encrypted chips.
-    earliest_m
-        How much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only or its chips
-        may have been known by then.
-    not_run
-        0 where it was run, else 1 + the place in `SEARCH_NOT_RUN`.
-    """
-
-    signals: Float[np.ndarray, "k m"]
-    carrying: Float[np.ndarray, "k m"]
+    signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
+    carrying: Float[np.ndarray, "k m"]  # number of those that carry the encrypted chips
+    # how much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only or its chips may
+    # have been known by then.
     earliest_m: Float[np.ndarray, "k m"]
-    not_run: Int8[np.ndarray, "k m"]
+    not_run: Int8[np.ndarray, "k m"]  # 0 where it was run, else 1 + the place in `SEARCH_NOT_RUN`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchRequest:
-    """Which epochs are to be searched, and what is known of the clock in each.
+    """Which epochs are to be searched, and what is known of the clock in each."""
 
-    Attributes
-    ----------
-    epoch
-        Rows of the block.
-    uncertainty
-        What is known of the clock before each epoch: a `TimeUncertainty`.
-    p_fa
-        False-alarm probability of one search.
-    expected_s
-        float64[k, m], when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not.
-    assistance, processor
-        To decrypt and to hand over, with the settings of the searches.
-    """
-
-    epoch: Int64[np.ndarray, " k"]
-    uncertainty: tuple[Any, ...]
-    p_fa: float
+    epoch: Int64[np.ndarray, " k"]  # rows of the block
+    uncertainty: tuple[Any, ...]  # what is known of the clock before each epoch: a `TimeUncertainty`
+    p_fa: float  # false-alarm probability of one search
+    # when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not
     expected_s: Float[np.ndarray, "k m"]
+    # to decrypt and to hand over, with the settings of the searches
     assistance: Any = None
     processor: Any = None
 
@@ -216,11 +144,9 @@ class Searches(Protocol):
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return what the search of E1 with hand-over to E6 finds [WFO, Sec. IV-B, step 4]."""
-        ...
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return what the exhaustive search of E6 finds [WFO, Sec. IV-C, step 5]."""
-        ...
 
 
 SEARCH_NOT_RUN = (

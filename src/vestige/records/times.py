@@ -13,18 +13,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GalileoTimes:
-    """An array of points in Galileo System Time.
+    """An array of points in Galileo System Time."""
 
-    Attributes
-    ----------
-    second
-        int64, whole seconds since the GST epoch (`GalileoTime.gst_seconds`).
-    fraction
-        float64 of the same shape, fraction of the second, [0, 1), in s.
-    """
-
-    second: Int64[np.ndarray, "*n"]
-    fraction: Float[np.ndarray, "*n"]
+    second: Int64[np.ndarray, "*n"]  # whole seconds since the GST epoch (`GalileoTime.gst_seconds`)
+    fraction: Float[np.ndarray, "*n"]  # fraction of the second, [0, 1), in s
 
     @classmethod
     def of(cls, times: Iterable[GalileoTime]) -> GalileoTimes:
@@ -48,6 +40,13 @@ class GalileoTimes:
     def shape(self) -> tuple[int, ...]:
         """Shape of the array."""
         return self.second.shape
+
+    def reshaped(self, shape: tuple[int, ...]) -> GalileoTimes:
+        """Return the same times in an array of another shape; one time fills any."""
+        second, fraction = self.second, self.fraction
+        if self.second.size == 1:
+            return GalileoTimes(np.broadcast_to(second, shape), np.broadcast_to(fraction, shape))
+        return GalileoTimes(second.reshape(shape), fraction.reshape(shape))
 
     def at(self, *place: int) -> GalileoTime:
         """Return the time at a place."""

@@ -35,19 +35,10 @@ def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
-    """Epochs cut into runs of `length`, the last one perhaps shorter.
+    """Epochs cut into runs of `length`, the last one perhaps shorter."""
 
-    Attributes
-    ----------
-    starts
-        First epoch of each.
-    begin_s, end_s
-        When each begins, and when it ends: one interval after its last epoch.
-    length
-        Epochs in one.
-    """
-
-    starts: Int[np.ndarray, " n_stretches"]
+    starts: Int[np.ndarray, " n_stretches"]  # first epoch of each
+    # when each begins, and when it ends: one interval after its last epoch
     begin_s: Float[np.ndarray, " n_stretches"]
     end_s: Float[np.ndarray, " n_stretches"]
     length: int
@@ -79,10 +70,7 @@ UInt8Array = UInt8[np.ndarray, " n_stretches"]
 def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
     """Return at most `limit` stretches of epochs at these times; each has the same number of them.
 
-    Raises
-    ------
-    ValueError
-        If there is no epoch.
+    Raises `ValueError` if there is no epoch.
     """
     if not time_s.size:
         raise ValueError("no epoch to draw")
@@ -94,18 +82,10 @@ def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """Single epochs chosen for a drawing.
-
-    Attributes
-    ----------
-    places
-        The epochs, ascending.
-    every
-        Kind of epoch to k, where every k-th of them is there: 1 is all.
-    """
+    """Single epochs chosen for a drawing."""
 
     places: Int[np.ndarray, " n_rows"]
-    every: dict[str, int]
+    every: dict[str, int]  # kind of epoch to k, where every k-th of them is there: 1 is all
 
 
 def chosen_rows(
@@ -113,12 +93,7 @@ def chosen_rows(
 ) -> Rows:
     """Return at most `limit` epochs: all, if they are so few; else every k-th, and those of interest.
 
-    Parameters
-    ----------
-    of_interest
-        Kinds of epochs that are to be seen. They share half the limit; every k-th epoch has the other half.
-    everything
-        The epochs that there are to draw.
+    The epochs of interest share half the limit; every k-th epoch has the other half.
     """
     if np.count_nonzero(everything) <= limit:
         return Rows(places=np.flatnonzero(everything), every={"epochs": 1})

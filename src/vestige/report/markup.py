@@ -42,12 +42,8 @@ def section(name: str, title: str, *content: object) -> Html:
 def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Html:
     """Return a table that scrolls by itself where the screen is narrow.
 
-    Parameters
-    ----------
-    rows
-        The first cell of a row is its heading; a row of one cell is the heading of those below it.
-    numbers_from
-        First column that is set to the right, as numbers are.
+    The first cell of a row is its heading; a row of one cell is the heading of those below it. Columns are set to the
+    right, as numbers are, from `numbers_from` on.
     """
 
     def kind(place: int) -> str | None:
@@ -75,18 +71,8 @@ def card(name: str, value: object, small: object) -> Html:
 def figure(kind: str, title: str, alt: str, note: object = "", *, more: object = "") -> Html:
     """Return a figure that the script of the page draws.
 
-    Parameters
-    ----------
-    kind
-        Name of the script's drawing.
-    title
-        Stands above it.
-    alt
-        What it shows, for who does not see it.
-    note
-        Stands below it.
-    more
-        Controls between title and drawing.
+    `kind` names the script's drawing. The title stands above it, the note below, `more` between title and drawing;
+    `alt` says what it shows, for who does not see it.
     """
     canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
     caption = element("figcaption", note) if note else ""

@@ -27,24 +27,14 @@ _HEAD_BYTES = 1000  # in which the mark stands
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What a page says.
+    """What a page says."""
 
-    Attributes
-    ----------
-    title, question
-        What it is about, and what it answers.
-    body
-        Its sections.
-    data
-        What its script draws: numbers, text, and arrays by `drawing.packed`.
-    version
-        Of vestige.
-    """
-
+    # what it is about, and what it answers
     title: str
     question: str
     body: tuple[Html, ...]
     version: str
+    # what its script draws: numbers, text, and arrays by `drawing.packed`
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:
@@ -67,10 +57,7 @@ class Page:
 def write_page(page: Page, path: Path) -> None:
     """Write a page; the file is there as a whole or not at all.
 
-    Raises
-    ------
-    InputFileError
-        If something else than a report has that name.
+    Raises `InputFileError` if something else than a report has that name.
     """
     if path.exists() and not is_report(path):
         raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")

@@ -27,10 +27,7 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
     """Return when the first alarm was, and the worst error that was accepted, of all satellites.
 
-    Parameters
-    ----------
-    chosen
-        The detector that gives the verdicts.
+    `chosen` is the detector that gives the verdicts.
     """
     one = [reports[chosen] for reports in attacks.values()]
     alarms_s = [report.time_to_detect_s for report in one if math.isfinite(report.time_to_detect_s)]

@@ -8,8 +8,8 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float
 
-from vestige.acas_processor.levels import ALARMS, GRAVITY
-from vestige.campaign.outcomes import due_verdicts, position
+from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION, is_alarm
+from vestige.campaign.outcomes import due_verdicts
 from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attacks.attack_comparison import counterfeits
@@ -32,12 +32,7 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and for each satellite what was thinned (see `Rows.every`).
 
-    Parameters
-    ----------
-    results
-        As `run` returns them.
-    checks
-        The checks of a sky; none for a single line of sight.
+    The checks are those of a sky; none for a single line of sight.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]
@@ -54,8 +49,8 @@ def run_drawings(
     data = {
         "span_s": [float(time_s[0]), float(time_s[-1]) + scenario.interval_s],
         "statuses": [status.value for status in Status],
-        "alarms": [position(status) for status in ALARMS],
-        "gravity": [position(status) for status in GRAVITY],
+        "alarms": [POSITION[status] for status in ALARMS],
+        "gravity": [POSITION[status] for status in GRAVITY],
         "detectors": detectors,
         "offsets_m": results["tap_offset_m"].values.tolist(),
         "threshold_sigma": attributes_of(results).threshold_sigma,
@@ -89,7 +84,7 @@ def _satellite(
     rows = chosen_rows(
         {
             "misses": np.any([is_missed(each) for each in of.values()], axis=0),
-            "alarms": np.isin(status, [position(alarm) for alarm in ALARMS]),
+            "alarms": is_alarm(status),
             "outermost offsets": np.any(
                 [outermost(each, max(1, _OUTERMOST // n_satellites)) for each in offsets.values()], axis=0
             ),

@@ -11,6 +11,7 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import LevelVerdicts
+from vestige.campaign.run_outcome import worst_of
 from vestige.report.markup import Html, card, element, number, table
 
 
@@ -20,11 +21,10 @@ def level_cards(found: LevelVerdicts | None) -> list[Html]:
         return []
     error_m = found.range_error_m[np.isfinite(found.range_error_m)]
     due = np.count_nonzero(found.recs[:, None] & found.seen)
-    worst_m = error_m[np.argmax(np.abs(error_m))] if error_m.size else np.nan
     small = f"{number(error_m.size)} of {number(int(due))} ranges were in use"
     return [
         card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "held for 90 s"),
-        card("worst error in use", number(float(worst_m), 4, "m"), small),
+        card("worst error in use", number(worst_of(error_m), 4, "m"), small),
     ]
 
 

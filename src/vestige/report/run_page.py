@@ -31,19 +31,10 @@ _NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     """Return the page of a run.
 
-    Parameters
-    ----------
-    results
-        As `open_results` returns them; a run that has not ended is told by its coordinate `epoch`.
-    name
-        Of the run, for the title and the commands.
-    question
-        What the page answers; without it, what such a run is usually made for.
+    A run that has not ended is told by its coordinate `epoch`. `question` stands in place of what such a run is usually
+    made for.
 
-    Raises
-    ------
-    VestigeError
-        If the results are not those of `vestige run`.
+    Raises `VestigeError` if the results are not those of `vestige run`.
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
@@ -138,7 +129,7 @@ def _answer(
             _share(counts.of[Status.AUTHENTIC], counts.due),
             f"{number(counts.of[Status.AUTHENTIC])} of {number(counts.due)}"
             + (f"; {number(undecided)} not available" if undecided else ""),
-        ),
+        )
     ]
     for detector, one in found.items():
         rate = one.detections

@@ -18,10 +18,7 @@ from vestige.scenario.toml.campaign_toml import campaign_toml
 def scenario_section(text: str) -> Html:
     """Return the scenario as TOML with all its defaults, and a link that saves it.
 
-    Parameters
-    ----------
-    text
-        JSON, as the results have it.
+    `text` is JSON, as the results have it.
     """
     toml = campaign_toml(text)
     save = element(

@@ -30,19 +30,9 @@ _SECTIONS = {
 def threat_page(path: Path, name: str, *, question: str = "") -> Page:
     """Return the page of a threat table.
 
-    Parameters
-    ----------
-    path
-        The table.
-    name
-        Of the folder in which it is, for the title and the command.
-    question
-        What the page answers, in place of `QUESTION`.
+    `name` is that of the folder of the table; `question` stands in place of `QUESTION`.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such table.
+    Raises `InputFileError` if it is no such table.
     """
     found = read_threat_table(path)
     cells = [cell for _, of_scene in found.scenes() for cell in of_scene if cell.measured]
@@ -83,11 +73,7 @@ def _answer(found: ThreatTable, runs: int) -> Html:
         cards.append((f"level {level}", f"{words.count(AGREES)} of {judged}" if judged else "–", small))
     threats = len({row["threat"] for row, _ in scenes})
     cards.append(("attacks", str(threats), f"in {len(scenes)} scenes, up to {runs} runs of each"))
-    return element(
-        "dl",
-        *(card(*one) for one in cards),
-        class_="cards",
-    )
+    return element("dl", *(card(*one) for one in cards), class_="cards")
 
 
 def _matrix(found: ThreatTable) -> list[Html]:

@@ -26,21 +26,11 @@ _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCell:
-    """One attack at one level.
-
-    Attributes
-    ----------
-    values
-        The row of the table.
-    level
-        Mitigation level.
-    only
-        Whether names without a level are of this one.
-    """
+    """One attack at one level."""
 
     values: Mapping[str, str]
     level: int
-    only: bool
+    only: bool  # whether names without a level are of this one
 
     def text(self, name: str) -> str:
         """Return what a column says of this level; empty if there is none."""
@@ -70,21 +60,11 @@ class TableCell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreatTable:
-    """The table.
-
-    Attributes
-    ----------
-    columns
-        Names, in order.
-    rows
-        The text of every cell under the name of its column.
-    levels
-        Those of which anything is said.
-    """
+    """The table."""
 
     columns: tuple[str, ...]
-    rows: tuple[Mapping[str, str], ...]
-    levels: tuple[int, ...]
+    rows: tuple[Mapping[str, str], ...]  # the text of every cell under the name of its column
+    levels: tuple[int, ...]  # those of which anything is said
 
     def scenes(self) -> list[tuple[Mapping[str, str], list[TableCell]]]:
         """Return each scene's first row, and its cells at all levels."""
@@ -104,10 +84,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the table in a file.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such table.
+    Raises `InputFileError` if it is no such table.
     """
     text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED)
     try:

@@ -29,14 +29,7 @@ _NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(48)
 def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz, per_chip: float = 2.0) -> float:
     """Return the number of code offsets within the time uncertainty.
 
-    Parameters
-    ----------
-    time_uncertainty_s
-        ΔT, whole width of the uncertainty in s.
-    chip_s
-        Length of a chip in s.
-    per_chip
-        Offsets tested per chip.
+    `time_uncertainty_s` is ΔT, the whole width of the uncertainty.
     """
     return time_uncertainty_s / chip_s * per_chip
 
@@ -44,12 +37,7 @@ def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz
 def doppler_bins(doppler_span_hz: float, integration_s: float) -> float:
     """Return the number of Doppler bins 1/(2 T_I) wide within the whole Doppler span.
 
-    Parameters
-    ----------
-    doppler_span_hz
-        Whole width of the Doppler uncertainty in Hz: 10 kHz for ±5 kHz.
-    integration_s
-        Coherent integration time T_I in s.
+    `doppler_span_hz` is the whole width of the uncertainty: 10 kHz for ±5 kHz.
     """
     return doppler_span_hz * 2.0 * integration_s
 
@@ -68,14 +56,7 @@ def exhaustive_hypotheses(
 def handover_hypotheses(time_uncertainty_s: float, taps: int = 1, period_s: float = E1C.period_s) -> float:
     """Return N of a search on E6 at the code phase and Doppler that E1 gives [WFO, Sec. III-E].
 
-    Parameters
-    ----------
-    time_uncertainty_s
-        ΔT, whole width of the uncertainty in s.
-    taps
-        Code offsets tested at each position.
-    period_s
-        Period of the E1 code in s, at which the positions repeat.
+    `taps` code offsets are tested at each position; positions repeat with the period of the E1 code.
     """
     return time_uncertainty_s / period_s * taps
 
@@ -90,14 +71,7 @@ def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
     An upper bound, which counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3 (11 taps, ρ
     0.74).
 
-    Parameters
-    ----------
-    pfa
-        P_fa of each tap.
-    taps
-        n, number of taps.
-    correlation
-        ρ, correlation of the noise of neighbouring taps, from 0 to below 1: the autocorrelation at their distance.
+    `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, from 0 to below 1.
     """
     if not 0 <= correlation < 1:
         raise ValueError(f"the correlation of neighbours must be in [0, 1), found {correlation}")

@@ -34,10 +34,7 @@ class GridLoss(NamedTuple):
 def code_grid_loss(step_chips: float) -> GridLoss:
     """Return the loss of a grid of code offsets, for an unfiltered rectangular chip.
 
-    Parameters
-    ----------
-    step_chips
-        Step of the grid in chips; at most 2.
+    The step is at most 2 chips.
     """
     worst = 1 - step_chips / 2
     mean_power = (1 - worst**3) / (3 * (1 - worst))
@@ -45,15 +42,7 @@ def code_grid_loss(step_chips: float) -> GridLoss:
 
 
 def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
-    """Return the loss of a grid of Doppler bins.
-
-    Parameters
-    ----------
-    step_hz
-        Step of the grid in Hz.
-    integration_s
-        Coherent integration time T_I in s.
-    """
+    """Return the loss of a grid of Doppler bins."""
     error_cycles = step_hz * integration_s / 2 * (1 + _NODES) / 2
     mean_power = np.sinc(error_cycles) ** 2 @ _WEIGHTS / 2
     worst = np.sinc(step_hz * integration_s / 2)
@@ -61,30 +50,14 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
-    """Return the loss of an acceleration along the line of sight, frequency right in the middle of the integration.
-
-    Parameters
-    ----------
-    acceleration_mps2
-        Acceleration in m/s².
-    integration_s
-        Coherent integration time T_I in s.
-    """
+    """Return the loss of an acceleration along the line of sight, frequency right in the middle of the integration."""
     time_s = integration_s / 2 * _NODES
     phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * signal.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
 
 
 def code_doppler_loss_db(doppler_hz: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
-    """Return the loss of a replica without code Doppler, aligned in the middle of the integration.
-
-    Parameters
-    ----------
-    doppler_hz
-        Carrier Doppler in Hz.
-    integration_s
-        Coherent integration time T_I in s.
-    """
+    """Return the loss of a replica without code Doppler, aligned in the middle of the integration."""
     slide_chips = abs(doppler_hz) / signal.carrier_hz * signal.chip_rate_hz * integration_s
     return -20 * float(np.log10(1 - slide_chips / 4))
 
@@ -92,10 +65,7 @@ def code_doppler_loss_db(doppler_hz: float, integration_s: float, signal: Signal
 def front_end_loss_db(bandwidth_hz: float, signal: SignalDefinition = E6C) -> float:
     """Return the loss of an ideal front-end filter, replica unfiltered: the share of the power that passes.
 
-    Parameters
-    ----------
-    bandwidth_hz
-        Two-sided bandwidth in Hz.
+    The bandwidth is two-sided.
     """
     passed = band_limited_autocorrelation(
         signal.pulse, np.zeros(1), chip_rate_hz=signal.chip_rate_hz, bandwidth_hz=bandwidth_hz

@@ -65,21 +65,13 @@ NOT_COMPUTED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperQuantity:
-    """One recomputed value.
-
-    Attributes
-    ----------
-    digits
-        Format specification with which a table shows the value.
-    printed
-        The value as the paper prints it, in the same unit; "" if it prints none.
-    """
+    """One recomputed value."""
 
     name: str
     value: float
     unit: str = ""
-    digits: str = ".4g"
-    printed: str = ""
+    digits: str = ".4g"  # format specification with which a table shows the value
+    printed: str = ""  # the value as the paper prints it, in the same unit; "" if it prints none
 
     @property
     def agrees(self) -> bool:

@@ -36,21 +36,10 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN where nothing was detected.
 
-    Parameters
-    ----------
-    magnitudes
-        |c|, early to late.
-    tap
-        Index of the punctual tap from a detector, n … N−1−n, or −1.
-    spacing
-        n, distance of the early and late tap from the punctual one, in taps.
-    offsets_m
-        Offset of each tap from the prediction in m, ascending and equidistant.
+    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1;
+    `spacing` is n; `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
 
-    Raises
-    ------
-    ValueError
-        If the taps are not equidistant, or a punctual tap lacks a neighbour.
+    Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """
     step_m = np.diff(offsets_m)
     if not (step_m.size and step_m[0] > 0 and np.allclose(step_m, step_m[0], rtol=_EQUIDISTANT, atol=0)):

@@ -14,43 +14,23 @@ import numpy as np
 
 from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
-from vestige.theory.thresholds import (
-    probability_of_detection,
-    required_cn0_dbhz,
-    single_event_pfa,
-    threshold,
-)
+from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
 _DOPPLER_CORRELATION = 2 / np.pi  # of the noise of two bins 1/(2 T) apart: sinc(1/2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """What a search costs in detection: printed before it starts.
-
-    Attributes
-    ----------
-    hypotheses
-        N.
-    independent
-        Independent tests that give as many false alarms; N itself unless neighbours were asked for.
-    pfa_overall, pfa
-        Overall and single-event false-alarm probability.
-    threshold
-        On the magnitude, in standard deviations of the noise per dimension.
-    required_cn0_dbhz
-        C/N0 of E6-C that is found with probability 0.9 on the grid.
-    grid_loss_db
-        What a signal between the grid points loses in the mean: code and Doppler.
-    """
+    """What a search costs in detection: printed before it starts."""
 
     hypotheses: float
-    independent: float
+    independent: float  # independent tests that give as many false alarms; N itself unless neighbours were asked for
+    # overall and single-event false-alarm probability
     pfa_overall: float
     pfa: float
-    threshold: float
-    required_cn0_dbhz: float
-    grid_loss_db: float
+    threshold: float  # on the magnitude, in standard deviations of the noise per dimension
+    required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
+    grid_loss_db: float  # what a signal between the grid points loses in the mean: code and Doppler
 
 
 def search_budget(
@@ -63,19 +43,10 @@ def search_budget(
 ) -> SearchBudget:
     """Return the budget of a search of N hypotheses half a chip apart.
 
-    Parameters
-    ----------
-    hypotheses
-        N.
-    integration_s
-        Coherent integration time T_I in s.
-    overall_pfa
-        Probability that noise alone gives any peak.
-    correlated_neighbours
-        Count as many independent tests as give the false alarms of N that are correlated with their neighbours (code
-        ½, Doppler 2/π). Without it the threshold is on the safe side, by 0.01 dB at the N of 30 s.
-    doppler_step_hz
-        Distance of the bins, 0 for a Doppler that is known; 1/(2 T_I) if it is not given.
+    `overall_pfa` is the probability that noise alone gives any peak. With `correlated_neighbours` as many independent
+    tests are counted as give the false alarms of N that are correlated with their neighbours (code ½, Doppler 2/π);
+    without it the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz` apart, 0 for a
+    Doppler that is known, 1/(2 T_I) if it is not given.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)
@@ -103,18 +74,7 @@ def grid_probability_of_detection(
 ) -> float:
     """Return P_d of the strongest cell, averaged over all places of a signal between the points of the grid.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of E6-C.
-    integration_s
-        Coherent integration time T_I in s.
-    pfa
-        P_fa of a cell.
-    bins
-        Whether Doppler, too, is on a grid, 1/(2 T_I); else it is known.
-    half_step_chips
-        Half the step of the code offsets.
+    `pfa` is that of a cell. Doppler, too, is on a grid of 1/(2 T_I) if `bins`; else it is known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2
@@ -139,18 +99,7 @@ def roc(
 ) -> tuple[RocPoint, ...]:
     """Return the receiver operating characteristic of a search of N hypotheses, grid losses included.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of E6-C.
-    integration_s
-        Coherent integration time T_I in s.
-    hypotheses
-        N.
-    overall_pfa
-        Overall false-alarm probabilities.
-    bins
-        Whether Doppler is on a grid (exhaustive) or known (hand-over).
+    Doppler is on a grid (exhaustive) if `bins`, else known (hand-over).
     """
     return tuple(
         RocPoint(

@@ -40,22 +40,8 @@ def dll_noise_m(
 ) -> float:
     """Return the standard deviation of the pseudorange from a non-coherent early-minus-late loop, in m.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of what the loop tracks in dBHz.
-    bandwidth_hz
-        Two-sided bandwidth of the front end in Hz.
-    spacing_chips
-        Distance of the early from the late correlator in chips.
-    shares
-        Power shares of the pulses of the signal and the replica.
-    loop_bandwidth_hz
-        One-sided loop noise bandwidth B_L in Hz.
-    integration_s
-        Integration time T in s.
-    chip_rate_hz
-        Chip rate in chips/s.
+    C/N0 is that of what the loop tracks, the bandwidth of the front end two-sided, the spacing that of the early from
+    the late correlator, `shares` the power shares of the pulses of signal and replica, and B_L one-sided.
     """
     cn0 = 10.0 ** (cn0_dbhz / 10.0)
     f = (np.arange(_CELLS) + 0.5) * bandwidth_hz / 2 / _CELLS
@@ -73,14 +59,7 @@ def dll_noise_m(
 def snapshot_noise_bound_m(cn0_dbhz: float, integration_s: float, bandwidth_hz: float) -> float:
     """Return the Cramér-Rao bound of the E6-C range from one snapshot, in m.
 
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of E6-C alone in dBHz.
-    integration_s
-        Coherent integration time T in s.
-    bandwidth_hz
-        Two-sided bandwidth of the front end in Hz.
+    The bandwidth of the front end is two-sided.
     """
     band = {"chip_rate_hz": E6C.chip_rate_hz, "bandwidth_hz": bandwidth_hz}
     passed = float(band_limited_autocorrelation(E6C.pulse, np.zeros(1), **band)[0])

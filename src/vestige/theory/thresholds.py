@@ -36,32 +36,16 @@ _SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is 
 def single_event_pfa(overall: Reals, hypotheses: float) -> Reals:
     """Return P_fa, the false alarm probability that each of N tests may have: 1 − (1 − P_FA)^{1/N}.
 
-    Parameters
-    ----------
-    overall
-        P_FA, probability that at least one of the tests gives a false alarm.
-    hypotheses
-        N, number of independent tests. For correlated tests the result is on the safe side.
+    For correlated tests the result is on the safe side.
 
-    Raises
-    ------
-    ValueError
-        If a probability is not between 0 and 1, or N is below 1.
+    Raises `ValueError` if a probability is not between 0 and 1, or N is below 1.
     """
     _check(overall, hypotheses)
     return -np.expm1(np.log1p(-overall) / hypotheses)
 
 
 def overall_pfa(single: Reals, hypotheses: float) -> Reals:
-    """Return P_FA, the probability that at least one of N tests gives a false alarm: 1 − (1 − P_fa)^N.
-
-    Parameters
-    ----------
-    single
-        P_fa of each test.
-    hypotheses
-        N, number of independent tests.
-    """
+    """Return P_FA, the probability that at least one of N tests gives a false alarm: 1 − (1 − P_fa)^N."""
     _check(single, hypotheses)
     return -np.expm1(hypotheses * np.log1p(-single))
 
@@ -86,29 +70,14 @@ def cfar_threshold(pfa: Reals, cells: int) -> Reals:
     The unit is the *estimated* standard deviation per dimension, √(mean |cell|² / 2). From α = M (P_fa^{-1/M} − 1), the
     threshold on the power over the mean of the cells; α → −ln P_fa for many cells.
 
-    Parameters
-    ----------
-    pfa
-        P_fa of a single test.
-    cells
-        M, number of independent reference cells: correlators with a code that is not in the signal.
+    `cells` is M, the number of independent reference cells: correlators with a code that is not in the signal.
     """
     _check(pfa, cells)
     return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
 
 
 def amplitude(cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1) -> Reals:
-    """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension.
-
-    Parameters
-    ----------
-    cn0_dbhz
-        C/N0 of the component in dBHz.
-    integration_s
-        Coherent integration time T_I in s.
-    n_noncoherent
-        K, number of squared magnitudes added.
-    """
+    """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension."""
     return np.sqrt(2.0 * n_noncoherent * integration_s * 10.0 ** (cn0_dbhz / 10.0))
 
 

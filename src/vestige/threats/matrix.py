@@ -15,7 +15,6 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
@@ -27,34 +26,20 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
 
-if TYPE_CHECKING:
-    pass
-
 _IN_FLIGHT = 3  # runs for each worker
 Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A scene to measure.
+    """A scene to measure."""
 
-    Attributes
-    ----------
-    threat, scene
-        Names.
-    scenario
-        Gives the campaign of a seed, with or without its attack.
-    row
-        The row of the table it belongs to; None for a scenario of the user's.
-    notes
-        Why it may differ, by level.
-    """
-
+    # names
     threat: str
     scene: str
-    scenario: Callable[[int, bool], CampaignScenario]
-    row: Threat | None = None
-    notes: tuple[str, str, str] = ("", "", "")
+    scenario: Callable[[int, bool], CampaignScenario]  # gives the campaign of a seed, with or without its attack
+    row: Threat | None = None  # the row of the table it belongs to; None for a scenario of the user's
+    notes: tuple[str, str, str] = ("", "", "")  # why it may differ, by level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +50,11 @@ class SceneCell:
     level: int
     found: SceneOutcome
     attacked: bool
-    agreement: Agreement
+
+    @property
+    def agreement(self) -> Agreement:
+        """How the measurement compares with what was expected."""
+        return agreement(self.expected, self.found)
 
     @property
     def expected(self) -> str:
@@ -111,12 +100,7 @@ def case_of(name: str, scenario: CampaignScenario) -> Case:
 def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
 
-    Parameters
-    ----------
-    scenario
-        Of a sky, or with a processor of level 3.
-    window_s
-        First time that counts, and the first that does not any more.
+    The scenario is of a sky, or with a processor of level 3; the window ends before its second time.
     """
     return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
 
@@ -132,23 +116,10 @@ def measure_threats(
 ) -> Iterator[SceneCell]:
     """Yield the cells of each case, a level each, as soon as all its runs are measured.
 
-    Parameters
-    ----------
-    chosen
-        What to measure.
-    seeds
-        Of the runs of each case.
-    pool, workers
-        Where runs are measured, and how many at the same time.
-    folder
-        Where `runs.csv` is kept and continued; without it nothing is.
-    progress
-        Called with the number of runs that are known, and of all.
+    Runs are measured in the pool, so many at the same time as it has workers. `runs.csv` is kept and continued in the
+    folder; without one nothing is. `progress` is called with the number of runs that are known, and of all.
 
-    Raises
-    ------
-    InputFileError
-        If `runs.csv` is something else.
+    Raises `InputFileError` if `runs.csv` is something else.
     """
     known = {} if folder is None else read_runs(folder / RUNS)
     if folder is not None:
@@ -169,10 +140,7 @@ def measure_threats(
 def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[SceneCell]:
     for place, level in enumerate(LEVELS):
         measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
-        expected = case.row.outcome(level)[0] if case.row else ""
-        yield SceneCell(
-            case=case, level=level, found=measured, attacked=attacked, agreement=agreement(expected, measured)
-        )
+        yield SceneCell(case=case, level=level, found=measured, attacked=attacked)
 
 
 def _runs(

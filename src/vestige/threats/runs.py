@@ -33,10 +33,7 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
 
     A last line that was cut off by an interruption is left out.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such file.
+    Raises `InputFileError` if it is no such file.
     """
     if not path.exists():
         return {}

@@ -18,7 +18,7 @@ that failures of single tests come in groups of up to `_GROUP`. All functions ar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from math import isfinite, nan
 from statistics import median
@@ -26,21 +26,10 @@ from typing import Any
 
 import numpy as np
 
-from vestige.campaign.run_outcome import DAY_S, HALF, RunOutcome, outcome_word, worst_of
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
+from vestige.campaign.run_outcome import HALF, OutcomeCounts, RunOutcome, outcome_word, worst_of
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 
-_SUMS = (
-    "alarms",
-    "budget_alarms",
-    "budget_range_alarms",
-    "failures",
-    "budget_failures",
-    "exact_failures",
-    "budget_exact_failures",
-    "range_failures",
-    "budget_range_failures",
-    "duration_s",
-)
 _GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
 
 
@@ -63,48 +52,21 @@ class CheckShare:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SceneOutcome:
-    """What came of an attack in many runs at one level.
+class SceneOutcome(OutcomeCounts):
+    """What came of an attack in many runs at one level; counts are sums over all runs."""
 
-    Attributes
-    ----------
-    detected, mitigated, protected, missed, denied
-        Runs of which it is true.
-    succeeded
-        Runs that are missed or denied.
-    by_chance
-        Runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack.
-    checks
-        Those that failed in any run, the most frequent and then the earliest first.
-    alarms, budget_alarms, budget_range_alarms, failures, budget_failures, exact_failures, budget_exact_failures
-        Sums over all runs.
-    range_failures, budget_range_failures, duration_s
-        Sums over all runs.
-    time_to_detect_s
-        Median of the runs with an alarm; NaN without any.
-    worst_range_m, worst_position_m
-        Of all runs.
-    """
-
+    # runs of which it is true
     detected: Proportion
     mitigated: Proportion
     protected: Proportion
     missed: Proportion
     denied: Proportion
-    succeeded: Proportion
+    succeeded: Proportion  # runs that are missed or denied
+    # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
     by_chance: Proportion
-    checks: tuple[CheckShare, ...]
-    alarms: int
-    budget_alarms: float
-    budget_range_alarms: float
-    failures: int
-    budget_failures: float
-    exact_failures: int
-    budget_exact_failures: float
-    range_failures: int
-    budget_range_failures: float
-    duration_s: float
-    time_to_detect_s: float
+    checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
+    time_to_detect_s: float  # median of the runs with an alarm; NaN without any
+    # of all runs
     worst_range_m: float
     worst_position_m: float
 
@@ -137,7 +99,7 @@ def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> S
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))
 
-    counts: dict[str, Any] = {name: sum(getattr(run, name) for run in runs) for name in _SUMS}
+    counts: dict[str, Any] = {one.name: sum(getattr(run, one.name) for run in runs) for one in fields(OutcomeCounts)}
     shares: dict[str, Any] = {name: share(name) for name in ("detected", "mitigated", "protected", "missed", "denied")}
     times_s = [run.time_to_detect_s for run in runs if isfinite(run.time_to_detect_s)]
     return SceneOutcome(
@@ -168,10 +130,7 @@ def _check_shares(runs: Sequence[RunOutcome]) -> tuple[CheckShare, ...]:
 def agreement(expected: str, found: SceneOutcome) -> Agreement:
     """Return how a measurement compares with an expected outcome; an empty one is none.
 
-    Raises
-    ------
-    ValueError
-        If there is no such outcome.
+    Raises `ValueError` if there is no such outcome.
     """
     if not expected:
         return Agreement.NOT_EXPECTED

@@ -45,49 +45,27 @@ class Draw(Section):
 
 
 class Scene(Section):
-    """A campaign that shows an attack.
+    """A campaign that shows an attack."""
 
-    Attributes
-    ----------
-    name
-        What it is, among the scenes of a threat.
-    settings
-        Values that replace those of the table's base, as of `--set`.
-    attack
-        Its `[[attack]]` tables.
-    draw
-        Dotted keys, and what is drawn for them.
-    notes
-        Why a measurement differs from what is expected of a level, if it does.
-    """
-
-    name: str
-    settings: tuple[str, ...] = ()
-    attack: tuple[dict[str, Any], ...] = ()
-    draw: dict[str, Draw] = Field(default_factory=dict)
+    name: str  # what it is, among the scenes of a threat
+    settings: tuple[str, ...] = ()  # values that replace those of the table's base, as of `--set`
+    attack: tuple[dict[str, Any], ...] = ()  # its `[[attack]]` tables
+    draw: dict[str, Draw] = Field(default_factory=dict)  # dotted keys, and what is drawn for them
+    # why a measurement differs from what is expected of a level, if it does
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
 
 
 class Threat(Section):
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes
-    ----------
-    id, name
-        `A5`, and what the attacker does.
-    e1, e6
-        Parameters in each band.
-    source
-        Where attack and parameters come from.
-    expected
-        Level to outcome, one of `OUTCOMES`, with a reason behind a colon.
-    """
-
+    # `A5`, and what the attacker does
     id: Annotated[str, Field(pattern=r"^A\d+$")]
     name: str
+    # parameters in each band
     e1: str
     e6: str
-    source: str
+    source: str  # where attack and parameters come from
+    # level to outcome, one of `OUTCOMES`, with a reason behind a colon
     expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
     scene: Annotated[tuple[Scene, ...], Field(min_length=1)]
 
@@ -116,17 +94,9 @@ def read_threats() -> tuple[Threat, ...]:
 def scenario_of(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
     """Return the campaign of a scene with one seed, from which its draws follow too.
 
-    Parameters
-    ----------
-    seed
-        Of the campaign.
-    attacked
-        Without it the same campaign without its attacks.
+    If it is not `attacked`, it is the same campaign without its attacks.
 
-    Raises
-    ------
-    InputFileError
-        If the scene is no campaign.
+    Raises `InputFileError` if the scene is no campaign.
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:

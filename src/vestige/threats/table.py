@@ -18,6 +18,7 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
 from vestige.output import replacement
@@ -26,13 +27,7 @@ from vestige.threats.scenes import LEVELS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
 VERSION = "vestige_version"  # with which all runs were measured
-_BUDGETS = (
-    "budget_alarms",
-    "budget_range_alarms",
-    "budget_failures",
-    "budget_exact_failures",
-    "budget_range_failures",
-)
+_BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_exact_failures", "budget_range_failures")
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
@@ -76,7 +71,7 @@ def statistics_of(cell: SceneCell) -> dict[str, object]:
         for name in ("alarms", "failures", "exact_failures", "range_failures")
         for part, value in zip(("", "_low", "_high"), found.a_day(name), strict=True)
     }
-    days = found.duration_s / 86_400.0
+    days = found.duration_s / DAY_S
     return {
         "word": found.word if cell.attacked else "",
         **shares,
@@ -112,10 +107,7 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
     """Return the table in a folder of `vestige threats`.
 
-    Raises
-    ------
-    InputFileError
-        If there is none, or it is damaged.
+    Raises `InputFileError` if there is none, or it is damaged.
     """
     return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from block_builder import START, SVIDS, Keys, MadeUpSky, cut, settings
+from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
 from vestige.acas_processor.position.range_in_use import ranges_in_use
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.searches import SearchResults
-from vestige.acas_processor.verdict_block import POSITION, VerdictBlock
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName
 

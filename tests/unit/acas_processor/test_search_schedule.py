@@ -12,7 +12,7 @@ from hypothesis import Phase, given, settings, strategies
 from block_builder import Keys, MadeUpSky
 from block_builder import settings as monitoring
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.acas_processor.searches.search_schedule import search_due
+from vestige.acas_processor.searches.searches import search_due
 from vestige.records.checks import CheckName
 
 N = 30

@@ -133,7 +133,7 @@ def test_the_error_in_use_is_the_largest_since_the_recs_before() -> None:
 def test_the_verdict_of_a_recs_is_the_gravest_since_the_one_before(meaconed: dict[int, LevelVerdicts]) -> None:
     """What is suspicious between two RECS is in the verdict of the RECS that follows."""
     any_status = np.random.default_rng(7).choice(5, (600, 8), p=(0.5, 0.02, 0.01, 0.02, 0.45)).astype(np.int8)
-    gravest = replace(meaconed[2], block=replace(meaconed[2].block, status=any_status)).of_recs()
+    gravest = replace(meaconed[2], status=any_status).of_recs()
     order = ["not available", "authentic", "suspect", "not detected", "spoofed"]
     words = [status.value for status in Status]
     worst: dict[int, str] = {}

@@ -80,7 +80,7 @@ def judged(results: xarray.Dataset, levels: tuple[int, ...]) -> list[dict[str, b
     """Return all that the processor says of stored results, level by level."""
     found = []
     for one in level_verdicts(results, levels):
-        block = one.block
+        block = one
         assert block.position is not None
         values = {
             name: getattr(block, name) for name in ("status", "state", "cause", "range_in_use_m", "earlier", "searched")
@@ -96,12 +96,12 @@ def test_stored_results_are_judged_as_the_campaign_was() -> None:
     for level in (1, 2, 3):
         results = direct_results(ScenarioPlan(scenario=scene("A3 repeater", level)))
         (found,) = level_verdicts(results, (level,))
-        for name, values in (("status", found.status), ("state", found.state), ("cause", found.block.cause)):
+        for name, values in (("status", found.status), ("state", found.state), ("cause", found.cause)):
             assert results[name].values.tobytes() == values.tobytes(), name
-        assert results["range_in_use_m"].values.tobytes() == found.block.range_in_use_m.tobytes()
-        assert found.block.position is not None
+        assert results["range_in_use_m"].values.tobytes() == found.range_in_use_m.tobytes()
+        assert found.position is not None
         position_m = results["fix_position_m"].sel(fix="authenticated").values
-        assert position_m.tobytes() == found.block.position.position_m.tobytes()
+        assert position_m.tobytes() == found.position.position_m.tobytes()
 
 
 @pytest.mark.parametrize("name", ["A3 repeater", "A9 noise on E1"])

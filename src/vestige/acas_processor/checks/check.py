@@ -7,7 +7,8 @@ check that was not run is no evidence of anything.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -26,27 +27,73 @@ class Check(Protocol):
     @property
     def name(self) -> CheckName | str:
         """What it is called."""
-        ...
 
     @property
     def unit(self) -> str:
         """Unit of statistic and threshold."""
-        ...
 
     @property
     def p_fa(self) -> float:
         """False-alarm probability of one test."""
-        ...
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
-        ...
 
 
 def check_budget(p_fa: float) -> None:
     """Raise ValueError unless a false-alarm probability lies between 0 and 1."""
     if not 0 < p_fa < 1:
         raise ValueError(f"a false-alarm probability lies between 0 and 1, found {p_fa}")
+
+
+def series_of(
+    check: Check,
+    statistic: Float[np.ndarray, "*n"],
+    threshold: Float[np.ndarray, "*n"],
+    explain: Callable[[int, int], str],
+    *,
+    exact: bool = False,
+) -> CheckSeries:
+    """Return what a check says of a block, under its own name, unit and false-alarm probability."""
+    return CheckSeries(
+        name=check.name,
+        unit=check.unit,
+        p_fa=check.p_fa,
+        statistic=statistic,
+        threshold=threshold,
+        explain=explain,
+        exact=exact,
+    )
+
+
+class Monitor:
+    """A check whose false-alarm probability can be chosen."""
+
+    __slots__ = ()
+
+    def __post_init__(self: Check) -> None:
+        check_budget(self.p_fa)
+
+
+class _Level(Check, Protocol):
+    @property
+    def sigma_db(self) -> float: ...
+
+
+class LevelMonitor(Monitor):
+    """A monitor of a level in dB, two-sided: |ΔL| ≤ K σ, with `sigma_db` the σ without interference."""
+
+    __slots__ = ()
+    unit: ClassVar = "dB"
+
+    @property
+    def threshold_db(self: _Level) -> float:
+        """Largest |ΔL| that passes, in dB."""
+        return two_sided_factor(self.p_fa) * self.sigma_db
+
+    def probability_of_detection(self: _Level, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Return the probability that a change of the level is seen."""
+        return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
 
 def two_sided_factor(p_fa: float) -> float:

@@ -27,11 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import check_budget, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.memory import ClockEpoch, ClockMemory
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -64,24 +60,14 @@ class ClockDriftMonitor:
     """Whether bias and drift of the receiver clock are those of its oscillator.
 
     The default is the clock of [WFO, Sec. V].
-
-    Attributes
-    ----------
-    white_s, walk_hz
-        Sf = h0/2 and Sg = 2π² h−2 of the oscillator.
-    window
-        Epochs of the slope, three or more.
-    max_gap_s
-        Longest step; after a longer one the monitor begins anew.
-    p_fa
-        False-alarm probability of one epoch, all three tests together.
     """
 
+    # Sf = h0/2 and Sg = 2π² h−2 of the oscillator
     white_s: float = 7.115e-24 / 2  # [WFO, Sec. V]
     walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
-    window: int = 10
-    max_gap_s: float = 120.0
-    p_fa: float = 1e-5
+    window: int = 10  # epochs of the slope, three or more
+    max_gap_s: float = 120.0  # longest step; after a longer one the monitor begins anew
+    p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
@@ -135,17 +121,7 @@ class ClockDriftMonitor:
     def probability_of_detection(
         self, step_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_drift_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the innovation test sees a step of the drift between two epochs.
-
-        Parameters
-        ----------
-        step_mps
-            The step.
-        interval_s
-            Between the epochs.
-        sigma_drift_mps
-            Standard deviation of the drift of a fix.
-        """
+        """Return the probability that the innovation test sees a step of the drift between two epochs."""
         sigma = math.sqrt(SPEED_OF_LIGHT_MPS**2 * self.walk_hz * interval_s + 2 * sigma_drift_mps**2)
         return two_sided_detection(step_mps / sigma, self.p_fa / 3)
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
+from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.records.checks import CheckName, CheckSeries
@@ -16,26 +18,13 @@ KAPPA = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeCheck:
-    """Whether the range difference between E6 and E1 is within its error budget.
+    """Whether the range difference between E6 and E1 is within its error budget."""
 
-    Attributes
-    ----------
-    budget, kappa
-        Error budget of the range difference, and its factor κ.
-    """
-
+    name: ClassVar = CheckName.E1_E6_RANGE
+    unit: ClassVar = "m"
+    # error budget of the range difference, and its factor κ
     budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
     kappa: float = KAPPA
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E1_E6_RANGE
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "m"
 
     @property
     def p_fa(self) -> float:
@@ -57,12 +46,4 @@ class RangeCheck:
                 return "nothing detected"
             return f"E6 is {offset:+.1f} m from where E1 puts it, more than {self.limit_m:.1f} m"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=offset_m,
-            threshold=np.full(evidence.shape, self.limit_m),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, offset_m, np.full(evidence.shape, self.limit_m), explain)

@@ -23,15 +23,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.position.inertial_bridging import rate_steps
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -39,38 +36,17 @@ from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InertialMonitor:
-    """Whether the range rate between two RECS changed as accelerometers and ephemeris say.
+class InertialMonitor(Monitor):
+    """Whether the range rate between two RECS changed as accelerometers and ephemeris say."""
 
-    Attributes
-    ----------
-    sigma_bias_mps2
-        Bias of the accelerometers along the line of sight, 1σ.
-    walk_mps_per_sqrt_s
-        N, their velocity random walk.
-    clock_walk_hz
-        Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites.
-    p_fa
-        False-alarm probability of one test of one satellite.
-    """
-
+    name: ClassVar = CheckName.INERTIAL_RANGE_RATE
+    unit: ClassVar = "m/s"
+    # bias of the accelerometers along the line of sight, 1σ
     sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
-    walk_mps_per_sqrt_s: float = 0.002
+    walk_mps_per_sqrt_s: float = 0.002  # N, their velocity random walk
+    # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.INERTIAL_RANGE_RATE
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "m/s"
 
     def sigma_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the standard deviation of the statistic after an interval T, without the errors of the range rates."""
@@ -89,31 +65,14 @@ class InertialMonitor:
     ) -> Float[np.ndarray, "*n"]:
         """Return measured minus expected change of the range rate.
 
-        Parameters
-        ----------
-        rate_change_mps
-            Of the pseudorange.
-        satellite_change_mps
-            What it would be without acceleration of the receiver.
-        delta_velocity_mps
-            Velocity gained towards the satellite, Δ(e·v).
+        `satellite_change_mps` is the change without acceleration of the receiver, `delta_velocity_mps` is Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + delta_velocity_mps
 
     def probability_of_detection(
         self, pull_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_rate_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the range rate by an attacker is seen after an interval.
-
-        Parameters
-        ----------
-        pull_mps
-            The change.
-        interval_s
-            T.
-        sigma_rate_mps
-            Standard deviation of a range rate.
-        """
+        """Return the probability that a change of the range rate by an attacker is seen after an interval."""
         sigma = np.hypot(self.sigma_mps(np.asarray([interval_s]))[0], math.sqrt(2) * sigma_rate_mps)
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 
@@ -121,14 +80,13 @@ class InertialMonitor:
         """Return the check over a block: at every epoch with RECS and a position, against the one before."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         reasons: dict[int, str] = {}
-        for step in rate_steps(evidence):
-            if step.why:
-                reasons[step.epoch] = step.why
+        for epoch, step in rate_steps(evidence):
+            if isinstance(step, str):
+                reasons[epoch] = step
                 continue
-            change = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
-            statistic[step.epoch] = change
+            statistic[epoch] = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
             of_rates = two_sided_factor(self.p_fa) * step.sigma_change_mps
-            threshold[step.epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
+            threshold[epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
 
         def explain(epoch: int, satellite: int) -> str:
             if evidence.measured.snapshots.increments is None:
@@ -137,12 +95,4 @@ class InertialMonitor:
                 return reasons.get(epoch, "no range rate at both ends")
             return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.where(np.isnan(statistic), np.nan, threshold),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)

@@ -15,212 +15,125 @@ They see no attack that leaves the data alone, and a second channel in the attac
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 from scipy.special import bdtrc
 
-from vestige.acas_processor.checks.check import check_budget, count_threshold
+from vestige.acas_processor.checks.check import Check, Monitor, count_threshold, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OsnmaAvailabilityMonitor:
-    """Whether enough subframes brought a validated key.
+class _LossMonitor(Monitor):
+    """Whether no more is missing than reception loses; the test keeps below its P_fa."""
 
-    Attributes
-    ----------
-    loss_probability
-        Probability that a subframe brings none without an attack.
-    p_fa
-        Budget of one test; the test keeps below it.
-    """
-
-    loss_probability: float = 0.02
+    loss_probability: float = 0.02  # of one trial without an attack
     p_fa: float = 1e-5
 
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
+    def threshold(self, trials: int) -> int:
+        """Return the largest number of losses that passes."""
+        return count_threshold(trials, self.loss_probability, self.p_fa)
 
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.OSNMA_AVAILABILITY
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "subframes"
-
-    def threshold(self, subframes: int) -> int:
-        """Return the largest number of subframes without a key that passes."""
-        return count_threshold(subframes, self.loss_probability, self.p_fa)
-
-    def probability_of_false_alarm(self, subframes: int) -> float:
+    def probability_of_false_alarm(self, trials: int) -> float:
         """Return the probability of a false alarm, at most `p_fa`."""
-        return float(bdtrc(self.threshold(subframes), subframes, self.loss_probability))
+        return float(bdtrc(self.threshold(trials), trials, self.loss_probability))
 
     def probability_of_detection(
-        self, loss_probability: Float[np.ndarray, " k"], subframes: int
+        self, loss_probability: Float[np.ndarray, " k"], trials: int
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that an attack is seen under which a subframe is lost with this probability."""
-        return bdtrc(float(self.threshold(subframes)), subframes, loss_probability)
+        """Return the probability that jamming is seen under which a trial is lost with this probability."""
+        return bdtrc(float(self.threshold(trials)), trials, loss_probability)
+
+    def _limits(self, trials: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " k"]:
+        return np.array([self.threshold(one) for one in trials.tolist()], np.int64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsnmaAvailabilityMonitor(_LossMonitor):
+    """Whether enough subframes brought a validated key."""
+
+    name: ClassVar = CheckName.OSNMA_AVAILABILITY
+    unit: ClassVar = "subframes"
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""
         found = evidence.subframes
-        limits = np.array([self.threshold(window) for window in found.window.tolist()], np.int64)
-        statistic, threshold = scattered(evidence, found.epoch, found.missing, limits, limits < found.window)
-
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
-            if np.isnan(statistic[epoch]):
-                return why_not_run(evidence, epoch, "subframes are too few to say that keys are missing")
-            return (
-                f"{statistic[epoch]:.0f} of the last subframes brought no validated key, more than "
-                f"{threshold[epoch]:.0f}"
-            )
-
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        limits = self._limits(found.window)
+        return _series(
+            self, evidence, found.missing, limits, limits < found.window,
+            "subframes are too few to say that keys are missing",
+            lambda count, limit: f"{count:.0f} of the last subframes brought no validated key, more than {limit:.0f}",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaAgreementMonitor:
-    """Whether what was received is what the second channel has; one difference is one too many.
+    """Whether what was received is what the second channel has; one difference is one too many."""
 
-    Attributes
-    ----------
-    p_fa
-        Of one field: CRC-24 passes a damaged page with 2⁻²⁴.
-    """
+    name: ClassVar = CheckName.OSNMA_AGREEMENT
+    unit: ClassVar = "fields"
 
-    p_fa: float = 2.0**-24
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.OSNMA_AGREEMENT
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "fields"
+    p_fa: float = 2.0**-24  # of one field: CRC-24 passes a damaged page
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""
         found = evidence.subframes
-        none = np.zeros(found.epoch.size, np.int64)
-        statistic, threshold = scattered(evidence, found.epoch, found.differs, none, found.received > 0)
-
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
-            if np.isnan(statistic[epoch]):
-                return why_not_run(evidence, epoch, "no field was received")
-            return f"{statistic[epoch]:.0f} fields are not what the satellites sent"
-
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return _series(
+            self, evidence, found.differs, np.zeros_like(found.differs), found.received > 0,
+            "no field was received",
+            lambda count, _: f"{count:.0f} fields are not what the satellites sent",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OsnmaReceptionMonitor:
-    """Whether OSNMA was received as the second channel has it.
+class OsnmaReceptionMonitor(_LossMonitor):
+    """Whether OSNMA was received as the second channel has it."""
 
-    Attributes
-    ----------
-    loss_probability
-        Probability that a field is lost without an attack.
-    p_fa
-        Budget of one test of the lost fields; the test keeps below it.
-    """
+    name: ClassVar = CheckName.OSNMA_RECEPTION
+    unit: ClassVar = "fields"
 
     loss_probability: float = 0.01
-    p_fa: float = 1e-5
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.OSNMA_RECEPTION
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "fields"
-
-    def threshold(self, fields: int) -> int:
-        """Return the largest number of lost fields that passes."""
-        return count_threshold(fields, self.loss_probability, self.p_fa)
-
-    def probability_of_false_alarm(self, fields: int) -> float:
-        """Return the probability of a false alarm, at most `p_fa`."""
-        return float(bdtrc(self.threshold(fields), fields, self.loss_probability))
-
-    def probability_of_detection(
-        self, loss_probability: Float[np.ndarray, " k"], fields: int
-    ) -> Float[np.ndarray, " k"]:
-        """Return the probability that jamming is seen under which a field is lost with this probability."""
-        return bdtrc(float(self.threshold(fields)), fields, loss_probability)
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""
         found = evidence.subframes
-        limits = np.array([self.threshold(due) for due in found.due.tolist()], np.int64)
-        statistic, threshold = scattered(evidence, found.epoch, found.lost, limits, limits < found.due)
-
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
-            if np.isnan(statistic[epoch]):
-                return why_not_run(evidence, epoch, "fields are too few to say that some are missing")
-            return f"{statistic[epoch]:.0f} fields were lost, more than {threshold[epoch]:.0f}"
-
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        limits = self._limits(found.due)
+        return _series(
+            self, evidence, found.lost, limits, limits < found.due,
+            "fields are too few to say that some are missing",
+            lambda count, limit: f"{count:.0f} fields were lost, more than {limit:.0f}",
+        )  # fmt: skip
 
 
-def scattered(
+def _series(
+    check: Check,
     evidence: Evidence,
-    epoch: Int64[np.ndarray, " k"],
     count: Int64[np.ndarray, " k"],
     limit: Int64[np.ndarray, " k"],
     enough: Bool[np.ndarray, " k"],
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return statistic and threshold of every epoch, NaN between the ends of subframes, or where they say nothing.
+    too_few: str,
+    failed: Callable[[float, float], str],
+) -> CheckSeries:
+    """Return a check of subframes: NaN between their ends, or where they say nothing.
 
     Of several subframes that end up to one epoch the worst counts.
     """
-    statistic, threshold = np.full(evidence.shape[0], np.nan), np.full(evidence.shape[0], np.nan)
-    for row, value, most in zip(epoch[enough].tolist(), count[enough].tolist(), limit[enough].tolist(), strict=True):
+    ends = evidence.subframes.epoch
+    statistic, threshold = np.full((2, evidence.shape[0]), np.nan)
+    for row, value, most in zip(ends[enough].tolist(), count[enough].tolist(), limit[enough].tolist(), strict=True):
         if np.isnan(statistic[row]) or value - most > statistic[row] - threshold[row]:
             statistic[row], threshold[row] = value, most
-    return statistic, threshold
 
+    def explain(epoch: int, _satellite: int) -> str:
+        if not np.isnan(statistic[epoch]):
+            return failed(statistic[epoch], threshold[epoch])
+        if evidence.measured.snapshots.osnma is None:
+            return "no OSNMA data from a second channel"
+        return too_few if epoch in ends else "no subframe ended since the epoch before"
 
-def why_not_run(evidence: Evidence, epoch: int, too_few: str) -> str:
-    """Return why a check of OSNMA was not run at an epoch."""
-    if evidence.measured.snapshots.osnma is None:
-        return "no OSNMA data from a second channel"
-    return too_few if epoch in evidence.subframes.epoch else "no subframe ended since the epoch before"
+    return series_of(check, statistic, threshold, explain)

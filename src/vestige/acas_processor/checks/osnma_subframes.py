@@ -21,33 +21,15 @@ KEY_BIT = 1 << PAGES  # a key that is compared as a whole
 _KEY_PAGES = sum(1 << page for page in range(10, 15))  # hold the bits of a key of 128 bits [OSNMA-ICD]
 
 
-_NO_PIECES = OsnmaBlock(
-    epoch=np.zeros(0, np.int64),
-    subframe=np.zeros(0, np.int64),
-    due=np.zeros((0, 0), np.int64),
-    received=np.zeros((0, 0), np.int64),
-    differs=np.zeros((0, 0), np.int64),
-    last=np.zeros(0, np.bool_),
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Subframes:
-    """The k subframes that ended in a block.
+    """The k subframes that ended in a block."""
 
-    Attributes
-    ----------
-    epoch
-        Row at which each is judged.
-    missing, window
-        Subframes without a key among the last ones, and how many those are.
-    due, lost, received, differs
-        Pages, or keys, of all satellites.
-    """
-
-    epoch: Int64[np.ndarray, " k"]
+    epoch: Int64[np.ndarray, " k"]  # row at which each is judged
+    # subframes without a key among the last ones, and how many those are
     missing: Int64[np.ndarray, " k"]
     window: Int64[np.ndarray, " k"]
+    # pages, or keys, of all satellites
     due: Int64[np.ndarray, " k"]
     lost: Int64[np.ndarray, " k"]
     received: Int64[np.ndarray, " k"]
@@ -57,29 +39,21 @@ class Subframes:
 def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
     """Return the subframes that ended in a block, and the memory after it.
 
-    Parameters
-    ----------
-    block
-        Pieces of subframes in order of time; None without a second channel.
-    svids
-        Satellites of the block.
-    memory
-        Of the blocks before.
+    `block` holds pieces of subframes in order of time; None without a second channel.
     """
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []
-    if block is None:
-        block = _NO_PIECES
-    for piece in range(block.epoch.size):
-        start = int(block.subframe[piece])
-        if current is not None and start != current.start:
-            current = None  # its last pieces never came: nothing is said of it
-        current = _joined(current or Subframe(start=start), block, piece, svids)
-        if not block.last[piece]:
+    pieces = [] if block is None else [(block, piece) for piece in range(block.epoch.size)]
+    for of, piece in pieces:
+        start = int(of.subframe[piece])
+        if current is None or start != current.start:  # the last pieces of the other never came: nothing is said of it
+            current = Subframe(start=start)
+        current = _joined(current, of, piece, svids)
+        if not of.last[piece]:
             continue
         counts = _counts(current)
         keyed = (*keyed, counts[0])[-WINDOW:]
-        rows.append((int(block.epoch[piece]), keyed.count(False), len(keyed), *counts[1:]))
+        rows.append((int(of.epoch[piece]), keyed.count(False), len(keyed), *counts[1:]))
         current = None
     columns = np.array(rows, np.int64).reshape(-1, 7).T
     names = ("epoch", "missing", "window", "due", "lost", "received", "differs")
@@ -88,17 +62,16 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 
 def _joined(known: Subframe, block: OsnmaBlock, piece: int, svids: tuple[int, ...]) -> Subframe:
     """Return a subframe with one more piece."""
+
+    def with_bits(bits: Mapping[int, int], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
+        return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more.tolist(), strict=True)}
+
     return Subframe(
         start=known.start,
-        due=_with_bits(known.due, svids, block.due[piece]),
-        received=_with_bits(known.received, svids, block.received[piece]),
-        differs=_with_bits(known.differs, svids, block.differs[piece]),
+        due=with_bits(known.due, block.due[piece]),
+        received=with_bits(known.received, block.received[piece]),
+        differs=with_bits(known.differs, block.differs[piece]),
     )
-
-
-def _with_bits(bits: Mapping[int, int], svids: tuple[int, ...], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
-    """Return the bits of each satellite with some more."""
-    return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more.tolist(), strict=True)}
 
 
 def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:

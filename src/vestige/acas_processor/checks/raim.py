@@ -6,11 +6,12 @@ See `navigation/raim.py` for the theory. A pull of all satellites together, in t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.navigation.position_fix import UNKNOWNS, Fix
 from vestige.navigation.raim import (
@@ -26,29 +27,12 @@ from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RaimMonitor:
-    """Whether the residuals of a fix are those of independent errors with the σ of its weights.
+class RaimMonitor(Monitor):
+    """Whether the residuals of a fix are those of independent errors with the σ of its weights."""
 
-    Attributes
-    ----------
-    p_fa
-        False-alarm probability of one epoch.
-    """
-
+    name: ClassVar = CheckName.RAIM
+    unit: ClassVar = "sigma²"
     p_fa: float = 1e-5
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.RAIM
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma²"
 
     def threshold(self, fix: Fix) -> Float[np.ndarray, " n"]:
         """Return the threshold of every epoch, NaN without redundancy."""
@@ -70,7 +54,7 @@ class RaimMonitor:
         statistic = nothing if fix is None else fix.raim_statistic
         threshold = chi_square_threshold(used - UNKNOWNS, self.p_fa)
 
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+        def explain(epoch: int, _satellite: int) -> str:
             if fix is None or not used[epoch]:
                 return "no position fix"
             if used[epoch] <= UNKNOWNS:
@@ -82,9 +66,7 @@ class RaimMonitor:
                 return "the pseudoranges do not agree, and no single satellite explains it"
             return f"the pseudoranges do not agree; without E{snapshots.svids[culprit]:02d} they do"
 
-        return CheckSeries(
-            name=self.name, unit=self.unit, p_fa=self.p_fa, statistic=statistic, threshold=threshold, explain=explain
-        )
+        return series_of(self, statistic, threshold, explain, exact=True)
 
 
 def raim_statistic(fix: Fix) -> Float[np.ndarray, " n"]:

@@ -21,14 +21,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.acas_processor.checks.check import check_budget
+from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.measurement import Availability, MeasurementBlock, spread
 from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
@@ -58,32 +58,14 @@ class _Places(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SecondSignalMonitor:
-    """Whether the correlators of one RECS hold more than one signal and its rays.
+class SecondSignalMonitor(Monitor):
+    """Whether the correlators of one RECS hold more than one signal and its rays."""
 
-    Attributes
-    ----------
-    ray_power_db
-        P, mean power of all rays over the direct signal.
-    p_fa
-        False-alarm probability of one test of one satellite, a bound.
-    """
-
+    name: ClassVar = CheckName.E6_SECOND_SIGNAL
+    unit: ClassVar = "sigma"
+    # P, mean power of all rays over the direct signal
     ray_power_db: float = -15.8  # of the harsh conditions [WFO, Sec. VI-A]
-    p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E6_SECOND_SIGNAL
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma"
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
 
     def statistic(
         self,
@@ -93,12 +75,7 @@ class SecondSignalMonitor:
     ) -> TwoSignals:
         """Return what two signals explain.
 
-        Parameters
-        ----------
-        taps, noise_power
-            Correlators, and the mean squared magnitude of noise in one of them.
-        offsets_m
-            Of the taps.
+        `noise_power` is the mean squared magnitude of noise in one correlator.
         """
         places = _places(tuple(np.round(offsets_m, 6).tolist()))
         scaled = taps / np.sqrt(noise_power / 2)[:, None]
@@ -134,26 +111,15 @@ class SecondSignalMonitor:
                 return "nothing was correlated on E6"
             return "there is a second signal beside the one that E1 predicts"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=found.statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, found.statistic, threshold, explain)
 
 
 def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:
     """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
-    parts = []
-    for values in monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m):
-        parts.append(np.full(correlated.shape, np.nan))
-        parts[-1][correlated] = values
-    return TwoSignals(*parts)
+    found = monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m)
+    return TwoSignals(*(spread(values, correlated, correlated.shape) for values in found))
 
 
 @cache

@@ -6,11 +6,12 @@ See `navigation/raim.py` for the theory. A pull of all satellites together, in t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from vestige.acas_processor.checks.check import check_budget, two_sided_detection
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_detection
 from vestige.acas_processor.evidence import Evidence
 from vestige.navigation.position_fix import UNKNOWNS, Fix, local_geometry
 from vestige.navigation.raim import redundancy, separation_factor, solution_separation
@@ -44,32 +45,17 @@ def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolutionSeparationMonitor:
+class SolutionSeparationMonitor(Monitor):
     """Whether the position without each satellite is where the position with all is.
 
     The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes, so its threshold is 1.
-
-    Attributes
-    ----------
-    p_fa_horizontal, p_fa_vertical
-        False-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one.
     """
 
+    name: ClassVar = CheckName.SOLUTION_SEPARATION
+    unit: ClassVar = "thresholds"
+    # false-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one
     p_fa_horizontal: float = 9e-8  # LPV-200
     p_fa_vertical: float = 3.9e-6  # LPV-200
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.SOLUTION_SEPARATION
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "thresholds"
 
     @property
     def p_fa(self) -> float:
@@ -122,7 +108,7 @@ class SolutionSeparationMonitor:
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites
         statistic = nothing if fix is None else self.over_threshold(fix.separation_sigmas, fix.separation_modes)
 
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+        def explain(epoch: int, _satellite: int) -> str:
             if fix is None or not used[epoch]:
                 return "no position fix"
             if used[epoch] <= UNKNOWNS:
@@ -133,12 +119,4 @@ class SolutionSeparationMonitor:
             svid = svids[int(column)]
             return f"without E{svid:02d} the position moves too far {_AXES[axis]}"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.ones(statistic.shape),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.ones(statistic.shape), explain)

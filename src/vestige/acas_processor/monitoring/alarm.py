@@ -14,34 +14,23 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import ALARMS, GRAVITY
+from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION
 from vestige.records import Status
 from vestige.time import GalileoTime
 
 HOLD_S = 90.0  # three RECS of the service, one each 30 s
-_POSITION = {status: place for place, status in enumerate(Status)}
-_AUTHENTIC, _NOT_AVAILABLE = _POSITION[Status.AUTHENTIC], _POSITION[Status.NOT_AVAILABLE]
+_AUTHENTIC, _NOT_AVAILABLE = POSITION[Status.AUTHENTIC], POSITION[Status.NOT_AVAILABLE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
-    """A satellite's state changed.
+    """A satellite's state changed."""
 
-    Attributes
-    ----------
-    time
-        Of the snapshot that changed it.
-    before, after
-        States.
-    reason
-        Of the verdict that changed it; "" if nothing happened for long enough.
-    """
-
-    time: GalileoTime
+    time: GalileoTime  # of the snapshot that changed it
     svid: int
     before: Status
     after: Status
-    reason: str
+    reason: str  # of the verdict that changed it; "" if nothing happened for long enough
 
     @property
     def alarm(self) -> bool:
@@ -51,16 +40,9 @@ class StateChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmState:
-    """State of all satellites.
+    """State of all satellites."""
 
-    Attributes
-    ----------
-    seen
-        When each status was last seen, by satellite, in s after the receiver's origin.
-    shown
-        State of each satellite.
-    """
-
+    # when each status was last seen, by satellite, in s after the receiver's origin
     seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
     shown: Mapping[int, Status] = field(default_factory=dict)
 
@@ -74,31 +56,21 @@ class AlarmState:
     ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
         """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
 
-        Parameters
-        ----------
-        svids
-            Satellites of the columns.
-        time_s
-            Of the epochs, after the receiver's origin, ascending.
-        status
-            Of every epoch, as positions in `Status`.
-        due
-            Where a status counts; elsewhere the state stays as it is.
-        lost
-            Where E1 has lost a satellite.
+        `time_s` ascends, after the receiver's origin. Where no status is `due` the state stays as it is; `lost` is
+        where E1 has lost a satellite.
         """
         n = time_s.size
-        shown = np.array([_POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
+        shown = np.array([POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
         state = np.full(status.shape, _NOT_AVAILABLE, np.int8)
         last: dict[Status, Float[np.ndarray, "n m"]] = {}
         lost_s = _last_time(lost, time_s, np.full(len(svids), -np.inf))
         for one in GRAVITY[1:]:
             before_s = np.array([self.seen.get(svid, {}).get(one, -np.inf) for svid in svids])
-            seen_s = _last_time((status == _POSITION[one]) & due, time_s, before_s)
+            seen_s = _last_time((status == POSITION[one]) & due, time_s, before_s)
             if one is Status.AUTHENTIC:
                 seen_s = np.where(lost_s >= seen_s, -np.inf, seen_s)
             last[one] = seen_s
-            state[time_s[:, None] - seen_s < HOLD_S] = _POSITION[one]
+            state[time_s[:, None] - seen_s < HOLD_S] = POSITION[one]
         rows = np.where(due, np.arange(n)[:, None], -1)
         latest = np.maximum.accumulate(rows, axis=0)
         state = np.where(latest < 0, shown, np.take_along_axis(state, np.maximum(latest, 0), axis=0)).astype(np.int8)
@@ -107,7 +79,7 @@ class AlarmState:
     def _after(
         self, svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], last: Mapping[Status, Float[np.ndarray, "n m"]]
     ) -> AlarmState:
-        statuses = tuple(Status)
+        statuses = tuple(POSITION)
         seen, shown = dict(self.seen), dict(self.shown)
         for column, svid in enumerate(svids):
             known = {one: float(times[-1, column]) for one, times in last.items()}
@@ -128,8 +100,8 @@ def state_changes(
     svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
 ) -> list[tuple[int, int, Status, Status]]:
     """Return where the state of a satellite changes: row, column, state before and after."""
-    statuses = tuple(Status)
-    first = np.array([[_POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
+    statuses = tuple(POSITION)
+    first = np.array([[POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
     earlier = np.concatenate([first, state[:-1]])
     rows, columns = np.nonzero(earlier != state)
     return [

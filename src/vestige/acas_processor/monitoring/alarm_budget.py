@@ -34,17 +34,10 @@ ALARMS_A_DAY = 1.0  # for what can be chosen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """How often a receiver tests.
-
-    Attributes
-    ----------
-    satellites
-        In view.
-    observation_s, recs_s, search_s
-        Time between epochs of E1, between RECS, and between exhaustive searches, in s.
-    """
+    """How often a receiver tests."""
 
     satellites: int
+    # time between epochs of E1, between RECS, and between exhaustive searches, in s
     observation_s: float = 1.0
     recs_s: float = 30.0
     search_s: float = 3600.0
@@ -62,21 +55,11 @@ class Cadence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """What a check may do.
+    """What a check may do."""
 
-    Attributes
-    ----------
-    p_fa
-        False-alarm probability of one test, before confirmation.
-    alarms_a_day
-        At most, after confirmation.
-    chosen
-        Whether p_fa is a share of the budget, or the check's own.
-    """
-
-    p_fa: float
-    alarms_a_day: float
-    chosen: bool
+    p_fa: float  # false-alarm probability of one test, before confirmation
+    alarms_a_day: float  # at most, after confirmation
+    chosen: bool  # whether p_fa is a share of the budget, or the check's own
 
 
 def false_alarm_budget(
@@ -90,20 +73,9 @@ def false_alarm_budget(
 ) -> dict[CheckName | str, Share]:
     """Return the share of each check of a level, by name.
 
-    Parameters
-    ----------
-    level
-        Mitigation level, a key of `LEVELS`.
-    cadence
-        How often the receiver tests.
-    alarms_a_day
-        Of all checks together whose probability can be chosen.
-    kappa
-        Of the range check.
-    pd
-        Probability that E6 is detected, at the C/N0 in view: below `MIN_PD` a miss is no alarm.
-    further
-        Checks that a user wrote, with the false-alarm probability of one test of each.
+    `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
+    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote, with the
+    false-alarm probability of one test of each.
     """
     further = {} if further is None else further
     own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {

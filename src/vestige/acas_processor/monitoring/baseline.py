@@ -48,18 +48,12 @@ class Quantity(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna:
-    """What C/N0 the receiver expects of a satellite at an elevation.
+    """What C/N0 the receiver expects of a satellite at an elevation."""
 
-    Attributes
-    ----------
-    e1_dbhz, e6_dbhz
-        C/N0 of E1-C and E6-C at the zenith.
-    fall_db
-        By how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation.
-    """
-
+    # C/N0 of E1-C and E6-C at the zenith
     e1_dbhz: float
     e6_dbhz: float
+    # by how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
     fall_db: float = 0.0
 
     def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
@@ -71,16 +65,9 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLevels:
-    """The reference levels that the receiver's settings state; None is to be learned.
+    """The reference levels that the receiver's settings state; None is to be learned."""
 
-    Attributes
-    ----------
-    e1_power_db, e6_power_db
-        Power of each band without interference, in the reference of its front end.
-    antenna
-        Expected C/N0.
-    """
-
+    # power of each band without interference, in the reference of its front end
     e1_power_db: float | None = None
     e6_power_db: float | None = None
     antenna: Antenna | None = None
@@ -178,16 +165,7 @@ class Observed:
     ) -> Mapping[Quantity, Reference]:
         """Return what is usual at each epoch, from what was seen before it.
 
-        Parameters
-        ----------
-        levels
-            Of the receiver's settings.
-        baseline
-            What was learned before the block.
-        teaches
-            Which epochs are quiet, have RECS, and so teach those after them.
-        elevation_rad
-            Of the satellites.
+        `teaches` says which epochs are quiet, have RECS, and so teach those after them.
         """
         found = {}
         for quantity, values in self.values.items():

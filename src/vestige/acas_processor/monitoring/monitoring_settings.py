@@ -10,11 +10,7 @@ from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.checks.osnma import (
-    OsnmaAgreementMonitor,
-    OsnmaAvailabilityMonitor,
-    OsnmaReceptionMonitor,
-)
+from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor, OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
@@ -104,12 +100,7 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
     """Return the checks of a processor's level that look at one block alone; the searches are made by `assess`.
 
-    Parameters
-    ----------
-    processor
-        With its settings.
-    p_fa
-        False-alarm probability of one test of each check of the level.
+    `p_fa` is the false-alarm probability of one test of each check of the level.
     """
     settings = processor.monitoring
 

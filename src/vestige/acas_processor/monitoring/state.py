@@ -17,20 +17,12 @@ FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeUncertainty:
-    """Upper limit of the error of the receiver's clock.
+    """Upper limit of the error of the receiver's clock."""
 
-    Attributes
-    ----------
-    initial_s
-        Before the first authentic fix.
-    frequency_error
-        Upper limit of the relative frequency error of the oscillator.
-    fixed_at, fixed_s
-        Time of the last authentic fix, and how good it was.
-    """
-
-    initial_s: float = 15.0
+    initial_s: float = 15.0  # before the first authentic fix
+    # upper limit of the relative frequency error of the oscillator
     frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
+    # time of the last authentic fix, and how good it was
     fixed_at: GalileoTime | None = None
     fixed_s: float = FIXED_S
 
@@ -51,58 +43,28 @@ class TimeUncertainty:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchMemory:
-    """What is remembered of the exhaustive search.
+    """What is remembered of the exhaustive search."""
 
-    Attributes
-    ----------
-    searched_at
-        Time of the last one.
-    found_twice
-        Whether it was made with the last RECS, and found more than one signal of a satellite.
-    suspicious
-        Whether another check failed since the last RECS.
-    """
-
-    searched_at: GalileoTime | None = None
-    found_twice: bool = False
-    suspicious: bool = False
+    searched_at: GalileoTime | None = None  # time of the last one
+    found_twice: bool = False  # whether it was made with the last RECS, and found more than one signal of a satellite
+    suspicious: bool = False  # whether another check failed since the last RECS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverState:
-    """What a receiver remembers.
+    """What a receiver remembers."""
 
-    Attributes
-    ----------
-    origin
-        Time of the first epoch that it processed.
-    last
-        Time of the last one.
-    uncertainty
-        Of its clock.
-    baseline
-        What is usual of power, C/N0 and noise floor.
-    position_m
-        ECEF position of the last fix; None before the first.
-    clock, osnma, rates, search
-        Of single checks.
-    streaks
-        How many of its last tests a check that has to be confirmed failed in a row, by satellite.
-    alarm
-        What is shown of each satellite.
-    on_e1
-        When E1 showed each satellite last.
-    """
-
-    origin: GalileoTime
-    last: GalileoTime
+    origin: GalileoTime  # time of the first epoch that it processed
+    last: GalileoTime  # time of the last one
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
-    baseline: Baseline = field(default_factory=Baseline)
-    position_m: Vector | None = None
+    baseline: Baseline = field(default_factory=Baseline)  # what is usual of power, C/N0 and noise floor
+    position_m: Vector | None = None  # ECEF position of the last fix; None before the first
+    # of single checks
     clock: ClockMemory = ()
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     rates: RateMemory | None = None
     search: SearchMemory = field(default_factory=SearchMemory)
+    # how many of its last tests a check that has to be confirmed failed in a row, by satellite
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
     alarm: AlarmState = field(default_factory=AlarmState)
-    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)
+    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # when E1 showed each satellite last

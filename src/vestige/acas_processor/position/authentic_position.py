@@ -17,30 +17,20 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthenticPosition:
-    """Where the receiver was at the time of a snapshot.
-
-    Attributes
-    ----------
-    index
-        Number of the snapshot.
-    time, available_at
-        Of the snapshot, and when the last key that it needs was complete.
-    latitude_deg, longitude_deg, height_m
-        Geodetic, height over the ellipsoid.
-    horizontal_sigma_m, vertical_sigma_m
-        Standard deviations of the position in m, from the covariance of the fix.
-    svids, earlier
-        Satellites whose ranges are used, and those of them with the earliest of several signals.
-    """
+    """Where the receiver was at the time of a snapshot."""
 
     index: int
+    # of the snapshot, and when the last key that it needs was complete
     time: GalileoTime
     available_at: GalileoTime
+    # geodetic, height over the ellipsoid
     latitude_deg: float
     longitude_deg: float
     height_m: float
+    # standard deviations of the position in m, from the covariance of the fix
     horizontal_sigma_m: float
     vertical_sigma_m: float
+    # satellites whose ranges are used, and those of them with the earliest of several signals
     svids: tuple[int, ...]
     earlier: tuple[int, ...]
 

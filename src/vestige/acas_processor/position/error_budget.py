@@ -12,7 +12,7 @@ The range offset of a true signal is the sum of independent errors, and the test
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vestige.constants import GAMMA_E1_E6
 
@@ -59,15 +59,7 @@ class ErrorBudget:
     @classmethod
     def corrected(cls) -> ErrorBudget:
         """Return the budget with ionosphere model (NeQuick-G) and group delay file [SASLIB]: σ_auth 4.37 m."""
-        return cls(
-            hardware_m=0.0,
-            group_delay_m=0.0,
-            ionosphere_e1_m=3.5,
-            multipath_e1_m=3.0,
-            multipath_e6_m=0.6,
-            noise_e1_m=0.4,
-            noise_e6_m=2.5,
-        )
+        return replace(cls.uncorrected(), group_delay_m=0.0, ionosphere_e1_m=3.5)
 
     @property
     def sigma_m(self) -> float:

@@ -38,21 +38,12 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixSettings:
-    """Orbits, and what the receiver assumes of its observations.
+    """Orbits, and what the receiver assumes of its observations."""
 
-    Attributes
-    ----------
-    ephemerides
-        Broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be.
-    errors
-        Standard deviations of the observations.
-    fit_interval_s
-        How far from its time an ephemeris is used.
-    """
-
+    # broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be
     ephemerides: tuple[Ephemeris, ...] = ()
-    errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)
-    fit_interval_s: float = FIT_INTERVAL_S
+    errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
+    fit_interval_s: float = FIT_INTERVAL_S  # how far from its time an ephemeris is used
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
         """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""
@@ -61,31 +52,19 @@ class FixSettings:
     def transmission(
         self, time: GalileoTimes, svids: tuple[int, ...], pseudorange_m: Float[np.ndarray, "n m"]
     ) -> Transmission:
-        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit.
-
-        Parameters
-        ----------
-        time
-            Of the observations.
-        svids
-            Satellite of each column.
-        pseudorange_m
-            NaN where not measured.
-        """
+        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit."""
         n, m = pseudorange_m.shape
         position, velocity = np.full((2, n, m, 3), np.nan)
         clock_m, clock_mps = np.full((2, n, m), np.nan)
         anchor = self.ephemerides[0].toe
         elapsed_s = time.since(anchor)
         for column, svid in enumerate(svids):
-            for ephemeris, rows in _chosen(self._of(svid), time, self.fit_interval_s):
+            own = tuple(one for one in self.ephemerides if one.svid == svid)
+            for ephemeris, rows in _chosen(own, time, self.fit_interval_s):
                 sent = transmission([ephemeris], anchor, elapsed_s[rows], pseudorange_m[rows, column][:, None])
                 position[rows, column], velocity[rows, column] = sent.position_m[:, 0], sent.velocity_mps[:, 0]
                 clock_m[rows, column], clock_mps[rows, column] = sent.clock_m[:, 0], sent.clock_mps[:, 0]
         return Transmission(position_m=position, velocity_mps=velocity, clock_m=clock_m, clock_mps=clock_mps)
-
-    def _of(self, svid: int) -> tuple[Ephemeris, ...]:
-        return tuple(one for one in self.ephemerides if one.svid == svid)
 
     def measure(self, time: GalileoTimes, svids: tuple[int, ...], e1: E1Block) -> FixBlock | None:
         """Return the fix of every epoch; None without orbits."""
@@ -96,7 +75,8 @@ class FixSettings:
         elevation_rad = unknown
         if self.errors.needs_elevation:
             plain = PseudorangeErrors(floor_m=max(self.errors.floor_m, 1.0), loops=self.errors.loops)
-            elevation_rad = elevations(sent, position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown)))
+            first = position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown))
+            elevation_rad = elevations_from(first.position_m, sent.position_m)
         sigma_m = self.errors.range_m(e1.cn0_dbhz, elevation_rad)
         common_m = self.errors.common_m(elevation_rad)
         fix = position_fix(sent, e1.pseudorange_m, sigma_m, common_m=common_m)
@@ -115,15 +95,7 @@ class FixSettings:
 def fix_quantities(
     sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
 ) -> dict[str, Any]:
-    """Return what a `FixBlock` holds of a fix.
-
-    Parameters
-    ----------
-    sent, fix
-        Satellites at transmission, and the fix of each epoch.
-    rate_mps, sigma_rate_mps
-        Measured rates of the pseudoranges and their standard deviations.
-    """
+    """Return what a `FixBlock` holds of a fix."""
     _, drift_mps = velocity_fix(sent, fix, rate_mps)
     separation_sigmas, separation_modes = largest_separations(fix)
     return {
@@ -143,14 +115,9 @@ def fix_quantities(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LazyFix:
-    """The fixes of a block, made when they are first asked for.
+    """The fixes of a block, made when they are first asked for."""
 
-    Attributes
-    ----------
-    settings, time, svids, e1
-        As `FixSettings.measure` takes them.
-    """
-
+    # as `FixSettings.measure` takes them
     settings: FixSettings
     time: GalileoTimes
     svids: tuple[int, ...]
@@ -160,11 +127,6 @@ class LazyFix:
     def block(self) -> FixBlock | None:
         """The fix of each epoch; None without orbits."""
         return self.settings.measure(self.time, self.svids, self.e1)
-
-
-def elevations(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
-    """Return the elevation of the satellites in rad, seen from the fix; NaN without one."""
-    return elevations_from(fix.position_m, sent.position_m)
 
 
 def elevations_from(

@@ -12,7 +12,7 @@ path: first along a straight line, then bent by what the increments say. The vel
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,6 @@ from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
 
 
-def _nothing() -> Float[np.ndarray, " m"]:
-    return np.zeros(0)
-
-
 def gained_towards_mps(
     before: Float[np.ndarray, "*n m 3"],
     now: Float[np.ndarray, "*n m 3"],
@@ -35,12 +31,8 @@ def gained_towards_mps(
 ) -> Float[np.ndarray, "*n m"]:
     """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
 
-    Parameters
-    ----------
-    before, now
-        e, unit vectors to the satellites at both ends.
-    delta_velocity_mps, mean_mps
-        Δv = ∫ a dt and the mean of the receiver's velocities at both ends, all in one system of axes.
+    `before` and `now` are unit vectors e to the satellites, `delta_velocity_mps` is Δv = ∫ a dt, and `mean_mps` the
+    mean of the receiver's velocities at both ends, all in one system of axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -48,51 +40,40 @@ def gained_towards_mps(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateStep:
-    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both.
+    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both."""
 
-    Attributes
-    ----------
-    epoch
-        Row of the later one.
-    interval_s
-        Between the two.
-    rate_change_mps, static_change_mps, delta_velocity_mps
-        As for `InertialMonitor.statistic`.
-    sigma_change_mps
-        Standard deviation of the measured change.
-    why
-        Why there is nothing to compare; empty if there is.
+    interval_s: float
+    # as for `InertialMonitor.statistic`
+    rate_change_mps: Float[np.ndarray, " m"]
+    static_change_mps: Float[np.ndarray, " m"]
+    delta_velocity_mps: Float[np.ndarray, " m"]
+    sigma_change_mps: Float[np.ndarray, " m"]  # standard deviation of the measured change
+
+
+def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
+    """Yield the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+
+    Nothing without inertial sensors.
     """
-
-    epoch: int
-    interval_s: float = np.nan
-    rate_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    static_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    delta_velocity_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    sigma_change_mps: Float[np.ndarray, " m"] = field(default_factory=_nothing)
-    why: str = ""
-
-
-def rate_steps(evidence: Evidence) -> Iterator[RateStep]:
-    """Yield the steps that end at the RECS of a block; nothing without inertial sensors."""
     for epoch, before, now in _pairs(evidence):
         if now is None:
-            yield RateStep(epoch=epoch, why="no position fix")
+            yield epoch, "no position fix"
         elif before is None:
-            yield RateStep(epoch=epoch, why="no snapshot with a position fix before")
+            yield epoch, "no snapshot with a position fix before"
         elif not now.time - before.time > 0:
-            yield RateStep(epoch=epoch, why="the snapshot before is of the same time")
+            yield epoch, "the snapshot before is of the same time"
         elif not before.covered:
-            yield RateStep(epoch=epoch, why=f"the accelerations do not cover the time since {before.time}")
+            yield epoch, f"the accelerations do not cover the time since {before.time}"
         else:
-            yield _step(epoch, before, now, evidence.measured.snapshots.svids)
+            yield epoch, _step(before, now, evidence.measured.snapshots.svids)
 
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
     """Return what the next block needs."""
     left = [now for _, _, now in _pairs(evidence)]
     last = left[-1] if left else evidence.rates
-    return _with_increments(evidence, last, _last_recs(evidence), evidence.shape[0])
+    after = int(np.max(np.flatnonzero(evidence.measured.snapshots.recs), initial=-1)) + 1
+    return _with_increments(evidence, last, after, evidence.shape[0])
 
 
 def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMemory | None]]:
@@ -104,12 +85,6 @@ def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMem
         now = _left_behind(evidence, epoch)
         yield epoch, _with_increments(evidence, before, after, epoch + 1), now
         before, after = now, epoch + 1
-
-
-def _last_recs(evidence: Evidence) -> int:
-    """Return the row after the last epoch with RECS, 0 if there is none."""
-    rows = np.flatnonzero(evidence.measured.snapshots.recs)
-    return int(rows[-1]) + 1 if rows.size else 0
 
 
 def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:
@@ -140,12 +115,12 @@ def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
     return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
 
 
-def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
+def _step(before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
     interval_s = now.time - before.time
     places = np.array([before.position_m, now.position_m])
     ends_s = np.array([time - before.time for time, _ in before.increments])
     sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
-    path = _straight(places, ends_s, interval_s)
+    path = _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
     for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
         gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
         path = _bent(places, ends_s, interval_s, gained)
@@ -159,7 +134,6 @@ def _step(epoch: int, before: RateMemory, now: RateMemory, svids: tuple[int, ...
             sigma[column] = np.hypot(old.sigma_mps, new.sigma_mps)
             towards[0, column], towards[1, column] = old.towards, new.towards
     return RateStep(
-        epoch=epoch,
         interval_s=interval_s,
         rate_change_mps=rate,
         static_change_mps=static,
@@ -175,11 +149,6 @@ class _Path(NamedTuple):
     mean_of_ends_mps: Float[np.ndarray, " 3"]
 
 
-def _straight(places: Float[np.ndarray, "2 3"], ends_s: Float[np.ndarray, " k"], interval_s: float) -> _Path:
-    """Return the path of a receiver that does not accelerate."""
-    return _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
-
-
 def _bent(
     places: Float[np.ndarray, "2 3"],
     ends_s: Float[np.ndarray, " k"],
@@ -188,14 +157,8 @@ def _bent(
 ) -> _Path:
     """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
 
-    Parameters
-    ----------
-    places
-        ECEF, at both ends.
-    ends_s, interval_s
-        Ends of the steps after the first place, and when the second one is reached.
-    gained
-        Velocity gained in each step, ECEF.
+    Places and velocities are ECEF. `ends_s` are the ends of the steps after the first place; the second is reached at
+    `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[:, None]
     before = np.cumsum(gained, axis=0) - gained

@@ -33,42 +33,26 @@ class LoopNoise(Protocol):
 
     def __hash__(self) -> int:
         """Return a number that equal models share."""
-        ...
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a pseudorange in m."""
-        ...
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a Doppler in Hz."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudorangeErrors:
-    """Standard deviations of E1 observations.
+    """Standard deviations of E1 observations."""
 
-    Attributes
-    ----------
-    floor_m
-        Of all that is not named below.
-    ionosphere_m, ionosphere_common
-        Residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
-        satellites.
-    multipath_m
-        Of multipath at 16° elevation.
-    rate_mps
-        Of a range rate, where `loops` does not say it.
-    loops
-        Noise of the tracking loops; None for none beside the floor.
-    """
-
-    floor_m: float = 5.0
+    floor_m: float = 5.0  # of all that is not named below
+    # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
+    # satellites.
     ionosphere_m: float = 0.0
     ionosphere_common: float = 0.5
-    multipath_m: float = 0.0
-    rate_mps: float = 0.1
-    loops: LoopNoise | None = None
+    multipath_m: float = 0.0  # of multipath at 16° elevation
+    rate_mps: float = 0.1  # of a range rate, where `loops` does not say it
+    loops: LoopNoise | None = None  # noise of the tracking loops; None for none beside the floor
 
     @property
     def needs_elevation(self) -> bool:
@@ -79,7 +63,7 @@ class PseudorangeErrors:
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
     ) -> Float[np.ndarray, "n m"]:
         """Return the standard deviation of pseudoranges; NaN where the C/N0 is not known but matters."""
-        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _of_grid(_log_code_m(self.loops), cn0_dbhz)
+        code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _sigma(self.loops, "code_sigma_m", cn0_dbhz)
         if not self.needs_elevation:
             return np.sqrt(code_m**2 + self.floor_m**2)
         ionosphere_m = self.ionosphere_m * obliquity(elevation_rad)
@@ -96,19 +80,14 @@ class PseudorangeErrors:
         """Return the standard deviation of range rates."""
         if self.loops is None:
             return np.full(cn0_dbhz.shape, self.rate_mps)
-        return _of_grid(_log_doppler_hz(self.loops), cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+        return _sigma(self.loops, "doppler_sigma_hz", cn0_dbhz) * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
 
 
-def _of_grid(log_sigma: Float[np.ndarray, " k"], cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def _sigma(loops: LoopNoise, name: str, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Return a standard deviation; between whole dB its logarithm is interpolated, which is good to 1e-3."""
-    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, log_sigma))
+    return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_sigma(loops, name)))
 
 
-@lru_cache(maxsize=16)
-def _log_code_m(loops: LoopNoise) -> Float[np.ndarray, " k"]:
-    return np.log([loops.code_sigma_m(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
-
-
-@lru_cache(maxsize=16)
-def _log_doppler_hz(loops: LoopNoise) -> Float[np.ndarray, " k"]:
-    return np.log([loops.doppler_sigma_hz(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])
+@lru_cache(maxsize=32)
+def _log_sigma(loops: LoopNoise, name: str) -> Float[np.ndarray, " k"]:
+    return np.log([getattr(loops, name)(float(cn0_dbhz)) for cn0_dbhz in _GRID_DBHZ])

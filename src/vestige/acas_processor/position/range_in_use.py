@@ -20,9 +20,10 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
+from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.position.fix_measurement import fix_quantities
-from vestige.acas_processor.verdict_block import POSITION, PositionBlock, VerdictBlock
+from vestige.acas_processor.verdict_block import PositionBlock, VerdictBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
 from vestige.records import Status
@@ -40,8 +41,8 @@ def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock
     e1_in_use = (block.status == authentic) & (block.state == authentic)
     if CheckName.E6_SECOND_SIGNAL in block.failed:
         earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
-        limit_m = processor.kappa * processor.budget.sigma_m
-        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & (np.abs(earlier_m) <= limit_m)
+        near = np.abs(earlier_m) <= processor.budget.limit_m(processor.kappa)
+        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & near
     offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]

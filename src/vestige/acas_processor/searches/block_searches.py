@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.searches.sampled_searches import SatelliteSearch
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Assistance, Snapshot
@@ -23,17 +22,9 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledSearches:
-    """Both searches of a block of one epoch, in the samples of its snapshot.
+    """Both searches of a block of one epoch, in the samples of its snapshot."""
 
-    Attributes
-    ----------
-    snapshot
-        With E1, and E6 as far as it goes.
-    svids
-        Satellites of the columns.
-    """
-
-    snapshot: Snapshot
+    snapshot: Snapshot  # with E1, and E6 as far as it goes
     svids: tuple[int, ...]
 
     def e1(self, request: SearchRequest) -> SearchBlock:
@@ -45,7 +36,7 @@ class SampledSearches:
             cipher_mode=processor.cipher_mode,
             group_delay_convention=processor.group_delay_convention,
         )
-        return self._block(search.search(self.snapshot, self._assistance(request), self._uncertainty(request)), request)
+        return self._block(search.search(self.snapshot, self._assistance(request), request.uncertainty[0]), request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return what the exhaustive search of E6 finds."""
@@ -56,7 +47,7 @@ class SampledSearches:
             for svid, seconds in zip(self.svids, request.expected_s[0], strict=True)
             if math.isfinite(seconds)
         }
-        found = search.search(self.snapshot, self._assistance(request), self._uncertainty(request), expected=expected)
+        found = search.search(self.snapshot, self._assistance(request), request.uncertainty[0], expected=expected)
         return self._block(found, request)
 
     def _assistance(self, request: SearchRequest) -> Assistance:
@@ -70,10 +61,6 @@ class SampledSearches:
         ]
         segments = segments_between(request.assistance, min(times), max(times)) if times else ()
         return replace(request.assistance, segments=segments)
-
-    @staticmethod
-    def _uncertainty(request: SearchRequest) -> TimeUncertainty:
-        return request.uncertainty[0]
 
     def _block(self, found: Iterable[SatelliteSearch], request: SearchRequest) -> SearchBlock:
         by_svid = {one.svid: one for one in found}

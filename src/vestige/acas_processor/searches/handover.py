@@ -12,38 +12,16 @@ correction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
-
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
-from vestige.records import ChipSequence, E1Observation, GroupDelay, Handover
+from vestige.records import ChipSequence, E1Observation, Handover
+from vestige.records.recs_block import Corrections
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
 # E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
 NOMINAL_E6_OVER_E1_DB = 2.0
 _LIGHT_TIME_STEPS = 4  # P changes by < 1 km/s · 0.1 s; each step gains five decimals
-
-
-@runtime_checkable
-class Corrections(Protocol):
-    """What is known of the delay of E6 behind E1: `Assistance`, or whatever else states it."""
-
-    @property
-    def group_delays(self) -> tuple[GroupDelay, ...]:
-        """Broadcast group delays."""
-        ...
-
-    @property
-    def hardware_bias_e1_e6_s(self) -> float:
-        """Calibrated delay of the E6 front end minus that of E1, in s."""
-        ...
-
-    @property
-    def ionosphere_e1_m(self) -> Mapping[int, float]:
-        """Predicted slant ionospheric delay on E1 by SVID, in m."""
-        ...
 
 
 def predicted_delay_m(
@@ -55,16 +33,8 @@ def predicted_delay_m(
 ) -> float:
     """Return P6 − P1 in m; positive means that E6 arrives later.
 
-    Parameters
-    ----------
-    ionosphere_e1_m
-        Slant ionospheric delay on E1 in m.
-    bgd_e1_e6_s
-        BGD(E1,E6) in s.
-    hardware_bias_e1_e6_s
-        Receiver delay of E6 minus E1 in s.
-    convention
-        How the group delay is to be read, see `vestige.crypto.recs.group_delay`.
+    The ionosphere is the slant delay on E1, the hardware bias the receiver's delay of E6 minus E1; for the convention
+    see `vestige.crypto.recs.group_delay`.
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
     return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
@@ -95,16 +65,7 @@ def hand_over(
 ) -> Handover:
     """Return where and how the chips are expected in the E6 samples.
 
-    Parameters
-    ----------
-    observation, observed_at
-        E1 measurement and the receiver-clock time to which it refers.
-    chips
-        The decrypted RECS with its time of transmission.
-    delay_m
-        P6 − P1 from `predicted_delay_m`, in m.
-    e6_over_e1_db
-        Expected C/N0 of E6-C over that of E1-C (signal power, antenna and front ends), in dB.
+    The observation refers to the receiver-clock time `observed_at`; `delay_m` is P6 − P1 from `predicted_delay_m`.
     """
     wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     since_transmission_s = observed_at - chips.transmit_time

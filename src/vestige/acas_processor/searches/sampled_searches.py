@@ -47,52 +47,30 @@ _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSearch:
-    """What a search says of one satellite.
-
-    Attributes
-    ----------
-    signals
-        On E1, the strongest first; none from the exhaustive search.
-    peaks
-        In E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure
-        of its key; then E6 says nothing of it, but `count` counts what was found all the same.
-    count, carrying
-        Number of signals, NaN if the search was not run, and of those that carry the encrypted chips.
-    not_run
-        0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`.
-    sent
-        Time of transmission of the RECS that the peaks are of; None without peaks.
-    """
+    """What a search says of one satellite."""
 
     svid: int
-    signals: tuple[Acquisition, ...]
+    signals: tuple[Acquisition, ...]  # on E1, the strongest first; none from the exhaustive search
+    # in E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure of
+    # its key; then E6 says nothing of it, but `count` counts what was found all the same.
     peaks: tuple[Peak, ...]
+    # number of signals, NaN if the search was not run, and of those that carry the encrypted chips
     count: float
     carrying: int = 0
-    not_run: int = 0
-    sent: GalileoTime | None = None
+    not_run: int = 0  # 0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`
+    sent: GalileoTime | None = None  # time of transmission of the RECS that the peaks are of; None without peaks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1VestigialSearch:
-    """All signals on E1, handed over to E6.
+    """All signals on E1, handed over to E6."""
 
-    Attributes
-    ----------
-    p_fa
-        Of one snapshot, for E1 and for E6 each.
-    doppler_span_hz, periods
-        Of `search_e1`.
-    taps
-        Of `search_handover`.
-    cipher_mode, group_delay_convention
-        As `AcasProcessor` has them.
-    """
-
-    p_fa: float = 1e-3
+    p_fa: float = 1e-3  # of one snapshot, for E1 and for E6 each
+    # of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
-    taps: int = 5
+    taps: int = 5  # of `search_handover`
+    # as `AcasProcessor` has them
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
 
@@ -107,16 +85,13 @@ class E1VestigialSearch:
         The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
         then a signal may be the right one at the wrong time.
 
-        Parameters
-        ----------
-        snapshot
-            With at least 8 ms of E1, better 100; E6 as far as it goes.
+        The snapshot has at least 8 ms of E1, better 100, and E6 as far as it goes.
         """
         svids = _satellites(assistance)
         if snapshot.e1 is None:
             return tuple(_not_run(svid, "no E1 samples") for svid in svids)
         signals = search_e1(
-            _beginning(snapshot.e1),
+            replace(snapshot.e1, samples=snapshot.e1.samples[: math.ceil(E1_WINDOW_S * snapshot.e1.sample_rate_hz)]),
             svids,
             overall_pfa=self.p_fa,
             doppler_span_hz=self.doppler_span_hz,
@@ -157,7 +132,7 @@ class E1VestigialSearch:
         e6 = _samples(snapshot)
         if e6 is None or not signals:
             return decision, sent
-        codes, _ = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
+        codes = _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode)
         for code in codes:
             window = arrival_window(code.transmit_time, uncertainty.at(snapshot.time), e6)
             if window is None:
@@ -177,24 +152,14 @@ class E1VestigialSearch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6ExhaustiveSearch:
-    """Every half chip and Doppler bin of E6.
+    """Every half chip and Doppler bin of E6."""
 
-    Attributes
-    ----------
-    p_fa
-        Of one snapshot.
-    how
-        Integration time, Doppler span, engine, workers.
-    around_s
-        How far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty.
-    cipher_mode
-        As `AcasProcessor` has it.
-    """
-
-    p_fa: float = 1e-3
+    p_fa: float = 1e-3  # of one snapshot
+    # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
+    # how far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty
     around_s: float | None = None
-    cipher_mode: CipherMode = CipherMode.CBC
+    cipher_mode: CipherMode = CipherMode.CBC  # as `AcasProcessor` has it
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
@@ -210,18 +175,14 @@ class E6ExhaustiveSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return what there is of every satellite with a RECS.
 
-        Parameters
-        ----------
-        e6
-            Samples in place of those of the snapshot: a file that is too long for one.
-        expected
-            Where E1 puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
+        Samples `e6` stand in place of those of the snapshot: a file that is too long for one. `expected` says where E1
+        puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
         """
         source = e6 or _samples(snapshot)
         found = {
             svid: _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode) for svid in _satellites(assistance)
         }
-        codes = [code for codes, _ in found.values() for code in codes]
+        codes = [code for codes in found.values() for code in codes]
         decisions: dict[int, VestigialDecision] = {}
         sent: dict[int, GalileoTime] = {}
         if source is not None:
@@ -234,15 +195,11 @@ class E6ExhaustiveSearch:
                     sent[code.svid] = code.transmit_time
         return tuple(
             _not_run(svid, "no E6 samples") if source is None else _of_decision(svid, decisions.get(svid), codes, sent)
-            for svid, (codes, _) in found.items()
+            for svid, codes in found.items()
         )
 
     def _stretches(
-        self,
-        source: SampleSource,
-        codes: list[ChipSequence],
-        uncertainty_s: float,
-        expected: Mapping[int, GalileoTime],
+        self, source: SampleSource, codes: list[ChipSequence], uncertainty_s: float, expected: Mapping[int, GalileoTime]
     ) -> list[_Stretch]:
         """Return which codes to look for where: those of one transmission at once, or each around its own place."""
         stretches = []
@@ -265,7 +222,8 @@ class E6ExhaustiveSearch:
     ) -> Iterator[tuple[ChipSequence, tuple[Peak, ...]]]:
         """Yield the codes that could be looked for, each with the peaks of its search."""
         for group, first, last in stretches:
-            hypotheses = self._hypotheses(source, (first, last), len(group))
+            starts = searchable(source, self.how.integration_s, first, last)[1]
+            hypotheses = self.how.hypotheses(starts, len(group))
             if hypotheses <= 0:
                 continue
             share = self.p_fa / len(stretches)
@@ -273,19 +231,13 @@ class E6ExhaustiveSearch:
             *_, state = self.how.run(source, group, first, last, limit)
             yield from ((code, state.peaks) for code in group)
 
-    def _hypotheses(self, source: SampleSource, window: tuple[GalileoTime, GalileoTime], n_codes: int) -> float:
-        return self.how.hypotheses(searchable(source, self.how.integration_s, *window)[1], n_codes)
-
 
 def _not_run(svid: int, why: str) -> SatelliteSearch:
     return SatelliteSearch(svid=svid, signals=(), peaks=(), count=math.nan, not_run=SEARCH_NOT_RUN.index(why) + 1)
 
 
 def _of_decision(
-    svid: int,
-    decision: VestigialDecision | None,
-    codes: tuple[ChipSequence, ...],
-    sent: Mapping[int, GalileoTime],
+    svid: int, decision: VestigialDecision | None, codes: tuple[ChipSequence, ...], sent: Mapping[int, GalileoTime]
 ) -> SatelliteSearch:
     """Return what an exhaustive search says of one satellite."""
     if decision is None:
@@ -333,24 +285,17 @@ def _proof(
 
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
-) -> tuple[tuple[ChipSequence, ...], str]:
-    """Return the RECS of a satellite that may prove something in a snapshot, its own first, and why there is none."""
+) -> tuple[ChipSequence, ...]:
+    """Return the RECS of a satellite that may prove something in a snapshot, its own first."""
     begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
     keys = {key.time: key for key in assistance.keys}
-    codes, reason = [], "no RECS of this satellite"
-    for segment in assistance.segments:
-        if segment.svid != svid:
-            continue
-        key = keys.get(segment.key_time)
-        if key is None:
-            reason = f"no validated OSNMA key of {segment.key_time}"
-            continue
-        code = decrypt(segment, key, mode=cipher_mode)
-        if _proof(code, snapshot, assistance, uncertainty).holds(begin):
-            codes.append(code)
-        else:
-            reason = f"not provably received before the key's disclosure at {key.disclosed_at}"
-    return tuple(sorted(codes, key=lambda code: _apart_s(code, snapshot))), "" if codes else reason
+    codes = [
+        decrypt(segment, keys[segment.key_time], mode=cipher_mode)
+        for segment in assistance.segments
+        if segment.svid == svid and segment.key_time in keys
+    ]
+    proven = [code for code in codes if _proof(code, snapshot, assistance, uncertainty).holds(begin)]
+    return tuple(sorted(proven, key=lambda code: _apart_s(code, snapshot)))
 
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
@@ -358,11 +303,6 @@ def _samples(snapshot: Snapshot) -> SampleSource | None:
     if not isinstance(snapshot.e6, CorrelatableSamples):
         return None
     return snapshot.e6.surroundings or BatchSource(snapshot.e6.batch)
-
-
-def _beginning(batch: SampleBatch) -> SampleBatch:
-    """Return the first 100 ms."""
-    return replace(batch, samples=batch.samples[: math.ceil(E1_WINDOW_S * batch.sample_rate_hz)])
 
 
 def _satellites(assistance: Assistance) -> list[int]:

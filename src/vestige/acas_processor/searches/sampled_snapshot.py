@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,7 +12,7 @@ from jaxtyping import Bool, Float
 from vestige.acas_processor.searches.block_searches import SampledSearches
 from vestige.records import Correlatable, E1Observation, Snapshot
 from vestige.records.inertial import Accelerations
-from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Handovers, SnapshotBlock
+from vestige.records.snapshot_block import OBSERVED, BankBlock, E1Block, FrontEndBlock, Handovers, SnapshotBlock
 from vestige.records.times import GalileoTimes
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
@@ -46,37 +47,22 @@ def block_of(
 ) -> SnapshotBlock:
     """Return a snapshot as a block of one epoch.
 
-    Parameters
-    ----------
-    snapshot
-        With samples.
-    since
-        Time of the snapshot before, from which on accelerations count; None at first.
-    accelerations
-        Of inertial sensors; None without any.
+    Accelerations count from `since` on, the time of the snapshot before; None at first.
     """
     svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
     observations = [snapshot.observations.get(svid) for svid in svids]
 
+    observed: dict[str, Any] = {name: _row(observations, name) for name in OBSERVED}
     shape = (1, len(svids))
-    received = GalileoTimes.of([snapshot.received_at])
     return SnapshotBlock(
         index=np.array([snapshot.index]),
         time=GalileoTimes.of([snapshot.time]),
-        received_at=GalileoTimes(
-            np.broadcast_to(received.second[:, None], shape), np.broadcast_to(received.fraction[:, None], shape)
-        ),
+        received_at=GalileoTimes.of([snapshot.received_at]).reshaped(shape),
         time_uncertainty_s=np.array([snapshot.time_uncertainty_s], np.float64),
         svids=svids,
         asked=np.ones(shape, np.bool_),
         recs=np.ones(1, np.bool_),
-        e1=E1Block(
-            pseudorange_m=_row(observations, "pseudorange_m"),
-            carrier_phase_cycles=_row(observations, "carrier_phase_cycles"),
-            doppler_hz=_row(observations, "doppler_hz"),
-            doppler_rate_hz_per_s=_row(observations, "doppler_rate_hz_per_s"),
-            cn0_dbhz=_row(observations, "cn0_dbhz"),
-        ),
+        e1=E1Block(**observed),
         front_end={
             band: FrontEndBlock(
                 agc_gain_db=np.array([status.agc_gain_db], np.float64),

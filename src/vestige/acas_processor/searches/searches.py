@@ -4,8 +4,11 @@ Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each over to E6; st
 exhaustively. The statistic is the number of signals of a satellite, the threshold one. What an attacker can do against
 both: null the true signal, or bury it in noise; then the checks of E6 power and of received power see that.
 
-The search on E1 is made with every RECS, the exhaustive one as `search_schedule.py` says. Both search as far as the
-clock may be wrong (`TimeUncertainty`).
+The search on E1 is made with every RECS. The paper leaves open how often the exhaustive one is; with every RECS it
+would take more time than there is. So it is made at the start, now and then, and with every RECS as long as something
+is suspicious. That goes on with the RECS after a search that found a second signal, though no other check may see it:
+an attacker who nulls E1 and is quiet would otherwise be AUTHENTIC again one RECS after he was found.
+Both search as far as the clock may be wrong (`TimeUncertainty`).
 """
 
 from __future__ import annotations
@@ -20,18 +23,23 @@ from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock
 
 NOT_DUE = SEARCH_NOT_RUN.index("not due") + 1
+_ROUNDING_S = 1e-6  # of times that are sums of intervals
+
+
+def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:
+    """Return whether the search is to be made with a RECS.
+
+    `since_s` is None if no search was made. It is suspicious if another check failed since the RECS before, or does
+    with this one; `found_twice` if the search with the RECS before found more than one signal of a satellite.
+    """
+    return since_s is None or suspicious or found_twice or since_s >= period_s - _ROUNDING_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchResults:
-    """What a search said in a block of n epochs; NaN where it was not made.
+    """What a search said in a block of n epochs; NaN where it was not made."""
 
-    Attributes
-    ----------
-    signals, carrying, earliest_m, not_run
-        As in `SearchBlock`, of every epoch.
-    """
-
+    # as in `SearchBlock`, of every epoch
     signals: Float[np.ndarray, "n m"]
     carrying: Float[np.ndarray, "n m"]
     earliest_m: Float[np.ndarray, "n m"]

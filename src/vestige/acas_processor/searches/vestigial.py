@@ -38,29 +38,18 @@ MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VestigialDecision:
-    """What the peaks of one RECS say.
-
-    Attributes
-    ----------
-    true
-        The earliest peak; None if there is none, or if its chips may have been known when it arrived.
-    spoofed
-        Whether there is more than one.
-    """
+    """What the peaks of one RECS say."""
 
     svid: int
     peaks: tuple[Peak, ...]
-    true: Peak | None
-    spoofed: bool
+    true: Peak | None  # the earliest peak; None if there is none, or if its chips may have been known when it arrived
+    spoofed: bool  # whether there is more than one
 
 
 def decide_vestigial(svid: int, peaks: Iterable[Peak], proof: ReceptionProof | None = None) -> VestigialDecision:
     """Return the decision on the peaks of a satellite: the earliest is the true signal, a second one is spoofing.
 
-    Parameters
-    ----------
-    proof
-        As `reception_proof` has it; None if all samples are known to be from before the key's disclosure.
+    `proof` is None if all samples are known to be from before the key's disclosure.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
     secret = bool(own) and (proof is None or proof.holds(own[0].start_time))
@@ -70,14 +59,8 @@ def decide_vestigial(svid: int, peaks: Iterable[Peak], proof: ReceptionProof | N
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
     """Return which arrivals of a RECS are provably from before anybody could know its chips.
 
-    Parameters
-    ----------
-    assistance
-        With the segment out of which the chips were decrypted, and its key.
-    chips
-        The decrypted RECS.
-    uncertainty_s
-        Bound on the error of the clock that the start is measured with, infinite if there is none.
+    The assistance holds the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
+    clock that the start is measured with, infinite if there is none.
     """
     times = {
         one.key_time
@@ -94,12 +77,7 @@ def arrival_window(
 ) -> tuple[GalileoTime, GalileoTime] | None:
     """Return when a chip may arrive at the earliest and at the latest, as far as samples go; None if never in them.
 
-    Parameters
-    ----------
-    sent
-        Time of transmission.
-    uncertainty_s
-        Bound on the error of the samples' time, infinite if there is none.
+    `uncertainty_s` is the upper limit of the error of the samples' time, infinite if there is none.
     """
     head = samples.read(samples.first_sample, 1)
     end_s = (samples.end_sample - samples.first_sample) / head.sample_rate_hz
@@ -122,14 +100,8 @@ def handover_line(
 ) -> CandidateEpochs:
     """Return where a signal on E1 says that the chips may arrive in E6.
 
-    Parameters
-    ----------
-    snapshot
-        Its measurement.
-    delay_m
-        P6 − P1 from `vestige.acas_processor.searches.handover.predicted_delay_m`, in m.
-    secondary
-        Whether to use the phase of the secondary code, if it is clear: places are 100 ms apart, not 4.
+    `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used, if it is
+    clear: places are 100 ms apart, not 4.
     """
     known = secondary and snapshot.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB
     period_s = SECONDARY_PERIOD_S if known else E1_CODE_PERIOD_S
@@ -156,18 +128,7 @@ def line_stretches(
 ) -> tuple[CandidateInterval, ...]:
     """Return the lines of one signal on E1 over a time uncertainty; () if it cannot be measured where it was found.
 
-    Parameters
-    ----------
-    e1
-        E1 samples.
-    found, found_at
-        The signal, and the time of the first sample of the batch in which it was found.
-    chips
-        The decrypted RECS.
-    first_start, last_start
-        Time uncertainty in E6.
-    delay_m, secondary
-        As `handover_line`.
+    The signal was found in a batch whose first sample is at `found_at`; other arguments as in `handover_line`.
     """
     first = _measured(e1, found, found_at)
     if first is None:
@@ -202,18 +163,8 @@ def handover_peaks(
 ) -> tuple[tuple[Peak, ...], SearchBudget]:
     """Return the signals in E6 at the places of all lines, in order of time, and the budget of the search.
 
-    Parameters
-    ----------
-    e6
-        E6 samples.
-    stretches
-        Lines of all signals on E1.
-    overall_pfa
-        Probability that noise alone gives any peak.
-    taps
-        Code offsets half a chip apart at each place, an odd number.
-    trace
-        As `search_handover`.
+    `overall_pfa` is the probability that noise alone gives any peak. Each place has an odd number of `taps`, half a
+    chip apart.
     """
     if not stretches:
         return (), search_budget(0.0, E1_CODE_PERIOD_S, overall_pfa=overall_pfa, doppler_step_hz=0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from vestige.campaign.plan import Column, Coord
+from vestige.campaign.plan import Coord, column_table
 from vestige.receiver.samples.sampled_epoch import arrival
 from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
@@ -13,25 +13,21 @@ from vestige.records import Band
 
 _SATELLITE, _ATTACKS = ("epoch", "satellite"), ("epoch", "satellite", "attack")
 
-# name: dims, dtype, units, meaning
-ATTACK_COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text)
-    for name, dims, dtype, units, text in (
-        ("truth_phase_rad", _SATELLITE, "float32", "rad", "carrier phase of the line of sight on E6"),
-        ("truth_prediction_error_m", _SATELLITE, "float64", "m", "line of sight on E6, later than predicted"),
-        ("truth_spoofed", _SATELLITE, "bool", "1", "whether any counterfeit is on the air"),
-        ("truth_spoofer_offset_m", _ATTACKS, "float64", "m", "counterfeit on E6, later than the line of sight"),
-        ("truth_spoofer_power_db", _ATTACKS, "float32", "dB", "counterfeit on E6 over the line of sight"),
-        ("truth_spoofer_phase_rad", _ATTACKS, "float32", "rad", "counterfeit on E6 against the line of sight"),
-        ("truth_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E6 correlator over N0"),
-        ("truth_e1_spoofer_offset_m", _ATTACKS, "float64", "m", "counterfeit on E1, later than the line of sight"),
-        ("truth_e1_spoofer_power_db", _ATTACKS, "float32", "dB", "counterfeit on E1 over the line of sight"),
-        ("truth_e1_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E1 correlator over N0"),
-        ("truth_e1_error_m", _SATELLITE, "float64", "m", "error of the E1 pseudorange by the attack"),
-        ("truth_e1_worst_error_m", _SATELLITE, "float64", "m", "the largest since the epoch before"),
-        ("truth_e1_captured", _SATELLITE, "bool", "1", "whether E1 tracking is on a counterfeit"),
-    )
-}
+ATTACK_COLUMNS = column_table(
+    ("truth_phase_rad", _SATELLITE, "float32", "rad", "carrier phase of the line of sight on E6"),
+    ("truth_prediction_error_m", _SATELLITE, "float64", "m", "line of sight on E6, later than predicted"),
+    ("truth_spoofed", _SATELLITE, "bool", "1", "whether any counterfeit is on the air"),
+    ("truth_spoofer_offset_m", _ATTACKS, "float64", "m", "counterfeit on E6, later than the line of sight"),
+    ("truth_spoofer_power_db", _ATTACKS, "float32", "dB", "counterfeit on E6 over the line of sight"),
+    ("truth_spoofer_phase_rad", _ATTACKS, "float32", "rad", "counterfeit on E6 against the line of sight"),
+    ("truth_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E6 correlator over N0"),
+    ("truth_e1_spoofer_offset_m", _ATTACKS, "float64", "m", "counterfeit on E1, later than the line of sight"),
+    ("truth_e1_spoofer_power_db", _ATTACKS, "float32", "dB", "counterfeit on E1 over the line of sight"),
+    ("truth_e1_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E1 correlator over N0"),
+    ("truth_e1_error_m", _SATELLITE, "float64", "m", "error of the E1 pseudorange by the attack"),
+    ("truth_e1_worst_error_m", _SATELLITE, "float64", "m", "the largest since the epoch before"),
+    ("truth_e1_captured", _SATELLITE, "bool", "1", "whether E1 tracking is on a counterfeit"),
+)
 
 
 def attack_coords(simulation: Simulation) -> dict[str, Coord]:
@@ -43,23 +39,15 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     made = [attack.counterfeit(Band.E6, np.zeros(1)) for attack in attacks]  # whichever satellite it is for
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
-        "attack": Coord(dim="attack", values=names, units="1", long_name="attack"),
-        "forged": Coord(dim="attack", values=forged, units="1", long_name="whether its E6 chips are made up"),
+        "attack": Coord(dim="attack", values=names, long_name="attack"),
+        "forged": Coord(dim="attack", values=forged, long_name="whether its E6 chips are made up"),
     }
 
 
 def attack_columns(
     simulation: Simulation, truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]
 ) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS`.
-
-    Parameters
-    ----------
-    simulation, truth
-        Of one satellite.
-    e1_multipath_m
-        What rays make of its pseudorange on E1.
-    """
+    """Return the values of `ATTACK_COLUMNS`."""
     phase_rad = np.angle(arrival(simulation.line_of_sight, truth).carrier)
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {

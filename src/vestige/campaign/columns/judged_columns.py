@@ -9,7 +9,7 @@ import numpy as np
 
 from vestige.acas_processor.levels import NO_CAUSE, OTHERS
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.campaign.plan import Column
+from vestige.campaign.plan import column_table
 from vestige.records import Status
 
 _EPOCH, _SATELLITE, _CHECKS = ("epoch",), ("epoch", "satellite"), ("check", "epoch", "satellite")
@@ -23,21 +23,18 @@ _FLAGS: Mapping[str, Mapping[str, Any]] = {
     },
 }
 
-# name: dims, dtype, units, meaning
-JUDGED_COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=_FLAGS.get(name, {}))
-    for name, dims, dtype, units, text in (
-        ("status", _SATELLITE, "int8", "1", "verdict at the level of the scenario"),
-        ("state", _SATELLITE, "int8", "1", "what the receiver shows its user"),
-        ("cause", _SATELLITE, "int8", "1", "check that the verdict follows from"),
-        ("check_result", _CHECKS, "int8", "1", "outcome of a check, after confirmation"),
-        ("check_statistic", _CHECKS, "float32", "1", "statistic of a check, in its own unit"),
-        ("check_threshold", _CHECKS, "float32", "1", "what its magnitude must not exceed"),
-        ("range_in_use_m", _SATELLITE, "float64", "m", "pseudorange that may be used; NaN if none"),
-        ("range_is_earlier", _SATELLITE, "bool", "1", "whether it is the earliest of several signals, not that of E1"),
-        ("searched", _EPOCH, "bool", "1", "whether the exhaustive search was made"),
-    )
-}
+JUDGED_COLUMNS = column_table(
+    ("status", _SATELLITE, "int8", "1", "verdict at the level of the scenario"),
+    ("state", _SATELLITE, "int8", "1", "what the receiver shows its user"),
+    ("cause", _SATELLITE, "int8", "1", "check that the verdict follows from"),
+    ("check_result", _CHECKS, "int8", "1", "outcome of a check, after confirmation"),
+    ("check_statistic", _CHECKS, "float32", "1", "statistic of a check, in its own unit"),
+    ("check_threshold", _CHECKS, "float32", "1", "what its magnitude must not exceed"),
+    ("range_in_use_m", _SATELLITE, "float64", "m", "pseudorange that may be used; NaN if none"),
+    ("range_is_earlier", _SATELLITE, "bool", "1", "whether it is the earliest of several signals, not that of E1"),
+    ("searched", _EPOCH, "bool", "1", "whether the exhaustive search was made"),
+    attrs=_FLAGS,
+)
 
 
 def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:

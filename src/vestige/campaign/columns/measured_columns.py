@@ -16,7 +16,7 @@ from jaxtyping import Float, Int64
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.campaign.plan import Column
+from vestige.campaign.plan import column_table
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.osnma_reception import as_mask, of_mask, pages_due
 from vestige.receiver.snapshots.assistance import recs_with_keys
@@ -34,65 +34,48 @@ from vestige.time import GalileoTime
 Columns = Mapping[str, np.ndarray]
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _AVAILABILITY = {
-    "flag_values": [int(one) for one in Availability],
-    "flag_meanings": " ".join(one.name.lower() for one in Availability),
+    "availability": {
+        "flag_values": [int(one) for one in Availability],
+        "flag_meanings": " ".join(one.name.lower() for one in Availability),
+    }
 }
 
 
-def _table(rows: tuple[tuple[str, tuple[str, ...], str, str, str], ...]) -> dict[str, Column]:
-    return {
-        name: Column(
-            dims=dims,
-            dtype=dtype,
-            units=units,
-            long_name=text,
-            attrs=_AVAILABILITY if name == "availability" else {},
-        )
-        for name, dims, dtype, units, text in rows
-    }
-
-
-# name: dims, dtype, units, meaning
-MEASURED_COLUMNS = _table(
-    (
-        ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
-        ("recs", _EPOCH, "bool", "1", "whether a RECS is sent"),
-        ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
-        ("availability", _SATELLITE, "int8", "1", "how far the measurement of E6 came"),
-        ("e6_received_s", _SATELLITE, "float64", "s", "when samples too late to prove anything ended, after the start"),
-        ("taps", (*_SATELLITE, "tap"), "complex64", "1", "correlator output"),
-        ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
-        ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
-        ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
-        ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
-    )
+MEASURED_COLUMNS = column_table(
+    ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
+    ("recs", _EPOCH, "bool", "1", "whether a RECS is sent"),
+    ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
+    ("availability", _SATELLITE, "int8", "1", "how far the measurement of E6 came"),
+    ("e6_received_s", _SATELLITE, "float64", "s", "when samples too late to prove anything ended, after the start"),
+    ("taps", (*_SATELLITE, "tap"), "complex64", "1", "correlator output"),
+    ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
+    ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
+    ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
+    ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
+    attrs=_AVAILABILITY,
 )
 
 # what the checks of levels 2 and 3 look at beside
-E1_COLUMNS = _table(
-    (
-        ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
-        ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
-        ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
-        ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
-        ("e1_signals", _SATELLITE, "float32", "1", "signals that the search of E1 finds; NaN without RECS"),
-        ("handover_carrying", _SATELLITE, "float32", "1", "signals of E1 that carry the encrypted chips in E6"),
-        ("handover_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
-        ("exhaustive_signals", _SATELLITE, "float32", "1", "signals that an exhaustive search of E6 finds"),
-        ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
-        ("earliest_received_s", _SATELLITE, "float64", "s", "end of the earliest signal's RECS, after the start"),
-    )
+E1_COLUMNS = column_table(
+    ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
+    ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
+    ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
+    ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
+    ("e1_signals", _SATELLITE, "float32", "1", "signals that the search of E1 finds; NaN without RECS"),
+    ("handover_carrying", _SATELLITE, "float32", "1", "signals of E1 that carry the encrypted chips in E6"),
+    ("handover_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+    ("exhaustive_signals", _SATELLITE, "float32", "1", "signals that an exhaustive search of E6 finds"),
+    ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+    ("earliest_received_s", _SATELLITE, "float64", "s", "end of the earliest signal's RECS, after the start"),
 )
 
-OSNMA_COLUMNS = _table(
-    (
-        ("in_view", _SATELLITE, "bool", "1", "whether the satellite is above the mask"),
-        ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
-        ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
-        ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
-        ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
-        ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
-    )
+OSNMA_COLUMNS = column_table(
+    ("in_view", _SATELLITE, "bool", "1", "whether the satellite is above the mask"),
+    ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
+    ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
+    ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
+    ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
+    ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
 )
 
 _FINDS = {
@@ -106,15 +89,7 @@ _FINDS = {
 
 
 def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-    """Return the values of `MEASURED_COLUMNS` but for `time_s`.
-
-    Parameters
-    ----------
-    start
-        Of the scenario.
-    measured
-        The block.
-    """
+    """Return the values of `MEASURED_COLUMNS` but for `time_s`."""
     snapshots = measured.snapshots
     too_late = measured.availability == Availability.NOT_PROVEN
     return {
@@ -162,19 +137,9 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """Whose columns are to be judged.
+    """Whose columns are to be judged."""
 
-    Attributes
-    ----------
-    scenario
-        Of the campaign, or as its results hold it.
-    processor
-        Of its receiver.
-    svids
-        The satellites.
-    """
-
-    scenario: CampaignScenario | StoredScenario
+    scenario: CampaignScenario | StoredScenario  # of the campaign, or as its results hold it
     processor: AcasProcessor
     svids: tuple[int, ...]
 
@@ -182,14 +147,7 @@ class Judged:
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
     """Return what the receiver measured in some epochs.
 
-    Parameters
-    ----------
-    of
-        The campaign.
-    epoch
-        Numbers of the epochs, ascending.
-    columns
-        Of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
+    The columns are of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
     """
     scenario, processor = of.scenario, of.processor
     time = _times(scenario, epoch)
@@ -271,9 +229,7 @@ def _front_ends(columns: Columns) -> dict[Band, FrontEndBlock]:
     return {
         Band.E1: FrontEndBlock(agc_gain_db=-e1_db, total_power_db=e1_db, saturated=never),
         Band.E6: FrontEndBlock(
-            agc_gain_db=_double(columns["e6_agc_gain_db"]),
-            total_power_db=e6_db,
-            saturated=columns["e6_saturated"] > 0,
+            agc_gain_db=_double(columns["e6_agc_gain_db"]), total_power_db=e6_db, saturated=columns["e6_saturated"] > 0
         ),
     }
 

@@ -22,17 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.measurement import FixBlock
+from vestige.acas_processor.measurement import FixBlock, spread
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.campaign.plan import Column, Coord
+from vestige.campaign.plan import Coord, column_table
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
-from vestige.navigation.position_fix import (
-    UNKNOWNS,
-    Fix,
-    dilution,
-    local_geometry,
-)
+from vestige.navigation.position_fix import UNKNOWNS, Fix, dilution, local_geometry
 from vestige.receiver.truth import TruthBlock
 from vestige.scenario.campaign import CampaignScenario
 
@@ -41,43 +36,36 @@ _AXES = ("east", "north", "up")
 _DILUTIONS = ("geometric", "position", "horizontal", "vertical", "time")
 _SATELLITE, _FIX = ("epoch", "satellite"), ("fix", "epoch")
 
-# name: dims, dtype, units, meaning
-SKY_COLUMNS = {
-    name: Column(dims=dims, dtype=dtype, units=units, long_name=text)
-    for name, dims, dtype, units, text in (
-        ("azimuth_deg", _SATELLITE, "float32", "degree", "azimuth of a satellite in view"),
-        ("elevation_deg", _SATELLITE, "float32", "degree", "elevation of a satellite in view"),
-        ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of its pseudorange"),
-        ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
-        ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
-        ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
-        ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
-        ("fix_clock_m", _FIX, "float64", "m", "receiver clock"),
-        ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
-        ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
-        ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
-        ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
-        ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
-        ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
-        ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
-        ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
-        ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
-        ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
-        ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
-        ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
-        ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
-    )
-}
+SKY_COLUMNS = column_table(
+    ("azimuth_deg", _SATELLITE, "float32", "degree", "azimuth of a satellite in view"),
+    ("elevation_deg", _SATELLITE, "float32", "degree", "elevation of a satellite in view"),
+    ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of its pseudorange"),
+    ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
+    ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
+    ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
+    ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
+    ("fix_clock_m", _FIX, "float64", "m", "receiver clock"),
+    ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
+    ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
+    ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
+    ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
+    ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
+    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
+    ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
+    ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
+    ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
+    ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
+    ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
+    ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
+    ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
+)
 
 
 def sky_coords() -> dict[str, Coord]:
     """Return the axes of the fixes."""
     labels = {"fix": FIXES, "axis": ("x", "y", "z"), "local_axis": _AXES, "dilution": _DILUTIONS}
     texts = {"fix": "satellites of a fix", "axis": "ECEF axis", "local_axis": "local axis", "dilution": "dilution"}
-    return {
-        name: Coord(dim=name, values=np.array(values), units="1", long_name=texts[name])
-        for name, values in labels.items()
-    }
+    return {name: Coord(dim=name, values=np.array(values), long_name=texts[name]) for name, values in labels.items()}
 
 
 def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
@@ -94,27 +82,12 @@ def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
 def fix_columns(
     scenario: CampaignScenario, block: VerdictBlock, columns: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the values of the columns of the fixes, and what the receiver believes of its pseudoranges.
-
-    Parameters
-    ----------
-    scenario
-        Of a sky.
-    block
-        What the processor said.
-    columns
-        With the truth.
-    """
+    """Return the values of the columns of the fixes, and what the receiver believes of its pseudoranges."""
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
         raise ValueError("a sky has orbits")
-    trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
     time_s, clock_m = columns["time_s"], columns["truth_clock_m"]
-    truth = _Truth(
-        place_m=trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS).position_m,
-        clock_m=clock_m,
-        drift_mps=columns["truth_clock_drift_mps"],
-    )
+    truth = _Truth(true_place_m(scenario, time_s, clock_m), clock_m, columns["truth_clock_drift_mps"])
     everything: Int64[np.ndarray, " n"] = np.arange(time_s.size)
     of_rows = ((everything, measured.fix), (position.rows, position.fixes))
     fixes = [_fix_columns(rows, fixes, truth) for rows, fixes in of_rows]
@@ -128,6 +101,14 @@ def fix_columns(
     }
 
 
+def true_place_m(
+    scenario: CampaignScenario, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return where the receiver of a sky is at times on its own clock."""
+    trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
+    return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS).position_m
+
+
 class _Truth(NamedTuple):
     """Where the receiver is, its clock and the rate of that."""
 
@@ -137,19 +118,11 @@ class _Truth(NamedTuple):
 
 
 def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) -> dict[str, np.ndarray]:
-    """Return the columns of one fix of all epochs, NaN in those that are not among `rows`.
-
-    Parameters
-    ----------
-    rows
-        Epochs of the fix.
-    fixes
-        The fix of those.
-    truth
-        Of all epochs.
-    """
+    """Return the columns of one fix of all epochs, NaN in those that are not among `rows`."""
     fix, (place_m, clock_m, drift_mps) = fixes.fix, (values[rows] for values in truth)
-    local = dilution(local_geometry(_placed(fix, place_m)))
+    # with the true place where there is no fix, axes are always defined
+    placed = replace(fix, position_m=np.where(fix.valid[:, None], fix.position_m, place_m))
+    local = dilution(local_geometry(placed))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
     axes = local_axes_at(place_m)
     found = {
@@ -170,21 +143,9 @@ def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) 
         "separation_sigmas": fixes.separation_sigmas,
         "separation_modes": fixes.separation_modes,
     }
-    return {name: _of_epochs(values, rows, truth.clock_m.size) for name, values in found.items()}
-
-
-def _of_epochs(values: np.ndarray, rows: Int64[np.ndarray, " k"], n: int) -> np.ndarray:
-    """Return values of some epochs among those of all: NaN, or 0 of what is counted, in the others."""
-    if rows.size == n:
-        return values
-    found = np.full((n, *values.shape[1:]), 0 if values.dtype.kind == "i" else np.nan, values.dtype)
-    found[rows] = values
-    return found
-
-
-def _placed(fix: Fix, place_m: Float[np.ndarray, "n 3"]) -> Fix:
-    """Return the fixes with the true place where there is none, for axes that are always defined."""
-    return replace(fix, position_m=np.where(fix.valid[:, None], fix.position_m, place_m))
+    counted = {name: 0.0 for name, values in found.items() if values.dtype.kind == "i"}
+    n = truth.clock_m.shape
+    return {name: spread(values, rows, n, counted.get(name, np.nan)) for name, values in found.items()}
 
 
 def _nees(fix: Fix, error: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:

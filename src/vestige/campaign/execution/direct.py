@@ -10,12 +10,7 @@ from vestige.campaign.plan import Plan, judged
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
     """Return the results of a plan as `run` does, without a store.
 
-    Parameters
-    ----------
-    plan
-        What to run.
-    judge
-        Whether the columns of `Plan.judge` are wanted; whoever judges at several levels does it later.
+    Whoever judges at several levels does it later, and wants no columns of `Plan.judge`.
     """
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
     if judge:

@@ -33,10 +33,7 @@ def measure_chunk(
 ) -> Mapping[str, np.ndarray]:
     """Return what `plan.measure` returns, if this worker has the `expected` build_id: source and processor.
 
-    Raises
-    ------
-    VestigeError
-        If it has another one: its results could not be mixed with the others.
+    Raises `VestigeError` if it has another one: its results could not be mixed with the others.
     """
     found = build_id(plan)
     for name, value in expected.items():

@@ -35,44 +35,26 @@ NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemer
 
 
 class RunAttributes(BaseModel):
-    """What the results say of their run beside the scenario.
-
-    Attributes
-    ----------
-    scenario_digest
-        SHA-256 of the scenario, in hexadecimal digits.
-    p_fa, threshold_sigma
-        False-alarm probability of one correlator, and its threshold in standard deviations of one dimension.
-    signal, cn0_dbhz
-        Whether E6-C was on air, and its C/N0; None without it.
-    integration_s
-        Length of a correlation.
-    vestige_version
-        The source that made the results; empty if they were not stored.
-    processor
-        The kind of processor on which bits depend; None if they do not.
-    navigation
-        RINEX text of the ephemerides of a sky; None of a single line of sight.
-    own_parts
-        The parts of the user's, `module:Name@digest` of each, with spaces between them.
-    """
+    """What the results say of their run beside the scenario."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
-    scenario_digest: str
+    scenario_digest: str  # SHA-256 of the scenario, in hexadecimal digits
+    # false-alarm probability of one correlator, and its threshold in standard deviations of one dimension
     p_fa: Annotated[float, Field(gt=0, lt=1)]
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
+    # whether E6-C was on air, and its C/N0; None without it
     signal: bool
     cn0_dbhz: FiniteFloat | None = None
-    integration_s: Annotated[float, Field(gt=0, le=10)]
+    integration_s: Annotated[float, Field(gt=0, le=10)]  # length of a correlation
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
-    vestige_version: str = ""
-    processor: str | None = None
-    navigation: str | None = None
-    own_parts: str = ""
+    vestige_version: str = ""  # the source that made the results; empty if they were not stored
+    processor: str | None = None  # the kind of processor on which bits depend; None if they do not
+    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None of a single line of sight
+    own_parts: str = ""  # the parts of the user's, `module:Name@digest` of each, with spaces between them
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:
@@ -82,17 +64,10 @@ class RunAttributes(BaseModel):
 
 
 class CheckColumns(NamedTuple):
-    """A check of stored results.
+    """A check of stored results."""
 
-    Attributes
-    ----------
-    result
-        1 where it failed, after confirmation, 0 where it passed, −1 where it was not run.
-    statistic, threshold
-        In the unit of the check; NaN where it was not run.
-    """
-
-    result: Int8[np.ndarray, "n m"]
+    result: Int8[np.ndarray, "n m"]  # 1 where it failed, after confirmation, 0 where it passed, −1 where it was not run
+    # in the unit of the check; NaN where it was not run
     statistic: Float[np.ndarray, "n m"]
     threshold: Float[np.ndarray, "n m"]
 
@@ -148,17 +123,17 @@ class Results:
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
         """Position in `Status` of the verdict of each epoch and satellite, at the mitigation level of the scenario."""
-        return self._of_satellites("status").astype(np.int8)
+        return values(self.dataset, "status", EPOCH, "satellite").astype(np.int8)
 
     @property
     def state(self) -> Int8[np.ndarray, "n m"]:
         """Position in `Status` of what the receiver shows its user of each satellite after each epoch."""
-        return self._of_satellites("state").astype(np.int8)
+        return values(self.dataset, "state", EPOCH, "satellite").astype(np.int8)
 
     @property
     def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
         """Pseudorange of each satellite that may be used; NaN where none may."""
-        return self._of_satellites("range_in_use_m").astype(np.float64)
+        return values(self.dataset, "range_in_use_m", EPOCH, "satellite")
 
     def check(self, name: str) -> CheckColumns:
         """Return what a check said of every epoch and satellite.
@@ -177,9 +152,6 @@ class Results:
             statistic=of["check_statistic"].values.astype(np.float64),
             threshold=of["check_threshold"].values.astype(np.float64),
         )
-
-    def _of_satellites(self, name: str) -> np.ndarray:
-        return np.asarray(self.dataset[name].transpose(EPOCH, "satellite").values)
 
     def load(self) -> Results:
         """Return the results with all values in memory."""
@@ -230,10 +202,7 @@ def open_results(
 def open_dataset(path: Path) -> xarray.Dataset:
     """Return what a zarr store holds, not read yet.
 
-    Raises
-    ------
-    InputFileError
-        If it is no store, or its metadata are damaged.
+    Raises `InputFileError` if it is no store, or its metadata are damaged.
     """
     check_files(path)
     try:  # nothing for dask, no consolidated metadata (they are no part of zarr v3), and a unit `s` stays a number
@@ -247,15 +216,9 @@ def open_dataset(path: Path) -> xarray.Dataset:
 def load_small(path: Path, expected: str) -> xarray.Dataset:
     """Return a zarr store of some 100 kB at most, such as a threat table, with all values in memory.
 
-    Parameters
-    ----------
-    expected
-        What it should be, for the message.
+    `expected` says what it should be, for the message.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such store, is damaged, or claims to be larger.
+    Raises `InputFileError` if it is no such store, is damaged, or claims to be larger.
     """
     check_files(path, expected)
     try:
@@ -271,10 +234,7 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of results.
 
-    Raises
-    ------
-    VestigeError
-        If they have none, or it is not the one of which they have the digest.
+    Raises `VestigeError` if they have none, or it is not the one of which they have the digest.
     """
     return stored_scenario(scenario_text(results))
 
@@ -290,10 +250,7 @@ def scenario_text(results: xarray.Dataset) -> str:
 def attributes_of(results: xarray.Dataset) -> RunAttributes:
     """Return what results say of their run.
 
-    Raises
-    ------
-    VestigeError
-        If something is missing or out of its range.
+    Raises `VestigeError` if something is missing or out of its range.
     """
     try:
         return RunAttributes.model_validate(results.attrs)

@@ -56,26 +56,14 @@ _DIGITS = 10  # of a number of a chunk
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """An open store; `open_store` makes it.
-
-    Attributes
-    ----------
-    attrs
-        What the store says of the work whose results it holds.
-    columns
-        The arrays with an axis `epoch`.
-    digests
-        One hash for each chunk.
-    chunk_epochs
-        Epochs in a chunk (the last one may have fewer), fixed when the store was made.
-    """
+    """An open store; `open_store` makes it."""
 
     path: Path
-    attrs: Mapping[str, Any]
-    columns: Mapping[str, zarr.Array[Any]]
-    digests: zarr.Array[Any]
+    attrs: Mapping[str, Any]  # what the store says of the work whose results it holds
+    columns: Mapping[str, zarr.Array[Any]]  # the arrays with an axis `epoch`
+    digests: zarr.Array[Any]  # one hash for each chunk
     n_epochs: int
-    chunk_epochs: int
+    chunk_epochs: int  # epochs in a chunk (the last one may have fewer), fixed when the store was made
 
     @property
     def n_chunks(self) -> int:
@@ -155,17 +143,9 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
     Metadata and labels that were damaged are written again. The caller is the only one who writes (`only_writer`).
 
-    Parameters
-    ----------
-    path
-        A folder; those above it are made.
-    chunk_epochs
-        Epochs in a chunk of a new store. A store that is there keeps its own.
+    Folders above the path are made. A store that is there keeps its own `chunk_epochs`.
 
-    Raises
-    ------
-    InputFileError
-        If `path` is something else, or the store of another scenario, seed or source of vestige.
+    Raises `InputFileError` if `path` is something else, or the store of another scenario, seed or source of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -195,10 +175,7 @@ def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
 def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     """Return the store that is there, of whatever work.
 
-    Raises
-    ------
-    InputFileError
-        If there is none, or its metadata or labels are damaged.
+    Raises `InputFileError` if there is none, or its metadata or labels are damaged.
     """
     check_files(path)
     try:

@@ -32,10 +32,7 @@ def check_files(folder: Path, expected: str = EXPECTED) -> None:
 
     Opening a pipe would wait for ever, and a link may lead anywhere.
 
-    Raises
-    ------
-    InputFileError
-        If it is not so; with the file.
+    Raises `InputFileError` if it is not so; with the file.
     """
     if not folder.is_dir():
         raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", expected)
@@ -59,10 +56,7 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
 
     `group.arrays()` opens them at once, and after a damaged one Python complains about the others when it ends.
 
-    Raises
-    ------
-    ValueError
-        If the metadata of one are damaged; with its name.
+    Raises `ValueError` if the metadata of one are damaged; with its name.
     """
     names = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
     arrays = {}
@@ -79,10 +73,7 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
 def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_BYTES) -> None:
     """Return nothing if an array is packed as a campaign packs it, and a chunk of it has at most so many bytes.
 
-    Raises
-    ------
-    ValueError
-        If it is not so.
+    Raises `ValueError` if it is not so.
     """
     codecs = {str(codec.to_dict()["name"]) for codec in array.metadata.codecs}  # type: ignore[union-attr]
     if not codecs <= _CODECS:
@@ -103,10 +94,7 @@ def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
 def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[int, ...]) -> None:
     """Return nothing if the file of a chunk is not there, or unpacks to the size of the chunk's values.
 
-    Raises
-    ------
-    ValueError
-        If it unpacks to another size, or does not say to which.
+    Raises `ValueError` if it unpacks to another size, or does not say to which.
     """
     path = folder.joinpath(name, "c", *map(str, index))
     try:

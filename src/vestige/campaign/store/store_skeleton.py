@@ -63,10 +63,7 @@ def coord_text(dim: str | None, values: Any) -> str:
 def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
     """Write a store without values into a new folder.
 
-    Raises
-    ------
-    VestigeError
-        If a chunk would be larger than one that is read.
+    Raises `VestigeError` if a chunk would be larger than one that is read.
     """
     row_bytes = {
         name: int(np.prod(shape_of(plan, column, 1))) * np.dtype(column.dtype).itemsize

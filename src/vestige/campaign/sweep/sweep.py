@@ -48,15 +48,10 @@ _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Width:
-    """How narrow the interval of a count is to be.
+    """How narrow the interval of a count is to be."""
 
-    Attributes
-    ----------
-    width
-        Upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of
-        detection and miss.
-    """
-
+    # upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of detection
+    # and miss.
     width: float
     relative: bool = False
 
@@ -70,47 +65,22 @@ class Width:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What one campaign of a sweep has shown.
-
-    Attributes
-    ----------
-    settings
-        The values that make it.
-    store
-        Name of its store in the folder of the sweep.
-    cn0_dbhz, p_fa, integration_s
-        Of the scenario.
-    signal
-        Whether there was any.
-    detector
-        The one of the scenario, whose count ends a campaign.
-    epochs
-        How many were counted.
-    detections
-        For each detector. Without a signal, banks with a false alarm.
-    p_d_theory
-        Marcum Q on a tap; NaN without signal.
-    false_alarms
-        Of single taps, on noise alone.
-    level
-        Mitigation level of the scenario.
-    outcome
-        What came of it at that level, from the first start of an attack to the last stop; None without an attack and
-        at level 1, and of a campaign that was ended early.
-    """
+    """What one campaign of a sweep has shown."""
 
     settings: Mapping[str, Value]
-    store: str
+    store: str  # name of its store in the folder of the sweep
     cn0_dbhz: float
     p_fa: float
     integration_s: float
     signal: bool
-    detector: str
+    detector: str  # the one of the scenario, whose count ends a campaign
     epochs: int
-    detections: Mapping[str, Proportion]
-    p_d_theory: float
-    false_alarms: Proportion
+    detections: Mapping[str, Proportion]  # for each detector. Without a signal, banks with a false alarm.
+    p_d_theory: float  # Marcum Q on a tap; NaN without signal
+    false_alarms: Proportion  # of single taps, on noise alone
     level: int
+    # what came of it at that level, from the first start of an attack to the last stop; None without an attack and at
+    # level 1, and of a campaign that was ended early.
     outcome: RunOutcome | None
 
 
@@ -126,23 +96,12 @@ def run_sweep(
 ) -> Iterator[Row]:
     """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
 
-    Parameters
-    ----------
-    campaigns
-        Settings, and the scenario with these settings.
-    folder
-        Of the sweep; what it holds already is not measured again.
-    width
-        Where a campaign may stop; all its epochs without it.
-    workers, executor, chunk_epochs
-        As `run` takes them.
-    progress
-        Called with the name of a campaign's store and its progress.
+    Each campaign has its settings and the scenario with them. What the folder holds already is not measured again. A
+    campaign may stop where its interval has the `width`; without it all its epochs are measured. `progress` is called
+    with the name of a campaign's store and its progress.
 
-    Raises
-    ------
-    InputFileError
-        If `folder` is the store of one campaign, or holds a sweep of other keys, whose table would be lost.
+    Raises `InputFileError` if `folder` is the store of one campaign, or holds a sweep of other keys, whose table would
+    be lost.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []

@@ -33,10 +33,7 @@ class Axis:
 def parse_axis(text: str) -> Axis:
     """Return what `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) says.
 
-    Raises
-    ------
-    VestigeError
-        If it says nothing of the kind, or some value twice.
+    Raises `VestigeError` if it says nothing of the kind, or some value twice.
     """
     key, equals, listed = (part.strip() for part in text.partition("="))
     if not key or not equals:
@@ -53,10 +50,7 @@ def parse_axis(text: str) -> Axis:
 def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
     """Return the settings of every campaign: each combination of the axes' values, the last axis fastest.
 
-    Raises
-    ------
-    VestigeError
-        If two axes have one key, or there are more than `MAX_CAMPAIGNS`.
+    Raises `VestigeError` if two axes have one key, or there are more than `MAX_CAMPAIGNS`.
     """
     keys = [axis.key for axis in axes]
     if len(set(keys)) < len(keys):
@@ -69,10 +63,7 @@ def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
 def store_name(settings: Mapping[str, Value]) -> str:
     """Return the name of a campaign's store: its settings, with what a file name cannot hold as `%XX`.
 
-    Raises
-    ------
-    VestigeError
-        If it is too long for a file name.
+    Raises `VestigeError` if it is too long for a file name.
     """
     text = ",".join(f"{key}={_toml(value)}" for key, value in settings.items())
     name = quote(text, safe="=,+", errors="surrogateescape") + ".zarr"

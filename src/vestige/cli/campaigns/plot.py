@@ -281,7 +281,7 @@ def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
 
     (of_level,) = level_verdicts(results, (max(LEVELS),))
     monitor = of_level.processor.monitoring.power_distortion
-    measured = monitor.measured(of_level.block.evidence)
+    measured = monitor.measured(of_level.evidence)
     svids = results["svid"].values.tolist()
     if svid is not None and svid not in svids:
         raise VestigeError(f"satellite: found no {svid}, expected one of {', '.join(map(str, svids))}")

@@ -11,7 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from vestige.campaign.run_outcome import DAY_S
+from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.statistics import Proportion
 from vestige.cli.campaigns.campaign_report import as_json
 from vestige.threats.matrix import SceneCell

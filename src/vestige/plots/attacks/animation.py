@@ -42,14 +42,7 @@ def write_animation(
 
     Under attack, dashed lines stand where the true signal and the strongest counterfeit are.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    path
-        Ends in `.gif`.
-    width_cm
-        Width, at 150 pixels an inch.
+    The path ends in `.gif`; an inch of width has 150 pixels.
 
     Raises
     ------

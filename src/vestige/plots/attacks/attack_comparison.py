@@ -38,17 +38,10 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     Over the range offsets lie the lines on which they belong: where the true signal is, and where each counterfeit is,
     by the truth. A counterfeit without power has no line.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign with an attack.
-
-    Raises
-    ------
-    VestigeError
-        If the campaign has no attack, or lacks the satellite.
+    Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
-    require_attack(results)
+    if not is_attacked(results):
+        raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")
     shown = {detector: select(results, detector=detector, svid=svid) for detector in DETECTORS}
     one = shown[DETECTORS[0]]
     time_s, true_m = column(one, "time_s"), column(one, "truth_prediction_error_m")
@@ -77,18 +70,6 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     offsets[-1].set_xlabel(time_label(offsets[-1].xaxis, time_s), fontsize=offsets[-1].yaxis.label.get_fontsize())
     figure.legend(*offsets[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, **LEGEND)
     return power
-
-
-def require_attack(results: xarray.Dataset) -> None:
-    """Raise if a campaign has no attack.
-
-    Raises
-    ------
-    VestigeError
-        If the results lack the truth of counterfeits.
-    """
-    if not is_attacked(results):
-        raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")
 
 
 def counterfeits(

@@ -30,10 +30,7 @@ _MARKS = {"as expected": "✓", "DIFFERS": "≠", "undecided": "?", "": ""}
 def threat_map(table: xarray.Dataset) -> Axes:
     """Return the axes of the map: scenes from the top, levels beside each other, a word and shares in each cell.
 
-    Parameters
-    ----------
-    table
-        `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
+    The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
     """
     rows, levels = table.sizes["scene"], table["level"].values.tolist()
     ax = new_axes(width_cm=WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * rows)
@@ -51,7 +48,8 @@ def threat_map(table: xarray.Dataset) -> Axes:
     ax.set_ylim(rows, 0)
     ax.set_xticks(np.arange(len(levels)) + 0.5, [f"level {level}" for level in levels])
     ax.xaxis.tick_top()
-    ax.set_yticks(np.arange(rows) + 0.5, [_label(table.isel(scene=row)) for row in range(rows)])
+    names = zip(table["threat"].values, table["scene"].values, strict=True)
+    ax.set_yticks(np.arange(rows) + 0.5, [f"{threat}  {scene}" for threat, scene in names])
     runs = int(np.nanmax(table["detected_of"].values)) if rows else 0
     title = (
         f"runs of {runs} in %: d detected, m mitigated, w wrong range in use;  ✓ as expected, ≠ differs, ? undecided"
@@ -62,10 +60,6 @@ def threat_map(table: xarray.Dataset) -> Axes:
     for spine in ax.spines.values():
         spine.set_visible(False)
     return ax
-
-
-def _label(scene: xarray.Dataset) -> str:
-    return f"{scene['threat'].item()}  {scene['scene'].item()}"
 
 
 def _texts(cell: xarray.Dataset) -> tuple[str, str]:

@@ -25,12 +25,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 
     Of a long run every k-th epoch is drawn, as it is: no mean, no maximum. An epoch without a correlation is a gap.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    ax
-        Axes with the projection `3d` to draw on; new ones without it.
+    Axes `ax` to draw on have the projection `3d`.
 
     Raises
     ------
@@ -66,17 +61,7 @@ def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes 
 
     Of a long run every k-th epoch is drawn, as it is. An epoch without a correlation is white.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    ax
-        Axes to draw on; new ones without it.
-
-    Raises
-    ------
-    VestigeError
-        If the results lack the satellite.
+    Raises `VestigeError` if the results lack the satellite.
     """
     shown = _thin(select(results, svid=svid), MAP_COLUMNS)
     ax = new_axes() if ax is None else ax

@@ -25,18 +25,8 @@ def check_curves(
 ) -> Axes:
     """Return axes with one curve for each check, and at each strength its interval of confidence.
 
-    Parameters
-    ----------
-    strength
-        Of the attack, ascending.
-    seen
-        For each check, the runs in which it failed, at each strength.
-    title, label
-        Of the figure, and of the axis of strengths.
-    log
-        Whether that axis is logarithmic.
-    ax
-        Axes to draw on; new ones without it.
+    `seen` has for each check the runs in which it failed, at each strength of the attack, ascending. `label` is of the
+    axis of strengths, which is logarithmic if `log`.
     """
     ax = new_axes() if ax is None else ax
     x = np.log(strength) if log else np.array(strength, dtype=np.float64)

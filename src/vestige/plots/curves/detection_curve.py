@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
-from scipy.special import betaincinv
 
+from vestige.campaign.statistics import CONFIDENCE, binomial_intervals
 from vestige.errors import VestigeError
 from vestige.plots.curves.sweep_curves import CN0, COLOURS, abscissa, curves
 from vestige.plots.epochs import attribute
 from vestige.plots.figure import BLACK, dress, legend, new_axes
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
-CONFIDENCE = 0.95
 _CURVE_POINTS = 300
 _MARGIN_DB = 1.0  # theory goes on beyond the outermost points
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Kind:
+class _Kind(NamedTuple):
     """A relative frequency: the variables of the sweep behind it, its theory as a function of C/N0, T_I and P_fa."""
 
     title: str
@@ -33,39 +30,19 @@ class _Kind:
     counted: str
     theory: Callable[[Float[np.ndarray, " n"], float, float], Float[np.ndarray, " n"]]
     theory_label: str
-    log: bool
+    log: bool = True
     of_others: bool = False  # the events are the trials that are not counted
 
 
+def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float[np.ndarray, " n"]:
+    return np.full(cn0_dbhz.shape, p_fa)
+
+
+_DETECTED, _ALIGNED = ("trials", "detections"), "Marcum Q, aligned"
 KINDS = {
-    "detections": _Kind(
-        title="Detection",
-        label="P_d",
-        trials="trials",
-        counted="detections",
-        theory=probability_of_detection,
-        theory_label="Marcum Q, aligned",
-        log=False,
-    ),
-    "misses": _Kind(
-        title="Missed detection",
-        label="1 − P_d",
-        trials="trials",
-        counted="detections",
-        of_others=True,
-        theory=miss_probability,
-        theory_label="1 − Marcum Q, aligned",
-        log=True,
-    ),
-    "false_alarms": _Kind(
-        title="False alarm",
-        label="P_fa",
-        trials="false_alarm_trials",
-        counted="false_alarms",
-        theory=lambda cn0_dbhz, _, p_fa: np.full(cn0_dbhz.shape, p_fa),
-        theory_label="P_fa asked for",
-        log=True,
-    ),
+    "detections": _Kind("Detection", "P_d", *_DETECTED, probability_of_detection, _ALIGNED, log=False),
+    "misses": _Kind("Missed detection", "1 − P_d", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
+    "false_alarms": _Kind("False alarm", "P_fa", "false_alarm_trials", "false_alarms", _as_asked, "P_fa asked for"),
 }
 
 
@@ -85,8 +62,6 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
         and `p_fa`.
     count
         `detections`, `misses` or `false_alarms`.
-    ax
-        Axes to draw on; new ones without it.
 
     Raises
     ------
@@ -97,7 +72,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     cn0_dbhz, trials, events = _counts(sweep, kind)
     label, x = abscissa(sweep)
     shown = curves(sweep)
-    low, high = _interval(events, trials)
+    low, high = binomial_intervals(events, trials)
     ax = new_axes() if ax is None else ax
 
     integration_s, p_fa = attribute(sweep, "integration_s"), attribute(sweep, "p_fa")
@@ -152,16 +127,6 @@ def _counts(
         found = f"{events[row]} of {trials[row]} at {cn0_dbhz[row]} dBHz"
         raise VestigeError(f"sweep: row {row + 1}: found {found}, expected 0 to as many events as trials")
     return cn0_dbhz.astype(np.float64), trials.astype(np.int64), events.astype(np.int64)
-
-
-def _interval(
-    events: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return both ends of the interval of Clopper and Pearson."""
-    outside = (1 - CONFIDENCE) / 2
-    low = np.where(events > 0, betaincinv(np.maximum(events, 1), trials - events + 1, outside), 0.0)
-    high = np.where(events < trials, betaincinv(events + 1, np.maximum(trials - events, 1), 1 - outside), 1.0)
-    return low, high
 
 
 def _title(kind: _Kind, integration_s: float | None, p_fa: float | None) -> str:

@@ -19,17 +19,7 @@ def range_offset(
 
     Epochs in which nothing is detected have no offset; they are ticks at the lower edge.
 
-    Parameters
-    ----------
-    results
-        Results of a campaign.
-    ax
-        Axes to draw on; new ones without it.
-
-    Raises
-    ------
-    VestigeError
-        If the results lack the detector or the satellite.
+    Raises `VestigeError` if the results lack the detector or the satellite.
     """
     shown = select(results, detector=detector, svid=svid)
     time_s, offset_m, missed = column(shown, "time_s"), column(shown, "range_offset_m"), is_missed(shown)

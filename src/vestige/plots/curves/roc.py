@@ -7,38 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
-from scipy.special import betaincinv
 
+from vestige.campaign.statistics import binomial_intervals
 from vestige.plots.figure import BLUE, GREEN, ORANGE, RED, dress, legend, new_axes
 
 _COLOURS = (BLUE, RED, GREEN, ORANGE)
-_CONFIDENCE = 0.95
 
 RocCurve = tuple[
-    str,
-    Float[np.ndarray, " n"],
-    Float[np.ndarray, " n"],
-    Float[np.ndarray, " m"],
-    Int[np.ndarray, " m"],
-    int,
+    str, Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " m"], Int[np.ndarray, " m"], int
 ]
 
 
 def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
     """Return P_d against the false-alarm probability of the whole search.
 
-    Parameters
-    ----------
-    curves
-        Each a name; overall P_FA and P_d of theory; P_FA, detections and trials of what was measured.
+    Each curve has a name; overall P_FA and P_d of theory; P_FA, detections and trials of what was measured.
     """
     ax = new_axes()
     for colour, (name, pfa, pd, at, found, trials) in zip(_COLOURS, curves, strict=False):
         ax.plot(pfa, pd, color=colour, linewidth=0.8, label=name)
         share = found / trials
-        low = np.where(found > 0, betaincinv(np.maximum(found, 1), trials - found + 1, (1 - _CONFIDENCE) / 2), 0.0)
-        rest = np.maximum(trials - found, 1)
-        high = np.where(found < trials, betaincinv(found + 1, rest, (1 + _CONFIDENCE) / 2), 1.0)
+        low, high = binomial_intervals(found, trials)
         ax.errorbar(at, share, [share - low, high - share], fmt="o", color=colour, markersize=2, linewidth=0.6)
     ax.set_xscale("log")
     ax.set_ylim(0, 1)

@@ -25,15 +25,9 @@ def sweep_of(
 ) -> xarray.Dataset:
     """Return trials and detections of several campaigns, one row each.
 
-    Parameters
-    ----------
-    campaigns
-        Results of campaigns that differ in C/N0, which stands in their attribute `cn0_dbhz`.
+    The campaigns differ in C/N0, which stands in their attribute `cn0_dbhz`.
 
-    Raises
-    ------
-    VestigeError
-        If one of them has no C/N0 or no correlation, or they differ in integration time or P_fa.
+    Raises `VestigeError` if one of them has no C/N0 or no correlation, or they differ in integration time or P_fa.
     """
     rows = []
     for results in campaigns:
@@ -60,10 +54,7 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     detector, `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep, kept as text under `key NAME`;
     others are ignored.
 
-    Raises
-    ------
-    InputFileError
-        If it is no such table.
+    Raises `InputFileError` if it is no such table.
     """
     path = Path(path)
     text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")

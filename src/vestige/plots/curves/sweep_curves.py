@@ -19,18 +19,10 @@ _CN0_KEY = "receiver.cn0_dbhz"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepCurve:
-    """Rows of a sweep that differ in the abscissa only.
+    """Rows of a sweep that differ in the abscissa only."""
 
-    Attributes
-    ----------
-    label
-        The values of all other keys; empty if there is but one curve.
-    rows
-        Numbers of the rows, ascending in the abscissa.
-    """
-
-    label: str
-    rows: Int[np.ndarray, " n"]
+    label: str  # the values of all other keys; empty if there is but one curve
+    rows: Int[np.ndarray, " n"]  # numbers of the rows, ascending in the abscissa
 
 
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
@@ -53,10 +45,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
     """Return the rows of a sweep, one curve for each combination of the keys that it is not drawn against.
 
-    Raises
-    ------
-    VestigeError
-        If there are more curves than colours.
+    Raises `VestigeError` if there are more curves than colours.
     """
     label, values = abscissa(sweep)
     order = np.argsort(values, kind="stable")

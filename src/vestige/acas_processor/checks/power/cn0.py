@@ -11,70 +11,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import LevelMonitor, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.records.checks import CheckName, CheckSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cn0Monitor:
-    """Whether the C/N0 of a satellite is what is expected of it.
+class Cn0Monitor(LevelMonitor):
+    """Whether the C/N0 of a satellite is what is expected of it."""
 
-    Attributes
-    ----------
-    sigma_estimator_db
-        Spread of the estimate.
-    sigma_model_db
-        Spread of the truth about the expectation.
-    p_fa
-        False-alarm probability of one test of one satellite.
-    """
-
+    name: ClassVar = CheckName.E1_CN0
     sigma_estimator_db: float = 0.3
-    sigma_model_db: float = 1.5
+    sigma_model_db: float = 1.5  # spread of the truth about the expectation
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E1_CN0
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "dB"
 
     @property
     def sigma_db(self) -> float:
         """Standard deviation of ΔC without interference, in dB."""
         return math.hypot(self.sigma_estimator_db, self.sigma_model_db)
 
-    @property
-    def threshold_db(self) -> float:
-        """Largest |ΔC| that passes, in dB."""
-        return two_sided_factor(self.p_fa) * self.sigma_db
-
     def statistic(
         self, cn0_dbhz: Float[np.ndarray, "*n"], expected_dbhz: Float[np.ndarray, "*n"]
     ) -> Float[np.ndarray, "*n"]:
         """Return ΔC in dB."""
         return cn0_dbhz - expected_dbhz
-
-    def probability_of_detection(self, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the C/N0 is seen."""
-        return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block."""
@@ -91,12 +57,4 @@ class Cn0Monitor:
                 return reference.why_unknown(here)
             return f"C/N0 is {statistic[here]:+.1f} dB from what is expected, more than {threshold[here]:.1f} dB"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, threshold, explain)

@@ -21,11 +21,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
+from scipy.ndimage import gaussian_filter
 
+from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.checks.power.power_distortion import distortion_variance, mean_distortion, power_rise_db
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.baseline import Quantity
@@ -37,37 +39,23 @@ from vestige.streams import stream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypotheses:
-    """The receiver, and what may happen to it.
+    """The receiver, and what may happen to it."""
 
-    Attributes
-    ----------
-    cn0_dbhz
-        C/N0 of the tracked satellite without interference.
-    sky_cn0_dbhz
-        Mean C/N0 of all satellites in the band.
-    integration_s, half_spacing_chips, pulse, chip_rate_hz
-        Of the taps: T, τ_d, the replica's pulse, its chip rate.
-    bandwidth_hz, n_satellites, sigma_power_db
-        Of the power: W, satellites in it, drift.
-    ray_power_db, ray_mean_excess_m
-        Multipath: mean power relative to the satellite, mean excess delay.
-    spoofer_advantage_db, spoofer_offset_chips
-        Range of η, and largest |Δτ|.
-    jam_to_noise_db
-        Range of J/N.
-    """
-
-    cn0_dbhz: float = 45.0
-    sky_cn0_dbhz: float = 45.0
+    cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
+    sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
+    # of the taps: T, τ_d, the replica's pulse, its chip rate
     integration_s: float = 0.1
     half_spacing_chips: float = 0.15
     pulse: Pulse = BPSK
     chip_rate_hz: float = 1.023e6
+    # of the power: W, satellites in it, drift
     bandwidth_hz: float = 2e6
     n_satellites: int = 10
     sigma_power_db: float = 0.4
+    # multipath: mean power relative to the satellite, mean excess delay
     ray_power_db: float = -16.0
     ray_mean_excess_m: float = 40.0
+    # range of η, and largest |Δτ|
     spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)
     spoofer_offset_chips: float = 1.0
     jam_to_noise_db: tuple[float, float] = (3.0, 20.0)
@@ -108,32 +96,17 @@ _SMOOTHING_CELLS = 1.0  # 1σ
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DecisionMap:
-    """Which class each cell of the plane is taken for.
+    """Which class each cell of the plane is taken for."""
 
-    Attributes
-    ----------
-    power_edges_db, distortion_edges
-        Edges of the cells; what lies beyond belongs to the outermost.
-    classes
-        `SignalClass` of each cell.
-    """
-
+    # edges of the cells; what lies beyond belongs to the outermost
     power_edges_db: Float[np.ndarray, " k"]
     distortion_edges: Float[np.ndarray, " l"]
-    classes: Int8[np.ndarray, "a b"]
+    classes: Int8[np.ndarray, "a b"]  # `SignalClass` of each cell
 
     def classify(
         self, power_rise_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]
     ) -> Int8[np.ndarray, " n"]:
-        """Return the `SignalClass` of each pair.
-
-        Parameters
-        ----------
-        power_rise_db
-            ΔP.
-        distortion
-            D.
-        """
+        """Return the `SignalClass` of each pair."""
         row = np.searchsorted(self.power_edges_db, power_rise_db) - 1
         column = np.searchsorted(self.distortion_edges, distortion) - 1
         a, b = self.classes.shape
@@ -146,16 +119,8 @@ def decision_map(
 ) -> DecisionMap:
     """Return the map of least expected cost, all four hypotheses equally likely.
 
-    Parameters
-    ----------
-    hypotheses
-        What is simulated.
-    alarm_cost
-        Cost of calling clean or multipath an attack; every other error costs 1.
-    seed
-        Of the draws; the same seed gives the same map.
-    draws
-        For each hypothesis.
+    Calling clean or multipath an attack costs `alarm_cost`, every other error 1. The same seed gives the same map, from
+    so many draws for each hypothesis.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -168,7 +133,7 @@ def decision_map(
             for value, edge in zip((rise_db, np.log1p(distortion)), edges, strict=True)
         )
         counts, _, _ = np.histogram2d(x, y, bins=edges)
-        densities.append(_smoothed(counts / draws))
+        densities.append(gaussian_filter(counts / draws, _SMOOTHING_CELLS, mode="reflect", truncate=4.0))
     likelihood = np.stack(densities)
     cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
     cost[: SignalClass.SPOOFED, SignalClass.SPOOFED :] = alarm_cost
@@ -197,32 +162,10 @@ def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> 
     return classes
 
 
-def _smoothed(density: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a b"]:
-    """Return a histogram smoothed by a Gaussian of `_SMOOTHING_CELLS` along both axes, its sum kept."""
-    reach = np.arange(-4, 5)
-    kernel = np.exp(-((reach / _SMOOTHING_CELLS) ** 2) / 2)
-    kernel /= kernel.sum()
-    for axis in (0, 1):
-        pad = [(4, 4) if k == axis else (0, 0) for k in range(2)]
-        padded = np.pad(density, pad, mode="symmetric")
-        density = sum(
-            weight * np.take(padded, np.arange(k, k + density.shape[axis]), axis=axis)
-            for k, weight in enumerate(kernel)
-        )
-    return density
-
-
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
     """Return how often each class (rows) is taken for each (columns), on draws that the map was not made from.
 
-    Parameters
-    ----------
-    decisions
-        The map.
-    hypotheses
-        What is simulated; not necessarily that from which the map was made.
-    seed, draws
-        Of the trials, and how many of each class.
+    The hypotheses are not necessarily those from which the map was made; `draws` are of each class.
     """
     rows = []
     for truth in SignalClass:
@@ -246,33 +189,16 @@ class PowerDistortionMonitor:
     """Whether power and distortion of a satellite are those of an attack.
 
     The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
-
-    Attributes
-    ----------
-    hypotheses
-        What the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`.
-    alarm_cost
-        Cost of a false alarm over that of a miss.
-    cn0_step_db
-        Steps of C/N0 for which maps are made.
-    p_fa
-        Published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath.
     """
 
+    name: ClassVar = CheckName.POWER_DISTORTION
+    unit: ClassVar = "class"
+    # what the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
-    alarm_cost: float = 10.0
-    cn0_step_db: float = 3.0
+    alarm_cost: float = 10.0  # cost of a false alarm over that of a miss
+    cn0_step_db: float = 3.0  # steps of C/N0 for which maps are made
+    # published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath
     p_fa: float = 0.006
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.POWER_DISTORTION
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "class"
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
         """Return the map for a satellite of this C/N0."""
@@ -309,15 +235,7 @@ class PowerDistortionMonitor:
             name = SignalClass(int(statistic[here])).name.lower()
             return f"power {measured.rise_db[here]:+.1f} dB, distortion {measured.distortion[here]:.1f} sigma: {name}"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.full(evidence.shape, float(SignalClass.MULTIPATH)),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.full(evidence.shape, float(SignalClass.MULTIPATH)), explain)
 
     def measured(self, evidence: Evidence) -> PowerAndDistortion:
         """Return power and distortion of every epoch and satellite, and the C/N0 of the map that decides."""

@@ -13,11 +13,12 @@ the larger part, so the budget is a bound.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import check_budget, two_sided_factor
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.monitoring.baseline import Quantity
@@ -26,32 +27,13 @@ from vestige.theory.thresholds import amplitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class E6StrengthMonitor:
-    """Whether the encrypted signal is as strong as expected.
+class E6StrengthMonitor(Monitor):
+    """Whether the encrypted signal is as strong as expected."""
 
-    Attributes
-    ----------
-    sigma_model_db
-        Spread of the truth about the expectation, 1σ.
-    p_fa
-        False-alarm probability of one test of one satellite, a bound.
-    """
-
-    sigma_model_db: float = 1.5
-    p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E6_CN0
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "sigma"
+    name: ClassVar = CheckName.E6_CN0
+    unit: ClassVar = "sigma"
+    sigma_model_db: float = 1.5  # spread of the truth about the expectation, 1σ
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
 
     def statistic(
         self,
@@ -61,12 +43,7 @@ class E6StrengthMonitor:
     ) -> Float[np.ndarray, "*n"]:
         """Return |c| − √(s² + 1).
 
-        Parameters
-        ----------
-        magnitude_sigma
-            Largest |c| of the bank, in standard deviations of the noise per dimension.
-        expected_cn0_dbhz, integration_s
-            C/N0 and T.
+        `magnitude_sigma` is the largest |c| of the bank, in standard deviations of the noise per dimension.
         """
         return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
 
@@ -94,12 +71,4 @@ class E6StrengthMonitor:
                 return reference.why_unknown(here)
             return f"E6 is {statistic[here]:+.1f} sigma from the strength that is expected"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, threshold, explain)

@@ -10,9 +10,11 @@ probability of detection below `min_pd` nothing follows.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
 from vestige.records.checks import CheckName, CheckSeries
@@ -25,24 +27,11 @@ class E6PowerCheck:
     """Whether the encrypted signal is there.
 
     The statistic is the number of signals that E1 predicts and that are missing, 0 or 1; the check fails above 0.
-
-    Attributes
-    ----------
-    min_pd
-        Smallest predicted probability of detection with which a missing signal means anything.
     """
 
-    min_pd: float = MIN_PD
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.E6_POWER
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "signals missing"
+    name: ClassVar = CheckName.E6_POWER
+    unit: ClassVar = "signals missing"
+    min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
 
     @property
     def p_fa(self) -> float:
@@ -68,12 +57,4 @@ class E6PowerCheck:
                 return "C/N0 on E1 is not known, so nothing follows from a missing signal"
             return f"E1 predicts a detection probability of {predicted:.2g} only, below {self.min_pd:g}"
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=np.zeros(evidence.shape),
-            explain=explain,
-            exact=False,
-        )
+        return series_of(self, statistic, np.zeros(evidence.shape), explain)

@@ -13,15 +13,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import LevelMonitor, series_of, two_sided_factor
 from vestige.acas_processor.checks.power.received_power import DB_PER_NEPER
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
@@ -31,50 +28,23 @@ from vestige.signals.definitions import E6C
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WrongCodeFloorMonitor:
-    """Whether the noise floor of the correlators is what it was when the receiver was calibrated.
+class WrongCodeFloorMonitor(LevelMonitor):
+    """Whether the noise floor of the correlators is what it was when the receiver was calibrated."""
 
-    Attributes
-    ----------
-    n_chips
-        N_c, chips of the RECS.
-    sigma_system_db
-        Drift of gain and temperature, 1σ.
-    p_fa
-        False-alarm probability of one test.
-    """
-
-    n_chips: int = round(16e-3 * E6C.chip_rate_hz)
-    sigma_system_db: float = 0.3
+    name: ClassVar = CheckName.NOISE_FLOOR
+    n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, chips of the RECS
+    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
-
-    @property
-    def name(self) -> CheckName:
-        """What the check is called."""
-        return CheckName.NOISE_FLOOR
-
-    @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "dB"
 
     @property
     def sigma_db(self) -> float:
         """Standard deviation of ΔN without interference, in dB."""
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.n_chips))
 
-    @property
-    def threshold_db(self) -> float:
-        """Largest |ΔN| that passes, in dB."""
-        return two_sided_factor(self.p_fa) * self.sigma_db
-
     def probability_of_detection(self, jam_to_noise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the probability that added noise of J/N, in the band of the code, is seen."""
         rise_db = 10 * np.log10(1 + 10 ** (jam_to_noise_db / 10))
-        return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
+        return LevelMonitor.probability_of_detection(self, rise_db)
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block."""
@@ -98,12 +68,4 @@ class WrongCodeFloorMonitor:
                 f"more than {threshold[here]:.1f} dB"
             )
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=not self.sigma_system_db,
-        )
+        return series_of(self, statistic, threshold, explain, exact=not self.sigma_system_db)

@@ -28,12 +28,7 @@ from vestige.theory.marcum_q import marcum_q
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
     """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d), in that of one tap.
 
-    Parameters
-    ----------
-    half_spacing_chips
-        τ_d in chips.
-    pulse
-        Of the replica.
+    `half_spacing_chips` is τ_d, `pulse` that of the replica.
     """
     return 2 * (1 - float(autocorrelation(pulse, np.array([2 * half_spacing_chips]))[0]))
 
@@ -48,13 +43,9 @@ def symmetric_difference(
 ) -> Float[np.ndarray, "*n"]:
     """Return D from the taps at −τ_d and +τ_d.
 
-    Parameters
-    ----------
-    early, late
-        The taps, as they come out behind the gain control.
-    sigma
-        Standard deviation of their noise per dimension *without interference* and with the gain of then; taking that of
-        now would take the squeeze of the gain control out.
+    The taps are as they come out behind the gain control. `sigma` is the standard deviation of their noise per
+    dimension *without interference* and with the gain of then; taking that of now would take the squeeze of the gain
+    control out.
     """
     return np.abs(early - late) / sigma
 
@@ -62,15 +53,7 @@ def symmetric_difference(
 def mean_distortion(
     offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
 ) -> Float[np.ndarray, "*n"]:
-    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, what a second signal of the tracked one's amplitude makes of D/s.
-
-    Parameters
-    ----------
-    offset_chips
-        Δτ in chips.
-    half_spacing_chips
-        τ_d in chips.
-    """
+    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, what a second signal of the tracked one's amplitude makes of D/s."""
     early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
     late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
     return np.reshape(np.abs(early - late), np.shape(offset_chips))
@@ -86,21 +69,7 @@ def distortion_detection(
     p_fa: float,
     pulse: Pulse = BPSK,
 ) -> Float[np.ndarray, "*n"]:
-    """Return the probability that D alone exceeds its threshold beside a second signal, without gain control.
-
-    Parameters
-    ----------
-    eta_db
-        η, power of the second signal relative to the tracked one.
-    offset_chips
-        Δτ in chips.
-    cn0_dbhz, integration_s
-        C/N0 of the tracked signal and T.
-    half_spacing_chips
-        τ_d in chips.
-    p_fa
-        False-alarm probability of one test.
-    """
+    """Return the probability that D alone exceeds its threshold beside a second signal, without gain control."""
     amplitude = np.sqrt(2 * 10 ** ((cn0_dbhz + eta_db) / 10) * integration_s)
     spread = np.sqrt(distortion_variance(half_spacing_chips, pulse))
     return marcum_q(
@@ -114,13 +83,6 @@ def power_rise_db(
 ) -> Float[np.ndarray, "*n"]:
     """Return ΔP in dB.
 
-    Parameters
-    ----------
-    eta
-        η, power of each second signal relative to its satellite, all satellites alike; linear.
-    jam_to_noise
-        J/N in the band, linear.
-    signals_to_noise
-        r, power of all satellites in the band over that of the noise.
+    η is that of each second signal relative to its satellite, all satellites alike; all arguments are linear.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

@@ -16,13 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
-from vestige.acas_processor.checks.check import (
-    check_budget,
-    two_sided_detection,
-    two_sided_factor,
-)
+from vestige.acas_processor.checks.check import LevelMonitor, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.records import Band
@@ -32,29 +27,15 @@ DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a po
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReceivedPowerMonitor:
-    """Whether the power of a band is what it was when the receiver was calibrated.
-
-    Attributes
-    ----------
-    band
-        Whose front end.
-    sigma_system_db
-        Drift of gain and temperature, 1σ.
-    bandwidth_hz, averaging_s
-        W and T of the power measurement.
-    p_fa
-        False-alarm probability of one test.
-    """
+class ReceivedPowerMonitor(LevelMonitor):
+    """Whether the power of a band is what it was when the receiver was calibrated."""
 
     band: Band
-    sigma_system_db: float = 0.3
+    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
+    # W and T of the power measurement
     bandwidth_hz: float = 2e6
     averaging_s: float = 0.01
     p_fa: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_budget(self.p_fa)
 
     @property
     def name(self) -> CheckName:
@@ -62,23 +43,9 @@ class ReceivedPowerMonitor:
         return CheckName(f"{self.band.value} received power")
 
     @property
-    def unit(self) -> str:
-        """Unit of statistic and threshold."""
-        return "dB"
-
-    @property
     def sigma_db(self) -> float:
         """Standard deviation of ΔP without interference, in dB."""
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.bandwidth_hz * self.averaging_s))
-
-    @property
-    def threshold_db(self) -> float:
-        """Largest |ΔP| that passes, in dB."""
-        return two_sided_factor(self.p_fa) * self.sigma_db
-
-    def probability_of_detection(self, rise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a rise (or fall) of the power is seen."""
-        return two_sided_detection(rise_db / self.sigma_db, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; a saturated front end fails it, whatever power it reads."""
@@ -91,7 +58,7 @@ class ReceivedPowerMonitor:
             statistic = np.where(front_end.saturated, np.inf, statistic)
         threshold = self.threshold_db * reference.growth
 
-        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+        def explain(epoch: int, _satellite: int) -> str:
             if np.isinf(statistic[epoch]):
                 return f"the {self.band.value} front end is saturated"
             if np.isnan(measured_db[epoch]):
@@ -103,12 +70,4 @@ class ReceivedPowerMonitor:
                 f"more than {threshold[epoch]:.1f} dB"
             )
 
-        return CheckSeries(
-            name=self.name,
-            unit=self.unit,
-            p_fa=self.p_fa,
-            statistic=statistic,
-            threshold=threshold,
-            explain=explain,
-            exact=not self.sigma_system_db,
-        )
+        return series_of(self, statistic, threshold, explain, exact=not self.sigma_system_db)
