@@ -11,8 +11,9 @@ export MKL_NUM_THREADS := 1
 # Compiled modules are kept, those of the tests too: to compile them takes longer than many a test.
 unexport PYTHONDONTWRITEBYTECODE
 
-# Folders of tests that many random epochs, real data or other programs make slow. Whatever is in none of them is quick.
+# Folders of tests that many random epochs, real data or other programs make slow, and files with single slow tests.
 SLOW   := $(addprefix tests/,agreement browser golden paper statistical)
+MARKED := $(shell grep -rl --include='test_*.py' 'mark\.slow' tests)
 # A worker takes whole files, so that what the tests of a file share is computed once.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
@@ -30,10 +31,10 @@ demo: $(READY)
 	@$(BIN)/python examples/demo.py
 
 test: $(READY)
-	@$(PYTEST) $(addprefix --ignore=,$(SLOW))
+	@$(PYTEST) -m 'not slow' $(addprefix --ignore=,$(SLOW))
 
 test-slow: $(READY)
-	@$(PYTEST) --unchecked-arrays $(SLOW)
+	@$(PYTEST) -m slow $(SLOW) $(MARKED)
 
 test-all:
 	@$(MAKE) --no-print-directory test

@@ -1,19 +1,19 @@
-"""What every test may use. Array shapes and dtypes of annotated functions are checked while the quick tests run."""
+"""What every test may use. Array shapes and dtypes of annotated functions are checked while tests run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import jaxtyping
 import pytest
 from hypothesis import settings
 
+import strict_types
+
 # Modules whose arrays are checked. What numba compiles must be plain functions; their callers are checked.
 SOURCE = Path(__file__).resolve().parents[1] / "src"
-# Tests of whole commands and campaigns: the arrays of the parts are checked in the tests of the parts.
-WHOLE = tuple(Path(__file__).parent / folder for folder in ("cli", "unit/campaign", "unit/threats", "unit/report"))
 UNIT = Path(__file__).parent / "unit"
+# Folders of which every test is slow; elsewhere a mark says so: `make test` leaves the slow ones to `make test-slow`.
+SLOW = tuple(Path(__file__).parent / folder for folder in ("agreement", "browser", "golden", "paper", "statistical"))
 UNCHECKED = ("cli", "scenario", "spoofer")  # no arrays in the first; pydantic checks the fields of the others
 
 
@@ -26,28 +26,27 @@ def _modules_with_arrays() -> list[str]:
     return found
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--unchecked-arrays", action="store_true", help="Do not check array shapes and dtypes.")
+def pytest_configure() -> None:
+    strict_types.install(_modules_with_arrays())
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    if not config.getoption("--unchecked-arrays"):
-        jaxtyping.install_import_hook(_modules_with_arrays(), "strict_types.check")
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Begin to check arrays anew, and choose the engine of searches that name none.
 
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Check the arrays in a test and its fixtures, but not in one that simulates many epochs or runs commands.
-
-    Searches of a unit test use the reference engine where they name none; those of longer tests a faster one. No test
-    asks for a GPU but those of its engine.
+    In a unit test that is the reference engine, in longer tests a faster one. No test asks for a GPU but those of its
+    engine.
     """
     from vestige.sample_processor.search.engines import choice
 
     choice.FASTEST_FIRST = ("fft",) if UNIT in item.path.parents else ("segment", "fft")
-    many = item.get_closest_marker("many_epochs") is not None
-    jaxtyping.config.update("jaxtyping_disable", many or item.path.parent in WHOLE)
-    return (yield)
+    strict_types.begin_test()
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.parent in SLOW:
+            item.add_marker("slow")
 
 
 settings.register_profile("vestige", deadline=None, derandomize=True)

@@ -10,27 +10,45 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).resolve().parents[2] / "src" / "vestige"
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "src" / "vestige"
 FILES = sorted(SOURCE.rglob("*.py"))
 
 HEAVY = ("numpy", "scipy", "numba", "matplotlib", "pydantic", "xarray", "cryptography", "sigmf", "jaxtyping", "rich")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"]])
-def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
-    program = (
-        "import sys\nfrom vestige.cli.main import main\n"
-        f"try:\n    main({arguments!r})\nexcept SystemExit as stop:\n    assert stop.code == 0, stop.code\n"
-        f"print('LOADED', sorted(set({HEAVY!r}) & set(sys.modules)))"
-    )
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)  # noqa: S603
-    assert result.stdout.splitlines()[-1] == "LOADED []"
+# One process for all: the help of every verb and of the verbs of a group, the version, and the package alone.
+HELP = f"""
+import sys, contextlib, io
+import vestige
+print("package", sorted(set({HEAVY!r}) & set(sys.modules)))
+import click
+from vestige.cli.main import VERBS, main
+import importlib
+for verb, (module, _) in VERBS.items():
+    command = importlib.import_module(f"vestige.cli.{{module}}").command
+    groups = ([], *([name] for name in command.commands)) if isinstance(command, click.Group) else ([],)
+    for words in ([verb, *group, "--help"] for group in groups):
+        with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.suppress(SystemExit):
+            main(words)
+        assert "Usage:" in printed.getvalue(), words
+        print(*words, sorted(set({HEAVY!r}) & set(sys.modules)))
+for words in (["--help"], ["--version"]):
+    try:
+        main(words)
+    except SystemExit as stop:
+        assert stop.code == 0, stop.code
+print("all", sorted(set({HEAVY!r}) & set(sys.modules)))
+"""
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
-    program = f"import sys, vestige\nprint(sorted(set({HEAVY!r}) & set(sys.modules)))"
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)  # noqa: S603
-    assert result.stdout.strip() == "[]"
+def test_help_and_the_package_load_nothing_heavy() -> None:
+    result = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)  # noqa: S603
+    said = [line for line in result.stdout.splitlines() if line.endswith("]") and not line.startswith(" ")]
+    assert [line for line in said if not line.endswith(" []")] == []
+    assert said[0] == "package []"
+    assert said[-1] == "all []"
+    assert {"recs decrypt --help []", "theory --help []", "plot --help []"} <= set(said)
 
 
 def test_only_tesla_makes_validated_keys() -> None:
@@ -59,3 +77,12 @@ def test_public_names_exist() -> None:
     assert set(dir(vestige)) == set(vestige.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         _ = vestige.nothing
+
+
+def test_the_folders_of_slow_tests_are_those_of_make() -> None:
+    """`make test` leaves them out by their names, and `make test-slow` runs what is marked in them."""
+    from conftest import SLOW
+
+    (named,) = re.findall(r"^SLOW +:= \$\(addprefix tests/,([a-z ]+)\)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert named.split() == [folder.name for folder in SLOW]
+    assert all(any(folder.glob("test_*.py")) for folder in SLOW)

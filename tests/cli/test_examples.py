@@ -19,7 +19,6 @@ def test_every_example_is_run_here_or_by_make() -> None:
     assert "examples/demo.py" in (EXAMPLES.parent / "Makefile").read_text()
 
 
-@pytest.mark.many_epochs
 def test_lift_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["lift_off.py", str(tmp_path)])
     runpy.run_path(str(EXAMPLES / "lift_off.py"), run_name="__main__")

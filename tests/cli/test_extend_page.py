@@ -31,7 +31,6 @@ def test_a_file_is_complete_and_short(section: Section) -> None:
     compile(section.source, section.module, "exec")
 
 
-@pytest.mark.many_epochs
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
 def test_the_commands_run(section: Section, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_page(tmp_path)

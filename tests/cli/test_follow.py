@@ -38,6 +38,7 @@ SETTINGS = (
     f"receiver.sample_rate_hz={FS}", "interval_s=0.2", "receiver.cn0_dbhz=45.0", "receiver.cn0_e1_dbhz=43.0",
 )  # fmt: skip
 N_EPOCHS = 6
+SLOW = pytest.mark.slow  # levels 2 and 3 search the samples
 UNSURE = ("--time-uncertainty", "0.2", "--search-window", "2e-4")  # the searches of levels 2 and 3 look as far as that
 GROWING = ("e1.sigmf-data", "e6.sigmf-data", "observations.csv")
 FAST = ("--follow", "--poll-s", "0.02")
@@ -112,7 +113,10 @@ def _objects(text: str, kind: str = "verdict") -> list[dict]:
     return [{key: value for key, value in one.items() if key != "kind"} for one in found if one["kind"] == kind]
 
 
-@pytest.mark.parametrize(("level", "keys_at"), [("1", 0.0), ("1", 0.9), ("2", 0.5), ("3", 0.5)])
+@pytest.mark.parametrize(
+    ("level", "keys_at"),
+    [("1", 0.0), ("1", 0.9), pytest.param("2", 0.5, marks=SLOW), pytest.param("3", 0.5, marks=SLOW)],
+)
 def test_the_verdicts_are_those_of_the_finished_recording(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path, level: str, keys_at: float
 ) -> None:
@@ -236,6 +240,7 @@ def _wait_for(kept: Path, index: int) -> None:
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 def test_killed_and_started_again(night: Path, expected: Callable[[str], list[dict]], tmp_path: Path) -> None:
     folder, kept = _begun(night, tmp_path / "night"), tmp_path / "kept"
     arguments = (folder, "--json", "-o", kept, *FAST)
@@ -257,7 +262,7 @@ def test_killed_and_started_again(night: Path, expected: Callable[[str], list[di
     assert shown_later[0] - len(shown) in (0, 1)
 
 
-@pytest.mark.parametrize("level", ["1", "2", "3"])
+@pytest.mark.parametrize("level", ["1", pytest.param("2", marks=SLOW), pytest.param("3", marks=SLOW)])
 def test_any_number_of_interruptions_changes_nothing(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str
 ) -> None:
@@ -286,6 +291,7 @@ def test_any_number_of_interruptions_changes_nothing(
     assert _objects((kept / LINES).read_text()) == expected(level)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_stops_cleanly(night: Path, tmp_path: Path, number: signal.Signals) -> None:
     kept = tmp_path / "kept"
@@ -302,6 +308,7 @@ def test_it_stops_cleanly(night: Path, tmp_path: Path, number: signal.Signals) -
     assert json.loads((kept / STATE).read_text())["progress"]["index"] >= 2
 
 
+@pytest.mark.slow
 def test_samples_from_a_pipe(night: Path, expected: Callable[[str], list[dict]], tmp_path: Path) -> None:
     """E6 alone, cut out of a buffer that is smaller than the recording, and piped in odd pieces."""
     meta = json.loads((night / "e6.sigmf-meta").read_text())
@@ -330,6 +337,7 @@ def test_samples_from_a_pipe(night: Path, expected: Callable[[str], list[dict]],
     assert _objects(printed.decode()) == expected("1")
 
 
+@pytest.mark.slow
 def test_a_description_may_say_what_standard_input_is(night: Path, tmp_path: Path) -> None:
     meta = json.loads((night / "e6.sigmf-meta").read_text())
     start = meta["captures"][0]["vestige:start_gst"]
@@ -384,6 +392,7 @@ def test_what_had_to_be_dropped_is_said_and_the_exit_status_tells(
     assert f"the E6 samples of {end['dropped']} of 40 snapshots were dropped" in errors.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_of_an_epoch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred epochs: memory is what it was after the first thirty."""
     _unplugged(tmp_path, 100)

@@ -150,6 +150,7 @@ def test_the_maximum_detector_agrees_without_a_spoofer(folder: Path, calibrated:
     assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
 
 
+@pytest.mark.slow
 def test_file_and_memory_give_the_same_bits(folder: Path, tmp_path: Path) -> None:
     """Samples kept as float32 in files, and the same samples never written: equal taps, bit for bit."""
     original = open_recording(folder)
@@ -235,6 +236,7 @@ def test_no_assistance_folder(folder: Path, tmp_path: Path) -> None:
         _json(process, folder, "--assistance", tmp_path / "none")
 
 
+@pytest.mark.slow
 def test_a_damaged_recs_file_costs_only_itself(folder: Path, tmp_path: Path) -> None:
     for path in (folder / "assistance").iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -287,6 +289,7 @@ def test_calibration_says_that_it_is_blind_and_can_be_kept(folder: Path, tmp_pat
     assert written * SPEED_OF_LIGHT_MPS == pytest.approx(result["hardware_bias_m"], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_four_milliseconds_have_half_the_amplitude(folder: Path, tmp_path: Path) -> None:
     keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
     made = ("--svids", "3,8,34", "--length-ms", "4", "--kdi", "1", "-o", tmp_path / "short")

@@ -213,6 +213,7 @@ def test_curves_of_a_sweep(tmp_path: Path) -> None:
         assert CliRunner().invoke(plot, [*arguments, "--from", "3"]).exit_code == 2
 
 
+@pytest.mark.slow
 def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
     """One line and exit code 130; the same command goes on."""
     arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--chunk", "50", "--set", "epochs=40000"]
@@ -237,6 +238,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
     assert err.strip() == line
 
 
+@pytest.mark.slow
 def test_samples_and_workers(tmp_path: Path) -> None:
     settings = ("--set", "epochs=60", "--fidelity", "samples")
     for name, workers in (("one", ()), ("two", ("-j", 2, "--threads"))):

@@ -209,6 +209,7 @@ def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
     assert invoke(search, "e1", tmp_path, "--svids", "3", "--periods", "1").stdout == "no signal found\n"
 
 
+@pytest.mark.slow
 def test_a_search_is_drawn(night: Path, tmp_path: Path) -> None:
     common = ("--uncertainty-s", "0.001", "--svids", "8")
     _json("e1", night, "--svids", "8", "--periods", 2, "--plot", tmp_path / "e1.png")

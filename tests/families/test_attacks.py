@@ -35,8 +35,6 @@ from vestige.spoofer.repeaters import (
 )
 from vestige.spoofer.spoofer import ALL_ATTACKS, NO_SPOOFER, Spoofer
 
-pytestmark = pytest.mark.many_epochs
-
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
 PULL = Ramp(first=0.0, last=30.0, start_s=0.0, stop_s=15.0)
 OFF = {"power_db": -inf}

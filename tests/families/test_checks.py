@@ -19,8 +19,6 @@ from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName
 
-pytestmark = pytest.mark.many_epochs
-
 N = 24
 OWN = "early power"
 NAMES = [*(name.value for name in CheckName), OWN]

@@ -300,6 +300,7 @@ def test_results_without_their_part_are_one_line(tmp_path: Path, monkeypatch: py
                 _ = results.scenario
 
 
+@pytest.mark.slow
 def test_processes_and_threads_give_the_same(tmp_path: Path) -> None:
     plan = ScenarioPlan(scenario=page_scenario("my_detector", "epochs=30"))
     one = run(plan, tmp_path / "threads", chunk_epochs=10)

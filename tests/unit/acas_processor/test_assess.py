@@ -47,6 +47,7 @@ def joined(blocks: list[VerdictBlock]) -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.slow
 @hypothesis_settings(max_examples=6, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(
     seed=strategies.integers(0, 2**31),

@@ -2,13 +2,10 @@ from __future__ import annotations
 
 from functools import partial
 
-import pytest
 from tests.sky_builder import CLEAN, sky_scenario
 
 from vestige.campaign.check_detection import check_detection
 from vestige.scenario.campaign import CampaignScenario
-
-pytestmark = pytest.mark.many_epochs
 
 
 def jammed(j_over_n_db: float, seed: int) -> CampaignScenario:

@@ -53,11 +53,13 @@ def assert_right(results: Any) -> None:
         assert results[name].values.tobytes() == values.tobytes(), name
 
 
+@pytest.mark.slow
 def test_the_same_bits(tmp_path: Path, cluster: ClusterExecutor) -> None:
     assert cluster.workers == 2
     assert_right(run(PLAN, tmp_path / "a.zarr", chunk_epochs=20, executor=cluster, workers=cluster.workers))
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path, cluster: ClusterExecutor) -> None:
     killed: list[int] = []
 
@@ -71,6 +73,7 @@ def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path, cluster: ClusterE
     assert killed
 
 
+@pytest.mark.slow
 def test_a_chunk_that_kills_every_worker(tmp_path: Path, local_cluster: Any, cluster: ClusterExecutor) -> None:
     local_cluster.scheduler.allowed_failures = 0
     deadly = DeadlyPlan(n_epochs=300, deadly_epoch=100)
@@ -79,11 +82,13 @@ def test_a_chunk_that_kills_every_worker(tmp_path: Path, local_cluster: Any, clu
     assert_right(run(PLAN, tmp_path / "a.zarr", executor=cluster))
 
 
+@pytest.mark.slow
 def test_an_error_of_the_plan_is_raised_here(cluster: ClusterExecutor) -> None:
     with pytest.raises(ValueError, match="invalid literal"):
         cluster.submit(int, "seven").result()
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
     slow = ToyPlan(n_epochs=300, pause_s=1e-3)
     with started(processes=False, n_workers=1) as other, connect(other.scheduler_address) as executor:
@@ -97,6 +102,7 @@ def test_a_scheduler_that_goes_away(tmp_path: Path) -> None:
     assert_right(run(PLAN, tmp_path / "a.zarr"))
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_went_away_before_a_call(tmp_path: Path) -> None:
     with started(processes=False, n_workers=1) as other, connect(other.scheduler_address) as executor:
         executor._client.close()
@@ -104,6 +110,7 @@ def test_a_scheduler_that_went_away_before_a_call(tmp_path: Path) -> None:
             executor.submit(os.getpid)
 
 
+@pytest.mark.slow
 def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     """Of `threats`, too; dask and asyncio say nothing of their own."""
     script = (
@@ -132,6 +139,7 @@ def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     assert "the dask scheduler does not answer); what was measured is stored in" in lines[0]
 
 
+@pytest.mark.slow
 def test_no_workers_left_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vestige.campaign.execution.cluster.NO_WORKERS_S", 0.1)
     monkeypatch.setattr("vestige.campaign.execution.cluster.LOOK_EVERY_S", 0.02)
@@ -173,6 +181,7 @@ def test_no_address(address: str) -> None:
         connect(address)
 
 
+@pytest.mark.slow
 def test_no_traceback_after_the_line(tmp_path: Path) -> None:
     arguments = ["run", str(QUICK), "-o", str(tmp_path / "a"), "--scheduler", "tcp://127.0.0.1:9"]
     command = [sys.executable, "-m", "vestige", *arguments]
@@ -182,6 +191,7 @@ def test_no_traceback_after_the_line(tmp_path: Path) -> None:
     assert "no dask scheduler answers" in line
 
 
+@pytest.mark.slow
 def test_no_workers() -> None:
     with started(processes=False, n_workers=0) as empty, pytest.raises(VestigeError, match="no workers"):
         connect(empty.scheduler_address)

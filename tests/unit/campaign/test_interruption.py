@@ -78,6 +78,7 @@ def group_is_gone(group: int) -> bool:
     return all(state == "Z" for state in states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_kill_at_a_random_moment(tmp_path: Path, executor: str) -> None:
     delay_s = random.SystemRandom().uniform(0, 0.3)
@@ -94,6 +95,7 @@ def test_kill_at_a_random_moment(tmp_path: Path, executor: str) -> None:
     assert_resumes(tmp_path / "a.zarr")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_ctrl_c(tmp_path: Path, executor: str) -> None:
     with start(tmp_path, executor) as process:

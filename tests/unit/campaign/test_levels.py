@@ -15,8 +15,6 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.errors import VestigeError
 from vestige.records import Status
 
-pytestmark = pytest.mark.many_epochs
-
 ALL = np.ones(600, bool)
 MEACONER = 'attack=[{kind="meaconing", start_s=330, delay_s=1e-5, power_db=3}]'
 NULLED = (

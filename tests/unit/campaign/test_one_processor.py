@@ -18,8 +18,6 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
-pytestmark = pytest.mark.many_epochs
-
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 SCENES = threat_scenes()
 
@@ -57,10 +55,13 @@ CAMPAIGNS = {
         "epochs=8", "recs.every=4", 'fidelity="samples"', "constellation.svids=[6, 7, 12, 13]", "processor.level=3"
     ),
 }  # fmt: skip
+QUICK_ONES = {"a repeater, level 2", "a line of sight, level 1", "half seconds, no sensors"}
 ONE_BY_ONE = {"a line of sight, level 1", "a line of sight, level 3", "samples"}
 
 
-@pytest.mark.parametrize("name", CAMPAIGNS)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK_ONES else pytest.param(name, marks=pytest.mark.slow) for name in CAMPAIGNS]
+)
 def test_one_by_one_as_blocks_and_as_a_campaign_are_the_same(name: str, tmp_path: Path) -> None:
     """Status, state, cause, checks, ranges, searches and positions, to the bit."""
     scenario = CAMPAIGNS[name]()
@@ -123,7 +124,7 @@ def test_the_truth_cannot_matter(name: str) -> None:
     assert judged(results.assign(noise), (1, 2, 3)) == judged(results, (1, 2, 3))
 
 
-@pytest.mark.parametrize("damaged", [(3,), (0, 4)])
+@pytest.mark.parametrize("damaged", [(3,), pytest.param((0, 4), marks=pytest.mark.slow)])
 def test_a_resumed_run_has_the_same_bits(damaged: tuple[int, ...], tmp_path: Path) -> None:
     """Chunks in the middle are measured again, and judged with the state that the stored ones before them leave."""
     plan = ScenarioPlan(scenario=scene("A3 repeater", 3))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,12 @@ import xarray
 from tests.campaign_checks import checks_of
 from tests.sky_builder import CLEAN, sky_scenario
 
-from vestige.campaign.run import run
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.osnma_reception import of_mask
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
-
-pytestmark = pytest.mark.many_epochs
 
 AVAILABILITY, RECEPTION = CheckName.OSNMA_AVAILABILITY, CheckName.OSNMA_RECEPTION
 AGREEMENT, INERTIAL = CheckName.OSNMA_AGREEMENT, CheckName.INERTIAL_RANGE_RATE
@@ -36,13 +33,13 @@ def jamming(j_over_n_db: float, start_s: float = 100.0) -> str:
     return f'attack=[{{kind="jamming", bands=["E1"], start_s={start_s}, j_over_n_db={j_over_n_db}}}]'
 
 
-def judged(folder: Path, *settings: str) -> tuple[xarray.Dataset, Mapping[CheckName, CheckSeries]]:
-    results = run(ScenarioPlan(scenario=sky_scenario(*CLEAN, *settings)), folder / "sky")
+def judged(*settings: str) -> tuple[xarray.Dataset, Mapping[CheckName, CheckSeries]]:
+    results = direct_results(ScenarioPlan(scenario=sky_scenario(*CLEAN, *settings)))
     return results, checks_of(results)
 
 
-def test_a_calm_sky_has_all_pages_and_keys(tmp_path: Path) -> None:
-    results, found = judged(tmp_path, "epochs=301")
+def test_a_calm_sky_has_all_pages_and_keys() -> None:
+    results, found = judged("epochs=301")
     assert np.array_equal(results["osnma_key"].values, results["recs"].values)
     due, pages = results["osnma_due"].values, results["osnma_pages"].values
     assert np.array_equal(pages, np.broadcast_to(due[:, None], pages.shape))
@@ -62,17 +59,17 @@ def lift_off(svids: str, forged_nav_data: str) -> str:
     )
 
 
-def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated(tmp_path: Path) -> None:
+def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated() -> None:
     weak = lift_off("svids=[7, 13],", "true").replace("power_db=3", "power_db=-3")
-    results, found = judged(tmp_path, "epochs=161", weak)
+    results, found = judged("epochs=161", weak)
     assert not results["osnma_differs"].values.any()
     assert not found[AGREEMENT].failed.any()
 
 
 @pytest.mark.parametrize("forged_nav_data", ["false", "true"])
-def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(forged_nav_data: str, tmp_path: Path) -> None:
+def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(forged_nav_data: str) -> None:
     """On top of the true signals and 3 dB stronger from 60 s on: 15 pages a subframe of each of the two satellites."""
-    results, found = judged(tmp_path, "epochs=301", lift_off("svids=[7, 13],", forged_nav_data))
+    results, found = judged("epochs=301", lift_off("svids=[7, 13],", forged_nav_data))
     made = found[AGREEMENT].run
     expected = np.where(np.flatnonzero(made) > 61, 30.0 * (forged_nav_data == "true"), 0.0)
     assert found[AGREEMENT].statistic[made][2:] == pytest.approx(expected[2:])
@@ -86,8 +83,8 @@ def test_data_of_the_attackers_own_are_not_what_a_second_channel_has(forged_nav_
     assert results["osnma_differs"].values[late].any() == (forged_nav_data == "true")
 
 
-def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -> None:
-    results, found = judged(tmp_path, "epochs=301", "recs.every=10", lift_off("", "true"))
+def test_with_data_of_the_attackers_own_alone_no_key_validates() -> None:
+    results, found = judged("epochs=301", "recs.every=10", lift_off("", "true"))
     late = results["time_s"].values >= 61
     assert not results["osnma_key"].values[late].any()
     assert np.all(results["status"].values[results["recs"].values & late] == list(Status).index(Status.NOT_AVAILABLE))
@@ -95,9 +92,9 @@ def test_with_data_of_the_attackers_own_alone_no_key_validates(tmp_path: Path) -
     assert not found[RECEPTION].failed.any()
 
 
-def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:
+def test_a_weak_jammer_is_seen_by_comparison_alone() -> None:
     """From 45 dBHz at the zenith 18 dB take the satellites to 19 to 26 dBHz: the high ones still bring the keys."""
-    results, found = judged(tmp_path, "epochs=700", jamming(18.0))
+    results, found = judged("epochs=700", jamming(18.0))
     assert np.array_equal(results["osnma_key"].values, results["recs"].values)
     assert not found[AVAILABILITY].failed.any()
     after = found[RECEPTION].run & (np.arange(700) > 140)
@@ -105,9 +102,9 @@ def test_a_weak_jammer_is_seen_by_comparison_alone(tmp_path: Path) -> None:
     assert not found[RECEPTION].failed[:100].any()
 
 
-def test_denial_takes_the_keys_and_so_the_authentication(tmp_path: Path) -> None:
+def test_denial_takes_the_keys_and_so_the_authentication() -> None:
     denial = 'attack=[{kind="osnma-denial", start_s=300, j_over_n_db=10.0}]'
-    results, found = judged(tmp_path, "epochs=700", denial)
+    results, found = judged("epochs=700", denial)
     recs = results["recs"].values
     late = np.arange(700) >= 300
     assert not results["osnma_key"].values[late].any()
@@ -117,9 +114,9 @@ def test_denial_takes_the_keys_and_so_the_authentication(tmp_path: Path) -> None
     assert found[AVAILABILITY].statistic[691] == 14.0  # since the subframe that ended at 300 s; 20 are looked at
 
 
-def test_a_fix_whose_data_are_not_authenticated_is_not_called_so(tmp_path: Path) -> None:
+def test_a_fix_whose_data_are_not_authenticated_is_not_called_so() -> None:
     """The jammer takes pages of low satellites, whose ranges are still authentic on E6."""
-    results, _ = judged(tmp_path, "epochs=700", jamming(17.0))
+    results, _ = judged("epochs=700", jamming(17.0))
     rows = results["recs"].values & (np.arange(700) >= 180)
     authentic = results["status"].values == list(Status).index(Status.AUTHENTIC)
     used = results["fix_satellites"].sel(fix="authenticated").values
@@ -132,9 +129,9 @@ def test_a_fix_whose_data_are_not_authenticated_is_not_called_so(tmp_path: Path)
 
 
 @pytest.mark.parametrize("key_delay", [0, 1])
-def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int, tmp_path: Path) -> None:
+def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int) -> None:
     """Keys end 31 s after the start of their subframe; a RECS of KDI 0 must come before its key goes on air at 22 s."""
-    results, _ = judged(tmp_path, "epochs=130", "recs.every=7", f"recs.key_delay={key_delay}")
+    results, _ = judged("epochs=130", "recs.every=7", f"recs.key_delay={key_delay}")
     time_s = results["time_s"].values
     known_s = results["available_at_s"].sel(fix="authenticated").values
     due = results["recs"].values & ((time_s % 30 < 20) | (key_delay == 1))
@@ -143,15 +140,15 @@ def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int, tmp_path:
 
 
 @pytest.mark.parametrize("interval_s", [0.5, 7.0, 30.0, 90.0])
-def test_pages_of_any_interval_make_subframes(interval_s: float, tmp_path: Path) -> None:
-    _, found = judged(tmp_path, f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
+def test_pages_of_any_interval_make_subframes(interval_s: float) -> None:
+    _, found = judged(f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
     assert found[RECEPTION].run.any()
     assert np.nanmax(found[RECEPTION].statistic) == 0.0
 
 
-def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: Path) -> None:
+def test_range_rates_on_a_circle_are_explained_by_the_accelerometers() -> None:
     moving = ("epochs=1201", "recs.every=10", CIRCLE)
-    results, found = judged(tmp_path, *moving)
+    results, found = judged(*moving)
     check = found[INERTIAL]
     assert check.run.any(axis=1).sum() == 120
     assert not check.failed.any()
@@ -162,10 +159,10 @@ def test_range_rates_on_a_circle_are_explained_by_the_accelerometers(tmp_path: P
 
 
 @pytest.mark.parametrize("radius_m", [20_000, 1_000_000])
-def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int, tmp_path: Path) -> None:
+def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int) -> None:
     """250 m/s for a minute: satellites turn by up to 9 mrad, the vertical by 2 mrad, each of them some 0.5 m/s."""
     flight = f'trajectory={{kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m={radius_m}, speed_mps=250}}'
-    _, found = judged(tmp_path, *SOUND, "epochs=601", "recs.every=60", flight)
+    _, found = judged(*SOUND, "epochs=601", "recs.every=60", flight)
     check = found[INERTIAL]
     assert check.run.sum() == 80
     assert not check.failed.any()
@@ -174,22 +171,22 @@ def test_an_aircraft_turns_lines_of_sight_and_local_axes(radius_m: int, tmp_path
     assert 0.7 < np.std(scatter) < 1.4
 
 
-def test_a_tight_turn_between_two_recs_is_followed(tmp_path: Path) -> None:
+def test_a_tight_turn_between_two_recs_is_followed() -> None:
     """43° in a minute: the path bends by 1.4 km, and the mean velocity is not the mean of those at both ends."""
     flight = 'trajectory={kind="circle", latitude_deg=48.1, longitude_deg=11.6, radius_m=20000, speed_mps=250}'
-    _, found = judged(tmp_path, *SOUND, "receiver.e1_tracking=none", "epochs=181", "recs.every=60", flight)
+    _, found = judged(*SOUND, "receiver.e1_tracking=none", "epochs=181", "recs.every=60", flight)
     statistic = found[INERTIAL].statistic[[60, 120, 180]]
     assert np.max(np.abs(statistic)) < 0.005  # 0.1 m/s along a straight line
 
 
-def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors(tmp_path: Path) -> None:
+def test_a_pull_of_the_range_rate_is_seen_and_nothing_without_sensors() -> None:
     pull = (
         'attack=[{kind="position-push", svids=[7], start_s=100, power_db=6, '
         'delay_m={kind="ramp", first=0, last=900, start_s=205, stop_s=295}}]'
     )
-    _, found = judged(tmp_path / "with", "epochs=301", "recs.every=10", pull)
+    _, found = judged("epochs=301", "recs.every=10", pull)
     failed = found[INERTIAL].failed
     assert failed[[210], 1].all()
     assert not np.delete(failed, 1, axis=1).any()
-    _, blind = judged(tmp_path / "without", "epochs=301", "recs.every=10", pull, "receiver.accelerometers=none")
+    _, blind = judged("epochs=301", "recs.every=10", pull, "receiver.accelerometers=none")
     assert not blind[INERTIAL].run.any()

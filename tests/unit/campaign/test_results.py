@@ -80,6 +80,7 @@ def cut_at(file: Path, cut: str) -> None:
         file.write_bytes(content)
 
 
+@pytest.mark.slow
 def test_a_store_cut_at_every_file_is_one_line_and_the_same_run_mends_it(toy: Path, tmp_path: Path) -> None:
     path = shutil.copytree(toy, tmp_path / "a.zarr")
     files = files_of(toy)

@@ -17,8 +17,6 @@ from vestige.recording.navigation.rinex_navigation import read_rinex_navigation,
 from vestige.recording.observations.observation_file import open_observations
 from vestige.time import GalileoTime
 
-pytestmark = pytest.mark.many_epochs
-
 START = GalileoTime.parse("2026-11-21T16:00:00 GST")
 EVERYBODY = ("constellation.svids=none", "recs.every=10")
 

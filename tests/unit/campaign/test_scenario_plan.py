@@ -30,8 +30,6 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.theory.thresholds import threshold
 
-pytestmark = pytest.mark.many_epochs
-
 distributed = pytest.importorskip("distributed", reason="needs the optional extra `distributed`")
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
@@ -71,6 +69,7 @@ def test_any_chunks(tmp_path: Path, truth: Any, fidelity: str, chunk: float) -> 
     assert_equal(run(plan(fidelity), tmp_path / "a", chunk_epochs=chunk_epochs), truth[fidelity])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_two_workers(tmp_path: Path, truth: Any, executor: Any) -> None:
     for fidelity, n_epochs in N_EPOCHS.items():
@@ -88,6 +87,7 @@ def scheduler() -> Iterator[str]:
 
 
 # dask leaves sockets and log lines behind when its processes are killed
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_cluster_of_which_a_worker_is_killed(tmp_path: Path, truth: Any, scheduler: str) -> None:
     killed: list[int] = []
@@ -104,6 +104,7 @@ def test_a_cluster_of_which_a_worker_is_killed(tmp_path: Path, truth: Any, sched
     assert killed
 
 
+@pytest.mark.slow
 def test_kill_of_the_command_at_a_random_moment(tmp_path: Path, truth: Any) -> None:
     """Of a longer run, so that there is time to kill; the epochs above are its beginning, bit for bit."""
     more = 4 * N_EPOCHS["samples"]

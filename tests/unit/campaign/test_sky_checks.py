@@ -12,8 +12,6 @@ from tests.sky_builder import CLEAN
 from vestige.campaign.levels import judged_by
 from vestige.errors import VestigeError
 
-pytestmark = pytest.mark.many_epochs
-
 P_FA = 0.01
 PUSH = (
     'attack=[{kind="time-push", start_s=100, '

@@ -20,8 +20,6 @@ from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.records import Status
 from vestige.time import GalileoTime
 
-pytestmark = pytest.mark.many_epochs
-
 PUSH = (
     'attack=[{kind="position-push", svids=[7, 13], start_s=30, '
     'delay_m={kind="ramp", first=0, last=90, start_s=60, stop_s=150}, power_db=6}]'

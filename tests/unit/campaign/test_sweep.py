@@ -73,6 +73,7 @@ def test_the_table_has_the_rows(whole: tuple[Path, list[Row]]) -> None:
         assert (folder / cells["store"]).is_dir()
 
 
+@pytest.mark.slow
 def test_a_row_of_an_attack_says_what_came_of_it_at_the_level(tmp_path: Path) -> None:
     """A copy on both bands, 600 m late, 6 dB over the true signal: level 1 takes it, level 2 sees it at once."""
     attack = 'attack=[{kind="meaconing", start_s=120, delay_s=2e-6, power_db=6.0, acquired=true}]'
@@ -130,6 +131,7 @@ def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
         assert row.detections["early"].successes == counts[expected // CHUNK - 1][0]
 
 
+@pytest.mark.slow
 def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
     """Ended early, by two threads, by someone else's executor, and stopped in the second campaign and resumed."""
     width = Width(width=0.06)
@@ -149,6 +151,7 @@ def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
         assert files(tmp_path / other) == files(tmp_path / "one")
 
 
+@pytest.mark.slow
 def test_a_narrower_width_goes_on_and_a_wider_one_counts_less(tmp_path: Path) -> None:
     wide = swept(tmp_path / "a", Width(width=0.1))
     narrow = swept(tmp_path / "a", Width(width=0.05))

@@ -13,8 +13,6 @@ from vestige.campaign.store.results import open_results
 from vestige.campaign.verdicts import range_limit_m, results_digest, verdict_counts
 from vestige.records import Status
 
-pytestmark = pytest.mark.many_epochs
-
 
 @pytest.fixture(scope="module")
 def lift_off(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:

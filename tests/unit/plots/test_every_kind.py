@@ -45,14 +45,18 @@ CAMPAIGNS: dict[str, Callable[[], xarray.Dataset]] = {
     "spoilt": _spoilt,
     "no attributes": lambda: campaign_results(20).assign_attrs({}).drop_attrs(),
 }
+QUICK = ("gaps", "spoilt")
 
 
-@pytest.mark.parametrize("campaign", CAMPAIGNS)
+@pytest.mark.parametrize(
+    "campaign", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in CAMPAIGNS if name not in QUICK)]
+)
 @pytest.mark.parametrize("draw", OF_A_CAMPAIGN, ids=lambda draw: draw.__name__)
 def test_any_campaign_can_be_drawn(draw: Callable[..., Axes], campaign: str) -> None:
     figure_of(draw(CAMPAIGNS[campaign]())).savefig(io.BytesIO(), dpi=60)  # warnings are errors here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["pdf", "svg"])
 @pytest.mark.parametrize("draw", OF_A_CAMPAIGN, ids=lambda draw: draw.__name__)
 def test_every_format(tmp_path: Path, draw: Callable[..., Axes], suffix: str) -> None:
@@ -70,6 +74,7 @@ def test_every_axis_has_a_unit_and_the_title_is_short(draw: Callable[..., Axes])
     assert "E11" in ax.get_title()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width_cm", [8.0, 12.0])
 @pytest.mark.parametrize("draw", OF_A_CAMPAIGN, ids=lambda draw: draw.__name__)
 def test_nothing_is_cut_off(tmp_path: Path, draw: Callable[..., Axes], width_cm: float) -> None:
@@ -85,6 +90,7 @@ def long_run() -> xarray.Dataset:
     return campaign_results(100_000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", OF_A_CAMPAIGN, ids=lambda draw: draw.__name__)
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_a_long_run_takes_seconds_and_little_space(

@@ -15,8 +15,6 @@ from vestige.campaign.statistics import proportion
 from vestige.cli.campaigns.plot import command
 from vestige.errors import VestigeError
 
-pytestmark = pytest.mark.many_epochs
-
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -93,7 +93,6 @@ def test_against_bisection(pulse: Pulse, spacing: float) -> None:
     assert found == pytest.approx(bisected(delay, amplitude, spacing, pulse), abs=1e-7)
 
 
-@pytest.mark.many_epochs
 def test_an_epoch_does_not_depend_on_its_neighbours() -> None:
     rng = np.random.default_rng(4)
     delay_m = rng.exponential(40, (300, 9))

@@ -8,8 +8,6 @@ from tests.sky_builder import CLEAN, e1_of, sky_scenario
 
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 
-pytestmark = pytest.mark.many_epochs
-
 PROMPT = TAP_CHIPS.index(0.0)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
-from tests.simulated_banks import OFFSETS_M, PROCESSOR, Banks, banks, receiver_of, snapshots
+from tests.simulated_banks import OFFSETS_M, PROCESSOR, banks, receiver_of, snapshots
 
 from vestige.acas_processor.measurement import Availability
 from vestige.receiver.draws import rows_of
@@ -70,20 +70,6 @@ def test_without_error_models_and_noise_the_line_of_sight_is_where_e1_says() -> 
         taps = banks(simulation, fidelity, 0, truth).taps  # type: ignore[arg-type]
         shape = np.abs(taps) / np.abs(taps[:, 5:6])
         assert shape == pytest.approx(np.tile(triangle, (3, 1)), abs=6 / np.sqrt(81_840) + 2e-3)
-
-
-def _assert_same_distribution(sampled: Banks, drawn: Banks) -> None:
-    """Two-sample KS of every tap's magnitude in σ: p > 0.001 for the family of taps."""
-    a, b = (np.abs(banks.taps) / np.sqrt(banks.noise_power / 2)[:, None] for banks in (sampled, drawn))
-    for tap in range(a.shape[1]):
-        assert stats.ks_2samp(a[:, tap], b[:, tap]).pvalue > 0.001 / a.shape[1], tap
-
-
-FRONT_ENDS = (
-    "{bandwidth_hz=10e6, oversampling=2, bits=2}",
-    "{bandwidth_hz=6e6}",
-    "{bits=1}",
-)
 
 
 def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:

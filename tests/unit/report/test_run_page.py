@@ -19,8 +19,6 @@ from vestige.records import Status
 from vestige.report import run_page
 from vestige.scenario.load import load_scenario
 
-pytestmark = pytest.mark.many_epochs
-
 RUNS = {"quick": QUICK, "liftoff": LIFT_OFF, "sky": SKY}
 BODY = [status.value for status in Status]
 

@@ -92,7 +92,7 @@ def test_own_attacks_have_no_expectation(tmp_path: Path) -> None:
     assert rows == {"mine": ["measured detected 95 %, missed 15 %", "nothing expected"]}
 
 
-@pytest.mark.many_epochs
+@pytest.mark.slow
 def test_a_real_table(tmp_path: Path) -> None:
     folder = tmp_path / "real"
     words = ["--only", "A0", "--only", "A14", "--only", "A1", "--seeds", "1", "-o", str(folder)]

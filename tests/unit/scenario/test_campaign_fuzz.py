@@ -16,8 +16,6 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
 from vestige.scenario.warnings import scenario_warnings
 
-pytestmark = pytest.mark.many_epochs
-
 HARSH = Path(__file__).resolve().parents[3] / "scenarios" / "harsh.toml"
 
 

@@ -50,6 +50,7 @@ def test_the_processor_runs_on_a_campaign(scenario: CampaignScenario) -> None:
     assert others <= {Status.NOT_AVAILABLE}
 
 
+@pytest.mark.slow
 def test_the_size_of_the_blocks_changes_no_verdict() -> None:
     scenario = sky_scenario("epochs=65", "processor.level=3")
     processor = processor_of(scenario)

@@ -23,8 +23,6 @@ from vestige.threats.scene_outcome import Agreement
 from vestige.threats.scenes import read_threats
 from vestige.threats.table import read_threat_dataset, rows_of
 
-pytestmark = pytest.mark.many_epochs
-
 SOME = cases([threat for threat in read_threats() if threat.id in {"A1", "A3"}])
 
 
@@ -93,6 +91,7 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_level_1_detects_a_spoofer_on_e1_and_misses_a_meaconer(six: Path) -> None:
     level_1 = read_threat_dataset(six).sel(level=1)
     assert level_1["agreement"].values.tolist() == ["as expected"] * 2
@@ -102,6 +101,7 @@ def test_level_1_detects_a_spoofer_on_e1_and_misses_a_meaconer(six: Path) -> Non
     assert level_1["by_chance"].values.tolist() == [0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [2, 3])
 def test_levels_2_and_3_detect_both_and_use_no_wrong_range(six: Path, level: int) -> None:
     found = read_threat_dataset(six).sel(level=level)
@@ -216,6 +216,7 @@ def test_windows() -> None:
     assert [one.duration_s for one in outcomes] == [60.0] * 3
 
 
+@pytest.mark.slow
 def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     with (six / "threats.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -15,8 +15,6 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.spoofer.spoofer import ALL_ATTACKS, Spoofer
 from vestige.threats.scenes import LEVELS, OUTCOMES, Draw, Scene, Threat, read_threats, scenario_of
 
-pytestmark = pytest.mark.many_epochs
-
 THREATS = read_threats()
 SCENES = [(threat, scene) for threat in THREATS for scene in threat.scene]
 
@@ -59,6 +57,7 @@ def test_levels_2_and_3() -> None:
     assert misses == {2: {"A6", "A7", "A9"}, 3: {"A7"}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("threat", "scene"), SCENES, ids=lambda one: getattr(one, "id", None) or one.name)
 def test_every_row_is_a_scenario_that_runs(threat: Threat, scene: Scene) -> None:
     scenario = scenario_of(threat, scene, 7).model_copy(update={"epochs": 12})
