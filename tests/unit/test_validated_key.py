@@ -32,7 +32,7 @@ def test_its_constructor_refuses() -> None:
     values: dict[str, Any] = {
         name: getattr(KEYS[0], name) for name in ("chain_id", "time", "disclosed_at", "complete_at", "data")
     }
-    with pytest.raises(TypeError, match=r"only vestige\.crypto\.tesla\.validate"):
+    with pytest.raises(TypeError, match=r"only vestige\.crypto\.osnma\.messages\.tesla\.validate"):
         ValidatedKey(**values)
     with pytest.raises(TypeError, match="may derive"):
         type("Mine", (ValidatedKey,), {})

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Bool, Int8, Int64
+from jaxtyping import Bool, Int, Int8, Int64
 
 from vestige.records import Status
 from vestige.records.checks import CheckName
@@ -140,7 +140,7 @@ POSITION = {status: place for place, status in enumerate(Status)}  # how arrays 
 _BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
-def is_alarm(status: Int8[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+def is_alarm(status: Int[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
     """Return whether statuses, as positions in `Status`, are alarms."""
     return np.isin(status, [POSITION[one] for one in ALARMS])
 

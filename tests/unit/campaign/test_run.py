@@ -179,7 +179,7 @@ def test_a_worker_process_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_worker_of_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.campaign.execution.executors.origin", lambda _: {"vestige_version": "9.9"})
+    monkeypatch.setattr("vestige.campaign.execution.executors.build_id", lambda _: {"vestige_version": "9.9"})
     with pytest.raises(VestigeError, match=r"vestige_version: found 9\.9, expected "):
         run(PLAN, tmp_path / "a.zarr")
 

@@ -7,7 +7,7 @@ import pytest
 from toy_plan import ToyPlan
 from vestige.campaign.execution.executors import measure_chunk
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.store import build_id as origin
+from vestige.campaign.store import build_id
 from vestige.campaign.store.store import open_store
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
@@ -29,7 +29,7 @@ def test_the_digest_is_of_names_and_contents(tmp_path: Path) -> None:
         for name, content in files.items():
             (tmp_path / f"{name}.py").write_text(content)
         (tmp_path / "notes.txt").write_text("of no importance")
-        return origin.source_digest(tmp_path)
+        return build_id.source_digest(tmp_path)
 
     whole = digest(a="x = 1", b="y = 2")
     assert digest(b="y = 2", a="x = 1") == whole
@@ -43,11 +43,11 @@ def test_another_processor_neither_resumes_nor_helps_with_samples(
     expected = {}
     for fidelity in ("samples", "correlators"):
         open_store(tmp_path / fidelity, plan(fidelity), chunk_epochs=4)
-        expected[fidelity] = origin.origin(plan(fidelity))
+        expected[fidelity] = build_id.build_id(plan(fidelity))
     monkeypatch.setattr("vestige.campaign.store.build_id.processor_name", lambda: "pentium")
     monkeypatch.setattr("vestige.campaign.scenario_plan.processor_name", lambda: "pentium")
     open_store(tmp_path / "correlators", plan("correlators"), chunk_epochs=4)
-    assert origin.origin(plan("correlators")) == expected["correlators"]
+    assert build_id.build_id(plan("correlators")) == expected["correlators"]
     with pytest.raises(InputFileError, match=r"samples: processor: found \w+, expected pentium; finish with"):
         open_store(tmp_path / "samples", plan("samples"), chunk_epochs=4)
     with pytest.raises(VestigeError, match=r"worker .*: processor: found pentium, expected"):
@@ -55,7 +55,7 @@ def test_another_processor_neither_resumes_nor_helps_with_samples(
 
 
 def test_another_source_does_not_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = origin.origin(ToyPlan(n_epochs=1))
+    expected = build_id.build_id(ToyPlan(n_epochs=1))
     monkeypatch.setattr("vestige.campaign.store.build_id.vestige_version", lambda: "0.1.0+source.0")
     with pytest.raises(VestigeError, match=r"worker .*: vestige_version: found 0\.1\.0\+source\.0, expected"):
         measure_chunk(ToyPlan(n_epochs=1), 0, {}, expected)
