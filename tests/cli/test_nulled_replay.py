@@ -58,10 +58,12 @@ def _verdicts(night: Path, level: int) -> list[dict]:
     return json.loads(result.stdout)["verdicts"]
 
 
+@pytest.mark.slow
 def test_level_2_takes_it_for_the_true_signal(night: Path) -> None:
     assert [one["status"] for one in _verdicts(night, 2)] == ["AUTHENTIC"] * 3
 
 
+@pytest.mark.slow
 def test_level_3_finds_it_with_every_recs_and_where_the_true_signal_is(night: Path) -> None:
     """The RECS before and after are in the same samples; each says by itself that it came twice, 0.1 ms apart."""
     found = _verdicts(night, 3)

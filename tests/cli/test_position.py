@@ -48,7 +48,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return room / "night"
 
 
-@pytest.mark.parametrize("level", [1, 2])
+@pytest.mark.parametrize("level", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_five_authentic_ranges_are_a_position(night: Path, level: int) -> None:
     navigation = ("--navigation", night.parent / "night.rnx", "--level", level)
     found = json.loads(invoke(process, night, *BIAS, *navigation, "--json").stdout)

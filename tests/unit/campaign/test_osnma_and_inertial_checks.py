@@ -139,7 +139,7 @@ def test_an_authenticated_fix_is_known_when_its_key_is(key_delay: int) -> None:
     assert known_s[due] == pytest.approx(30 * (time_s[due] // 30 + key_delay) + 31)
 
 
-@pytest.mark.parametrize("interval_s", [0.5, 7.0, 30.0, 90.0])
+@pytest.mark.parametrize("interval_s", [0.5, *(pytest.param(one, marks=pytest.mark.slow) for one in (7.0, 30.0, 90.0))])
 def test_pages_of_any_interval_make_subframes(interval_s: float) -> None:
     _, found = judged(f"epochs={round(400 / interval_s)}", f"interval_s={interval_s}", "recs.every=1")
     assert found[RECEPTION].run.any()

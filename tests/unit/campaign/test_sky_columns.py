@@ -35,7 +35,7 @@ def clean() -> dict[str, np.ndarray]:
     return columns_of(sky_scenario(*CLEAN, "epochs=900", "interval_s=4.0", "recs.every=8"))
 
 
-@pytest.mark.parametrize("fidelity", ["correlators", "samples"])
+@pytest.mark.parametrize("fidelity", ["correlators", pytest.param("samples", marks=pytest.mark.slow)])
 def test_any_cut_gives_the_same_bits(fidelity: str) -> None:
     scenario = sky_scenario("epochs=40", "interval_s=4.0", "recs.every=8", f'fidelity="{fidelity}"', PUSH)
     whole, pieces = columns_of(scenario), columns_of(scenario, chunk=17)
