@@ -15,7 +15,7 @@ from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
 from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
-from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.raim import RaimMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
@@ -73,7 +73,7 @@ class MonitoringSettings:
     e6_power: ReceivedPowerMonitor = field(default_factory=lambda: ReceivedPowerMonitor(band=Band.E6))
     e1_cn0: Cn0Monitor = field(default_factory=Cn0Monitor)
     e6_cn0: E6StrengthMonitor = field(default_factory=E6StrengthMonitor)
-    noise_floor: WrongCodeFloorMonitor = field(default_factory=WrongCodeFloorMonitor)
+    noise_floor: NoiseFloorMonitor = field(default_factory=NoiseFloorMonitor)
     second_signal: SecondSignalMonitor = field(default_factory=SecondSignalMonitor)
     second_signal_filtered: bool = False
     clock: ClockDriftMonitor = field(default_factory=ClockDriftMonitor)

@@ -19,7 +19,7 @@ from vestige.acas_processor.checks.inertial import InertialMonitor
 from vestige.acas_processor.checks.osnma import OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
-from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.raim import RaimMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
@@ -29,7 +29,7 @@ MONITORS: list[Check] = [
     ReceivedPowerMonitor(band=Band.E1),
     ReceivedPowerMonitor(band=Band.E6),
     Cn0Monitor(),
-    WrongCodeFloorMonitor(),
+    NoiseFloorMonitor(),
     RaimMonitor(),
     SolutionSeparationMonitor(),
     OsnmaAvailabilityMonitor(),
@@ -50,7 +50,7 @@ def test_every_check_says_what_it_is() -> None:
     [
         lambda p: ReceivedPowerMonitor(band=Band.E1, p_fa=p),
         lambda p: Cn0Monitor(p_fa=p),
-        lambda p: WrongCodeFloorMonitor(p_fa=p),
+        lambda p: NoiseFloorMonitor(p_fa=p),
         lambda p: RaimMonitor(p_fa=p),
         lambda p: OsnmaAvailabilityMonitor(p_fa=p),
         lambda p: OsnmaReceptionMonitor(p_fa=p),

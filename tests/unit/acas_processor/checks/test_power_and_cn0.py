@@ -10,7 +10,7 @@ import pytest
 
 from evidence_builder import evidence, outcome
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
-from vestige.acas_processor.checks.power.noise_floor import WrongCodeFloorMonitor
+from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.campaign.statistics import binomial_test
@@ -102,10 +102,10 @@ def test_check_of_cn0() -> None:
 
 
 @pytest.mark.parametrize("jam_db", [-math.inf, -7.0])
-def test_wrong_code_floor(jam_db: float) -> None:
+def test_noise_floor(jam_db: float) -> None:
     """The floor is the mean over N_c squared chip sums."""
     chips = 5115
-    monitor = WrongCodeFloorMonitor(n_chips=chips, p_fa=P_FA)
+    monitor = NoiseFloorMonitor(n_chips=chips, p_fa=P_FA)
     rng = stream(3, "floor", str(jam_db))
     floor_db = _measured_power_db(rng, chips, 0.3, 10 * np.log10(1 + 10 ** (jam_db / 10)))
     alarms = np.abs(floor_db) > monitor.threshold_db
@@ -114,12 +114,12 @@ def test_wrong_code_floor(jam_db: float) -> None:
     assert (probability == pytest.approx(P_FA)) is (jam_db == -math.inf)
 
 
-def test_check_of_the_wrong_code_floor() -> None:
+def test_check_of_the_noise_floor() -> None:
     def of(floor_db: float | None, usual_db: float | None = 0.0, noise_power: float | None = 1.0) -> CheckResult:
         given = evidence(
             observed={Quantity.FLOOR_DB: floor_db}, usual={Quantity.FLOOR_DB: usual_db}, noise_power=noise_power
         )
-        return outcome(WrongCodeFloorMonitor(), given)
+        return outcome(NoiseFloorMonitor(), given)
 
     assert of(0.5).outcome is Outcome.PASS
     assert of(3.0).reason.startswith("the E6 noise floor is +3.0 dB")

@@ -28,7 +28,7 @@ from vestige.signals.definitions import E6C
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WrongCodeFloorMonitor(LevelMonitor):
+class NoiseFloorMonitor(LevelMonitor):
     """Whether the noise floor of the correlators is what it was when the receiver was calibrated."""
 
     name: ClassVar = CheckName.NOISE_FLOOR
