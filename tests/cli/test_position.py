@@ -48,7 +48,8 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return room / "night"
 
 
-@pytest.mark.parametrize("level", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [1, 2])
 def test_five_authentic_ranges_are_a_position(night: Path, level: int) -> None:
     navigation = ("--navigation", night.parent / "night.rnx", "--level", level)
     found = json.loads(invoke(process, night, *BIAS, *navigation, "--json").stdout)
@@ -64,6 +65,7 @@ def test_five_authentic_ranges_are_a_position(night: Path, level: int) -> None:
     assert 5 < position["latency_s"] < 90
 
 
+@pytest.mark.slow
 def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -> None:
     navigation = ("--navigation", night.parent / "night.rnx")
     printed = invoke(process, night, *BIAS, *navigation).stdout
@@ -78,11 +80,13 @@ def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -
     assert kinds == ["verdict"] * 5 + ["position"] + ["state"] * 5 + ["end"]
 
 
+@pytest.mark.slow
 def test_without_orbits_there_is_none(night: Path) -> None:
     assert json.loads(invoke(process, night, *BIAS, "--json").stdout)["positions"] == []
     assert "position" not in invoke(process, night, *BIAS).stdout
 
 
+@pytest.mark.slow
 def test_orbits_of_the_day_before_are_named(night: Path) -> None:
     old = walker_ephemerides(GalileoTime.parse("2026-11-20T12:00:00 GST"))
     later = walker_ephemerides(GalileoTime.parse("2026-11-20T13:00:00 GST"))

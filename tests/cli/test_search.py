@@ -74,6 +74,7 @@ def test_recs_are_decrypted_in_the_cipher_mode_of_the_command(night: Path, verb:
     assert [one["peaks"] for one in found["satellites"]] == [[]]
 
 
+@pytest.mark.slow
 def test_exhaustive_finds_what_the_handover_finds(night: Path) -> None:
     """Open E6-C repeats its primary code every millisecond: the window is the travel time of one satellite ± 0.2 ms."""
     handed = _json("handover", night, "--svids", "8", "--uncertainty-s", "0.1")["satellites"][0]["peaks"][0]
@@ -131,6 +132,7 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
     assert json.loads(result.stdout)["complete"] is False
 
 
+@pytest.mark.slow
 def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed behind its second block: what was kept is what an uninterrupted search comes through, to the last bit."""
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
@@ -177,6 +179,7 @@ def test_what_was_found_is_not_written_over_the_recording(night: Path) -> None:
     assert {path: path.stat().st_size for path in night.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_what_came_when_the_key_may_have_been_known_proves_nothing(night: Path) -> None:
     """The clock is good to 100 s only, and the key was on air a minute later."""
     text = invoke(search, "handover", night, "--svids", "8", "--uncertainty-s", "100").stdout

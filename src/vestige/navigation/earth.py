@@ -19,8 +19,6 @@ _E2 = FLATTENING * (2 - FLATTENING)  # first eccentricity squared
 _SECOND_E2 = _E2 / (1 - _E2)
 _BOWRING_STEPS = 4  # latitude error below 1e-15 rad from the ground to beyond Galileo's orbit
 
-ROTATION_VECTOR = np.array([0.0, 0.0, ROTATION_RADPS])
-
 
 def ecef_from_geodetic(
     latitude_rad: Float[np.ndarray, " n"], longitude_rad: Float[np.ndarray, " n"], height_m: Float[np.ndarray, " n"]
@@ -93,7 +91,7 @@ def azimuth_elevation(
     local: Float[np.ndarray, "n 3"],
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return azimuth in [0, 2π) and elevation in rad of a direction in local coordinates (east, north, up)."""
-    east, north, up = np.moveaxis(local, -1, 0)
+    east, north, up = local[..., 0], local[..., 1], local[..., 2]
     return np.arctan2(east, north) % (2 * np.pi), np.arctan2(up, np.hypot(east, north))
 
 
@@ -104,6 +102,17 @@ def turned_with_earth(
 
     This is the Sagnac correction when the vector is a satellite's position at transmission and the time that of flight.
     """
-    x, y, z = np.moveaxis(vector, -1, 0)
+    x, y = vector[..., 0], vector[..., 1]
     cosine, sine = np.cos(ROTATION_RADPS * elapsed_s), np.sin(ROTATION_RADPS * elapsed_s)
-    return np.stack((cosine * x + sine * y, cosine * y - sine * x, z), axis=-1)
+    turned = vector.copy()
+    turned[..., 0] = cosine * x + sine * y
+    turned[..., 1] = cosine * y - sine * x
+    return turned
+
+
+def carried_by_earth(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Return ω × v: of an ECEF position, the velocity with which the rotation of the Earth carries it."""
+    carried = np.zeros_like(vector)
+    carried[..., 0] = -ROTATION_RADPS * vector[..., 1]
+    carried[..., 1] = ROTATION_RADPS * vector[..., 0]
+    return carried

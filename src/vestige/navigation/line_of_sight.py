@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.navigation.earth import ROTATION_VECTOR, azimuth_elevation, local_axes_at, turned_with_earth
+from vestige.navigation.earth import azimuth_elevation, carried_by_earth, local_axes_at, turned_with_earth
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import satellite_state
 from vestige.time import GalileoTime
@@ -112,9 +112,9 @@ def at_rest_in_space(
     acceleration_mps2: Float[np.ndarray, "*n 3"],
 ) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"]]:
     """Return position, velocity and acceleration in the frame at rest that coincides with the rotating one now."""
-    carried = np.cross(ROTATION_VECTOR, position_m)
-    coriolis = 2 * np.cross(ROTATION_VECTOR, velocity_mps)
-    return position_m, velocity_mps + carried, acceleration_mps2 + coriolis + np.cross(ROTATION_VECTOR, carried)
+    carried = carried_by_earth(position_m)
+    coriolis = 2 * carried_by_earth(velocity_mps)
+    return position_m, velocity_mps + carried, acceleration_mps2 + coriolis + carried_by_earth(carried)
 
 
 def _dot(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:

@@ -32,7 +32,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.navigation.earth import ROTATION_VECTOR, local_axes_at, turned_with_earth
+from vestige.navigation.earth import carried_by_earth, local_axes_at, turned_with_earth
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import satellite_state
 from vestige.time import GalileoTime
@@ -217,9 +217,9 @@ def static_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
 
 def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
     """Return the rates of a standing receiver, and 1 − u·ṡ/c."""
-    in_space = sent.velocity_mps + np.cross(ROTATION_VECTOR, sent.position_m)
+    in_space = sent.velocity_mps + carried_by_earth(sent.position_m)
     s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))
-    carried = np.cross(ROTATION_VECTOR, fix.position_m)
+    carried = carried_by_earth(fix.position_m)
     towards = fix.geometry[..., :3]  # u, from satellite to receiver
     slowed = 1 - np.einsum("nmi,nmi->nm", towards, s_1) / SPEED_OF_LIGHT_MPS
     return np.einsum("nmi,nmi->nm", towards, carried[:, None] - s_1) / slowed - sent.clock_mps, slowed

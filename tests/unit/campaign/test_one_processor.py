@@ -124,7 +124,8 @@ def test_the_truth_cannot_matter(name: str) -> None:
     assert judged(results.assign(noise), (1, 2, 3)) == judged(results, (1, 2, 3))
 
 
-@pytest.mark.parametrize("damaged", [(3,), pytest.param((0, 4), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("damaged", [(3,), (0, 4)])
 def test_a_resumed_run_has_the_same_bits(damaged: tuple[int, ...], tmp_path: Path) -> None:
     """Chunks in the middle are measured again, and judged with the state that the stored ones before them leave."""
     plan = ScenarioPlan(scenario=scene("A3 repeater", 3))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from vestige.navigation.earth import (
     ROTATION_RADPS,
     azimuth_elevation,
+    carried_by_earth,
     ecef_from_geodetic,
     geodetic_from_ecef,
     local_axes_at,
@@ -56,3 +57,9 @@ def test_the_earth_turns_east() -> None:
     """What stands still in space moves west over the ground: a quarter of a turn takes x to −y."""
     quarter_s = np.array([np.pi / 2 / ROTATION_RADPS])
     np.testing.assert_allclose(turned_with_earth(np.array([[1.0, 0.0, 2.0]]), quarter_s), [[0, -1, 2]], atol=1e-15)
+
+
+def test_what_the_rotation_carries_is_the_cross_product() -> None:
+    vectors = np.random.default_rng(3).standard_normal((4, 7, 3)) * 1e7
+    expected = np.cross([0.0, 0.0, ROTATION_RADPS], vectors)
+    assert np.array_equal(carried_by_earth(vectors), expected)

@@ -100,6 +100,7 @@ def test_beyond_the_window_nothing_is_found() -> None:
     assert np.all(search(both, both, window_s=17.0).exhaustive_signals == 2)
 
 
+@pytest.mark.slow
 def test_false_alarms_come_with_their_probability() -> None:
     draws = search_draws(np.random.default_rng(3), 200_000, 1)
     quiet = BandSignals(

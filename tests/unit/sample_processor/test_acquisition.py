@@ -11,7 +11,7 @@ from vestige.sample_processor.acquisition import acquire
 SKY = {3: (2.4e7, -700.0, 44.0), 11: (2.55e7, 0.0, 40.0), 30: (2.32e7, 600.0, 36.0)}
 
 
-@pytest.mark.parametrize("rate_hz", [4.5e6, 6.0e6, 10.3e6])
+@pytest.mark.parametrize("rate_hz", [4.5e6, *(pytest.param(rate, marks=pytest.mark.slow) for rate in (6.0e6, 10.3e6))])
 def test_finds_who_is_there_where_it_is(rate_hz: float) -> None:
     sky = [satellite(svid, *values, e6_dbhz=40.0) for svid, values in SKY.items()]
     batch = received_batch(Band.E1, sky, rate_hz=rate_hz, duration_s=0.06)
@@ -26,6 +26,7 @@ def test_finds_who_is_there_where_it_is(rate_hz: float) -> None:
         assert found[svid].statistic > found[svid].threshold
 
 
+@pytest.mark.slow
 def test_false_alarm_rate_of_the_threshold() -> None:
     """At an overall P_FA of 0.5 a search of noise alarms half of the time.
 

@@ -33,6 +33,7 @@ def test_measures_what_was_sent(svid: int) -> None:
     assert measured.secondary_margin_db > 3
 
 
+@pytest.mark.slow
 def test_code_phase_is_unbiased() -> None:
     """Mean pseudorange error over 16 noise seeds at 45 dBHz: within 5 standard errors of zero."""
     errors = []

@@ -41,6 +41,7 @@ def test_between_the_cells_less_is_found() -> None:
     assert fine == pytest.approx(on_grid, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_average_over_the_grid_against_random_places() -> None:
     rng = np.random.default_rng(3)
     loss_db = -20 * np.log10((1 - 0.25 * rng.random(200_000)) * np.sinc(0.25 * rng.random(200_000)))

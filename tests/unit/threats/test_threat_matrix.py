@@ -130,6 +130,7 @@ def test_barely_enough_noise_is_seen_by_osnma_alone() -> None:
     assert not found[3].mitigated
 
 
+@pytest.mark.slow
 def test_an_attack_between_recs_is_seen_by_power_and_distortion() -> None:
     found = _run("A11", 1)
     assert found[1].missed
