@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ import xarray
 from jaxtyping import Float
 from matplotlib.animation import PillowWriter
 
+from vestige.campaign.statistics import detectors_of
 from vestige.output import replacement
-from vestige.plots.attacks.attack_comparison import DETECTORS, counterfeits
+from vestige.plots.attacks.attack_comparison import counterfeits
 from vestige.plots.epochs import attribute, column, is_attacked, magnitudes_sigma, select, thinned, title_of
 from vestige.plots.figure import (
     BLACK,
@@ -30,15 +32,14 @@ from vestige.plots.figure import (
 FRAMES = 120  # at most: of a longer run every k-th epoch, as it is
 FRAMES_A_S = 10
 DPI = 150
-_COLOURS = dict(zip(DETECTORS, (BLUE, RED), strict=True))
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
-_MARKERS = dict(zip(DETECTORS, ("v", "^"), strict=True))  # neither hides the other
+_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # of the detectors in turn: none hides another
 
 
 def write_animation(
     results: xarray.Dataset, path: Path | str, *, svid: int | None = None, width_cm: float = WIDTH_CM
 ) -> int:
-    """Write a GIF and return its number of frames: magnitude over tap offset, and what either detector found.
+    """Write a GIF and return its number of frames: magnitude over tap offset, and what each detector found.
 
     Under attack, dashed lines stand where the true signal and the strongest counterfeit are.
 
@@ -54,8 +55,8 @@ def write_animation(
     if Path(path).suffix.lower() != ".gif":
         raise ValueError(f"{path}: an animation is a .gif")
     epochs = thinned(results.sizes.get("epoch", 0), FRAMES)
-    shown = {name: select(results, detector=name, svid=svid).isel(epoch=epochs) for name in DETECTORS}
-    one = shown[DETECTORS[0]]
+    shown = {name: select(results, detector=name, svid=svid).isel(epoch=epochs) for name in detectors_of(results)}
+    one = next(iter(shown.values()))
     offsets_m, time_s, magnitude = column(one, "tap_offset_m"), column(one, "time_s"), magnitudes_sigma(one)
     found = {name: (column(each, "range_offset_m"), column(each, "magnitude_sigma")) for name, each in shown.items()}
     truth = _truth(one) if is_attacked(results) else {}
@@ -63,8 +64,8 @@ def write_animation(
     ax = new_axes(width_cm=width_cm)
     (curve,) = ax.plot([], [], "-o", color=BLACK, linewidth=0.8, markersize=2)
     marks = {
-        name: ax.plot([], [], _MARKERS[name], color=_COLOURS[name], markersize=5, label=f"{name} detector")[0]
-        for name in DETECTORS
+        name: ax.plot([], [], marker, color=colour, markersize=5, label=f"{name} detector")[0]
+        for name, (marker, colour) in zip(shown, cycle(_MARKERS), strict=False)
     }
     lines = {name: ax.axvline(0.0, color=_LINES[name], linewidth=1.0, linestyle="--", label=name) for name in truth}
     if (threshold := attribute(one, "threshold_sigma")) is not None:

@@ -1,4 +1,4 @@
-"""Both detectors under attack, one below the other, over what the attacker does [WFO, Sec. VI-B]."""
+"""All detectors under attack, one below the other, over what the attacker does [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import xarray
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from vestige.campaign.statistics import detectors_of
 from vestige.errors import VestigeError
 from vestige.plots.epochs import column, is_attacked, is_missed, select, title_of
 from vestige.plots.figure import (
@@ -25,15 +26,14 @@ from vestige.plots.figure import (
     time_label,
 )
 
-HEIGHT_CM = 11.5
-DETECTORS = ("early", "maximum")
+_AXES_CM, _REST_CM = 4.0, 3.5  # height of the axes of a detector, and of all else
 _POWER_SHARE = 0.45  # of the height of a range offset
 _MARGIN_M = 12.0
 _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 
 
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
-    """Return the uppermost of three axes on one time axis: power of the counterfeits, range offset of both detectors.
+    """Return the uppermost of the axes on one time axis: power of the counterfeits, range offset of each detector.
 
     Over the range offsets lie the lines on which they belong: where the true signal is, and where each counterfeit is,
     by the truth. A counterfeit without power has no line.
@@ -42,13 +42,13 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     """
     if not is_attacked(results):
         raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")
-    shown = {detector: select(results, detector=detector, svid=svid) for detector in DETECTORS}
-    one = shown[DETECTORS[0]]
+    shown = {detector: select(results, detector=detector, svid=svid) for detector in detectors_of(results)}
+    one = next(iter(shown.values()))
     time_s, true_m = column(one, "time_s"), column(one, "truth_prediction_error_m")
     power_db, spoofer_m = counterfeits(one)
-    figure = figure_of(new_axes(height_cm=HEIGHT_CM))
+    figure = figure_of(new_axes(height_cm=_REST_CM + _AXES_CM * len(shown)))
     figure.clear()
-    power, *offsets = figure.subplots(3, sharex=True, height_ratios=[_POWER_SHARE, 1, 1])
+    power, *offsets = figure.subplots(1 + len(shown), sharex=True, height_ratios=[_POWER_SHARE, *(1 for _ in shown)])
 
     power.axhline(0.0, color=BLACK, linewidth=0.5)
     power.plot(time_s, power_db, color=ORANGE, **_LINE)
