@@ -36,7 +36,11 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Device:
         return CudaDevice()
 
 
-@pytest.fixture(params=["numpy", "compiled", "gpu"])
+DEVICES = ("numpy", "compiled", "gpu")
+LONG_MS = 4  # kernels on the processor take long from there on
+
+
+@pytest.fixture(params=DEVICES)
 def device(request: pytest.FixtureRequest) -> Device:
     if request.param == "numpy":
         return NumpyDevice()
@@ -48,10 +52,16 @@ def device(request: pytest.FixtureRequest) -> Device:
         pytest.skip(f"needs a GPU: {error.found}")
 
 
-@pytest.mark.parametrize("ms", MILLISECONDS)
+@pytest.mark.parametrize(
+    ("ms", "device"),
+    [
+        pytest.param(ms, name, marks=[pytest.mark.slow] if name == "compiled" and ms > LONG_MS else [])
+        for ms in MILLISECONDS
+        for name in DEVICES
+    ],
+    indirect=["device"],
+)
 def test_cuda_engine_is_the_direct_sum(ms: int, device: Device) -> None:
-    if ms > 4 and isinstance(device, CudaDevice) and device.name == "a stand-in":
-        pytest.skip("kernels on the processor are slow; 8 and 16 ms differ in numbers only")
     codes, x = engine_vector(ms)
     n = codes.shape[1]
     engine = CudaEngine(codes, device)
