@@ -142,6 +142,7 @@ def fix_block(fix: Fix, **values: Any) -> FixBlock:
         ),
         "sigma_m": of_satellites,
         "common_m": None,
+        "bounded": False,
         "range_rate_mps": of_satellites,
         "static_range_rate_mps": of_satellites,
         "sigma_rate_mps": of_satellites,

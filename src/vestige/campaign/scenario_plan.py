@@ -201,8 +201,10 @@ class ScenarioPlan:
         if self.scenario.attack:
             columns |= _side_by_side(
                 [
-                    attack_columns(simulation, truth, of.e1_multipath_m[:, column])
-                    for column, (simulation, truth) in enumerate(zip(self.simulations, truths, strict=True))
+                    attack_columns(truth, arrived, e1_multipath_m)
+                    for truth, arrived, e1_multipath_m in zip(
+                        truths, of.arrived_at_epochs, of.e1_multipath_m.T, strict=True
+                    )
                 ]
             )
         if self._receiver.with_taps:

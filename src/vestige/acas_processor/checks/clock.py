@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.checks.check import check_budget, two_sided_detection, two_sided_factor
+from vestige.acas_processor.checks.check import check_budget, series_of, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.memory import ClockEpoch, ClockMemory
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -161,9 +161,8 @@ class ClockCheck:
                 return "no epoch shortly before"
             return f"{what} {statistic[epoch]:+.3g} {unit}, more than {threshold[epoch]:.3g} {unit}"
 
-        return CheckSeries(
-            name=self.name, unit=unit, p_fa=self.p_fa, statistic=statistic, threshold=threshold, explain=explain
-        )
+        fix = evidence.measured.fix
+        return series_of(self, statistic, threshold, explain, exact=fix is not None and not fix.bounded)
 
 
 _PARTS = {

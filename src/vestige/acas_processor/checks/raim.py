@@ -66,7 +66,7 @@ class RaimMonitor(Monitor):
                 return "the pseudoranges do not agree, and no single satellite explains it"
             return f"the pseudoranges do not agree; without E{snapshots.svids[culprit]:02d} they do"
 
-        return series_of(self, statistic, threshold, explain, exact=True)
+        return series_of(self, statistic, threshold, explain, exact=fix is not None and not fix.bounded)
 
 
 def raim_statistic(fix: Fix) -> Float[np.ndarray, " n"]:

@@ -83,6 +83,7 @@ class FixSettings:
         return FixBlock(
             sigma_m=sigma_m,
             common_m=common_m,
+            bounded=self.errors.is_bound,
             **fix_quantities(
                 sent,
                 fix,

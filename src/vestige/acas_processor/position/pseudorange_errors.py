@@ -41,6 +41,9 @@ class LoopNoise(Protocol):
         """Return the standard deviation of a Doppler in Hz."""
 
 
+_NEGLIGIBLE_M = 0.01  # beside the noise of a loop
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudorangeErrors:
     """Standard deviations of E1 observations."""
@@ -58,6 +61,11 @@ class PseudorangeErrors:
     def needs_elevation(self) -> bool:
         """Whether the standard deviations depend on the elevation."""
         return bool(self.ionosphere_m or self.multipath_m)
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the standard deviations bound the errors, and are not just those of the loops' noise."""
+        return self.loops is None or self.needs_elevation or self.floor_m > _NEGLIGIBLE_M
 
     def range_m(
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]

@@ -84,4 +84,5 @@ def _positions(
     )
     used = np.zeros(range_m.shape, np.bool_)
     used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
-    return PositionBlock(rows=rows, fixes=FixBlock(sigma_m=sigma_m, common_m=common_m, **quantities), used=used)
+    fixes = FixBlock(sigma_m=sigma_m, common_m=common_m, bounded=all_fix.bounded, **quantities)
+    return PositionBlock(rows=rows, fixes=fixes, used=used)

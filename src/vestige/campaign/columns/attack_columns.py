@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.campaign.plan import Coord, column_table
-from vestige.receiver.samples.sampled_epoch import arrival
+from vestige.receiver.samples.sampled_epoch import Arrival
 from vestige.receiver.simulation import Simulation, e1_error_m
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -45,13 +45,12 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
 
 
 def attack_columns(
-    simulation: Simulation, truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]
+    truth: TruthBlock, arrived: Arrival, e1_multipath_m: Float[np.ndarray, " n"]
 ) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS`."""
-    phase_rad = np.angle(arrival(simulation.line_of_sight, truth).carrier)
+    """Return the values of `ATTACK_COLUMNS` of one satellite, whose chips of each epoch arrive as `arrived` says."""
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
-        "truth_phase_rad": phase_rad,
+        "truth_phase_rad": np.angle(arrived.carrier),
         "truth_prediction_error_m": truth.iono_diff_m + truth.bias_m - e1_error_m(truth, e1_multipath_m),
         "truth_spoofed": np.any(on_air, axis=1),
         "truth_spoofer_offset_m": truth.e6.delay_m,

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.navigation.line_of_sight import LineOfSight, line_of_sight
+from vestige.navigation.line_of_sight import LineOfSight, line_of_sight, range_less_clock_m
 from vestige.receiver.sky.constellation import ElevationCn0
 from vestige.receiver.sky.trajectory import Trajectory
 from vestige.signal_generator.range_model import RangeHistory
@@ -89,8 +89,7 @@ class SatelliteRange:
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""
-        sight = self.sight(t_s)
-        return sight.range_m - sight.satellite_clock_m
+        return range_less_clock_m(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return its rate in m/s."""

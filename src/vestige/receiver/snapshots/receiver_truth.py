@@ -72,9 +72,17 @@ class ReceiverTruth:
     @cached_property
     def arrived(self) -> tuple[Arrival, ...]:
         """How the RECS of each satellite arrive in E6."""
-        return tuple(
-            simulation.arrival(truth) for simulation, truth in zip(self.simulations, self.of_recs, strict=True)
-        )
+        if self.simulations[0].spoofer.attacks:  # the truth of an attack wants all epochs
+            return tuple(rows_of(one, self.rows) for one in self.arrived_at_epochs)
+        return self._arrived(self.of_recs)
+
+    @cached_property
+    def arrived_at_epochs(self) -> tuple[Arrival, ...]:
+        """How the chips that are sent at each epoch arrive in E6, with a RECS or without."""
+        return self._arrived(self.truth)
+
+    def _arrived(self, truths: tuple[TruthBlock, ...]) -> tuple[Arrival, ...]:
+        return tuple(simulation.arrival(truth) for simulation, truth in zip(self.simulations, truths, strict=True))
 
     @cached_property
     def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
