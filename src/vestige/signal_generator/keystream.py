@@ -64,13 +64,16 @@ def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Compon
         raise ValueError(f"the reference must be a whole second, not {reference}")
     origin = reference.gst_seconds * _CHIPS_PER_SECOND
 
+    def stretch(first: int, n: int) -> Int8[np.ndarray, " n"]:
+        return _keystream(key, svid, origin + first, n)
+
     def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
         if not index.size:
             return np.empty(0, np.int8)
         first = int(index.min())
-        return _keystream(key, svid, origin + first, int(index.max()) - first + 1)[index - first]
+        return stretch(first, int(index.max()) - first + 1)[index - first]
 
-    return Component(signal=E6C, chip=chip)
+    return Component(signal=E6C, chip=chip, stretch=stretch)
 
 
 def _keystream(key: bytes, svid: int, first: int, n: int) -> Int8[np.ndarray, " n"]:

@@ -35,7 +35,7 @@ from vestige.signals.chip_window_kernel import REACH_CHIPS, chip_windows
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
-_SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
+SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +97,7 @@ def synthesize(
     if noise_key is None:
         x[:] = 0
     else:
-        fill_normals(noise_key, np.int64(first), _SIGMA * np.float32(np.sqrt(noise_power)), x)
+        fill_normals(noise_key, np.int64(first), SIGMA * np.float32(np.sqrt(noise_power)), x)
     for signal in signals:
         _add(
             x,

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Complex128, Float, Int8, Int64
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.signals.codes import tiered_code
+from vestige.signals.codes import primary_code, secondary_code, tiered_code
 from vestige.signals.definitions import SignalDefinition
 from vestige.streams import stream_key
 
@@ -33,6 +33,11 @@ class Component:
     signal: SignalDefinition
     chip: Sequence  # chip ±1 for a chip number counted from the reference second
     symbol: Sequence | None = None  # symbol ±1 for a symbol number counted from the reference second; None for a pilot
+    # chips number `first` to `first + n - 1`, where it is quicker to ask for a stretch
+    stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
+    # the codes that make `chip` where it is primary code times secondary code, else None
+    primary: Int8[np.ndarray, " n"] | None = None
+    secondary: Int8[np.ndarray, " k"] | None = None
 
     def modulation(self, satellite_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return d · c at satellite times in s after the reference second."""
@@ -61,9 +66,20 @@ def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Com
 
     The symbols of every satellite and signal differ.
     """
-    code = tiered_code(signal, svid)
     symbols = random_signs(stream_key(seed, "symbols", signal.name, svid)) if signal.symbol_rate_hz else None
-    return Component(signal=signal, chip=lambda index: code[index % code.size], symbol=symbols)
+    return coded_component(signal, svid, symbols)
+
+
+def coded_component(signal: SignalDefinition, svid: int, symbol: Sequence | None) -> Component:
+    """Return a component with its published codes and symbols; None for a pilot."""
+    code = tiered_code(signal, svid)
+    return Component(
+        signal=signal,
+        chip=lambda index: code[index % code.size],
+        symbol=symbol,
+        primary=primary_code(signal, svid),
+        secondary=secondary_code(signal, svid),
+    )
 
 
 def random_signs(key: bytes) -> Sequence:

@@ -13,10 +13,8 @@ on E1-C. Averaged over both, the cross term cancels and the spectrum is MBOC = 1
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -64,17 +62,6 @@ CBOC_PLUS = Pulse("CBOC(6,1,1/11,+)", _cboc(+1.0))
 CBOC_MINUS = Pulse("CBOC(6,1,1/11,-)", _cboc(-1.0))
 
 ALL_PULSES = (BPSK, BOC11, BOC61, CBOC_PLUS, CBOC_MINUS)
-
-# pulse: the pulses with levels of ±1 that it is a sum of, each with its weight [OS-ICD, 2.3.3]
-RECTANGULAR_PARTS: Mapping[Pulse, tuple[tuple[float, Pulse], ...]] = MappingProxyType(
-    {
-        BPSK: ((1.0, BPSK),),
-        BOC11: ((1.0, BOC11),),
-        BOC61: ((1.0, BOC61),),
-        CBOC_PLUS: ((_SHARE_11, BOC11), (_SHARE_61, BOC61)),
-        CBOC_MINUS: ((_SHARE_11, BOC11), (-_SHARE_61, BOC61)),
-    }
-)
 
 
 def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: float) -> Float[np.ndarray, " n"]:

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import E1Loop
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.samples.continuous import ContinuousTruth
@@ -11,6 +13,7 @@ from vestige.receiver.sky.elevation import SatelliteGeometry
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeModel
+from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.spoofer import NO_SPOOFER
 
 PATH = RangeModel(s0_m=2.5e7, v_mps=51.0, amplitude_m=0.5, omega_radps=3.1)
@@ -66,23 +69,54 @@ def test_a_chip_sent_at_the_epoch_arrives_when_it_is_said_to() -> None:
     assert t - delay_s == pytest.approx(TIMES, abs=1e-14)
 
 
-def test_holds_what_belongs_to_the_nearest_recs() -> None:
-    one = truth()
-    held = one.propagation(Band.E6, 0.016)
-    middle = one.received_s() + 0.008
-    for row, t in ((0, 0.0), (0, middle[0] + 0.49), (1, middle[1] - 0.49), (2, middle[2]), (3, 99.0)):
-        found = held(t)
-        assert found.delay_m == one.truth.iono_diff_m[row] + one.truth.bias_m[row]
-        assert found.at_s == one.received_s()[row]
-        assert np.array_equal(found.ray_delay_m, one.truth.rays.delay_m[row])
-        assert np.array_equal(found.ray_amplitude, one.truth.rays.amplitude[row])
-
-
-def test_e1_has_no_group_delay_and_rays_only_if_wanted() -> None:
-    without = truth().propagation(Band.E1, 0.016)(4.1)
-    assert (without.delay_m, without.ray_delay_m.size) == (0.0, 0)
+def test_is_what_the_epoch_says_while_its_recs_arrives() -> None:
     one = truth(e1_multipath=True)
-    found = one.propagation(Band.E1, 0.016)(4.1)
-    assert found.delay_m == 0.0
-    assert np.array_equal(found.ray_amplitude, one.truth.rays.amplitude_e1[1])
-    assert found.ray_doppler_hz == pytest.approx(one.truth.rays.doppler_hz[1] * E1_CARRIER_HZ / E6_CARRIER_HZ)
+    middle = one.received_s() + 0.008
+    for band, ratio in ((Band.E1, E1_CARRIER_HZ / E6_CARRIER_HZ), (Band.E6, 1.0)):
+        strength = one.truth.rays.amplitude_e1 if band is Band.E1 else one.truth.rays.amplitude
+        for row in range(4):
+            found = one.propagation(band, 0.016)(float(middle[row]))
+            assert found.delay_m == pytest.approx(one.delay_m(band)[row], abs=1e-9)
+            assert found.delay_rate_mps == pytest.approx(0, abs=1e-9)
+            assert found.ray_delay_m == pytest.approx(one.truth.rays.delay_m[row])
+            assert found.ray_doppler_hz == pytest.approx(ratio * one.truth.rays.doppler_hz[row])
+            # the phase of the epoch is that of the RECS's first chip
+            back = np.exp(-2j * np.pi * found.ray_doppler_hz * 0.008)
+            assert found.ray_amplitude * back == pytest.approx(strength[row])
+
+
+@pytest.mark.parametrize("band", list(Band))
+@pytest.mark.parametrize("sky", [False, True])
+def test_nothing_steps_between_the_epochs(band: Band, sky: bool) -> None:
+    """Delays, strengths and phases change with the rates that go with them."""
+    one = replace(truth(e1_multipath=True), sky=sky)
+    view = replace(one.truth.view, amplitude=np.array([1.0, 0.8, 1.1, 0.9]))
+    one = replace(one, truth=replace(one.truth, view=view))
+    held, h = one.propagation(band, 0.016), 1e-4
+    for t in np.concatenate([np.linspace(2.5, 6.9, 441), one.received_s() + 0.008]):
+        before, here, after = (held(float(t + shift)) for shift in (-h, 0.0, h))
+        assert (after.delay_m - before.delay_m) / (2 * h) == pytest.approx(here.delay_rate_mps, abs=2e-2)
+        assert abs(abs(after.amplitude) - abs(before.amplitude)) < 1e-3
+        turn = np.angle(after.amplitude / before.amplitude) / (4 * np.pi * h)
+        assert turn == pytest.approx(here.doppler_hz, abs=0.3)
+        strength = np.abs(after.ray_amplitude) - np.abs(before.ray_amplitude)
+        assert np.abs(strength).max() < 2e-3
+        turns = np.angle(after.ray_amplitude / before.ray_amplitude) / (4 * np.pi * h)
+        assert turns == pytest.approx(here.ray_doppler_hz, abs=2e-2)
+
+
+def test_an_ionosphere_delays_the_code_and_advances_the_carrier() -> None:
+    """Under a sky E1 has the residual e/(γ − 1), and E6 the difference e more."""
+    one, line = replace(truth(), sky=True), truth()
+    e1_m = one.truth.iono_diff_m / (GAMMA_E1_E6 - 1)
+    for row, t in enumerate(one.received_s() + 0.008):
+        for band, code_m, carrier_m in (
+            (Band.E1, e1_m[row], e1_m[row]),
+            (Band.E6, GAMMA_E1_E6 * e1_m[row] + one.truth.bias_m[row], GAMMA_E1_E6 * e1_m[row]),
+        ):
+            found = one.propagation(band, 0.016)(float(t))
+            assert found.delay_m == pytest.approx(code_m)
+            turn = 2 * np.pi * carrier_m * CARRIER_HZ[band] / SPEED_OF_LIGHT_MPS
+            assert found.amplitude == pytest.approx(np.exp(1j * turn), abs=1e-6)
+    without = line.propagation(Band.E1, 0.016)(4.1)
+    assert (without.delay_m, without.ray_delay_m.size, without.amplitude) == (0.0, 0, 1.0)

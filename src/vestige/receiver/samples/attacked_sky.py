@@ -67,10 +67,11 @@ class CounterfeitSignal:
         cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
         turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
         beyond_hz = effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
+        true = self.true.propagation(t_s)
         return replace(
-            self.true.propagation(t_s),
+            true,
             at_s=t_s,
-            amplitude=complex(10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
+            amplitude=complex(abs(true.amplitude) * 10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
             doppler_hz=float(beyond_hz * self._kept(np.array([t_s]))[0]),
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),

@@ -4,26 +4,31 @@
 recording goes through all epochs in one piece:
 
     P(t) = s(t) + clock(t)                       geometry as it is; clock: the cubic through t_k with the drift as slope
-    E6:  iono_diff + bias + (γ − 1) c BGD        group delay of the code, held
-         rays                                    delay, strength and Doppler held, phase turning with the Doppler
-    E1:  rays, if the scenario lets them disturb E1; no group delay
+    E1:  code later by I, carrier earlier by I   residual of the ionosphere I = iono_diff/(γ − 1), only under a sky
+         rays, if the scenario lets them disturb E1
+    E6:  code later by I + iono_diff + bias + (γ − 1) c BGD, carrier earlier by I + iono_diff
+         rays
 
-What is held changes at once half an interval before and after the reception of each RECS. So a RECS meets the
-signal of `Simulation.snapshot`, but for the carrier phase and micrometres.
+In the middle of the reception of the chips that are sent at an epoch, everything is what the epoch says, and changes
+slowly. From there it goes over into the next epoch's without a step: delays and strengths along half a cosine, the
+phase of a ray along the cubic that begins and ends with the Dopplers of its epochs. So a RECS meets the signal of
+`Simulation.snapshot`, but for carrier phase and micrometres, and a tracking loop meets a channel.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.recorder import Propagation, straight
+from vestige.constants import E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.recorder import Propagation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeHistory
+from vestige.signals.definitions import CARRIER_HZ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,34 +40,49 @@ class ContinuousTruth:
     e1_multipath: bool  # whether the rays are in E1 too
     # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
+    sky: bool = False  # whether the line of sight is one of a sky, which runs on system time and has an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P(t) in m."""
-        return self.line_of_sight.range_m(t_s) + self._clock(t_s)[0]
+        clock_m = self._clock(t_s)[0]
+        return self.line_of_sight.range_m(self._system_time(t_s, clock_m)) + clock_m
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return dP/dt in m/s."""
-        return self.line_of_sight.rate_mps(t_s) + self._clock(t_s)[1]
+        clock_m, drift_mps, _ = self._clock(t_s)
+        return self.line_of_sight.rate_mps(self._system_time(t_s, clock_m)) + drift_mps
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return d²P/dt² in m/s²."""
-        return self.line_of_sight.acceleration_mps2(t_s) + self._clock(t_s)[2]
+        clock_m, _, change_mps2 = self._clock(t_s)
+        return self.line_of_sight.acceleration_mps2(self._system_time(t_s, clock_m)) + change_mps2
 
-    def e6_delay_m(self) -> Float[np.ndarray, " n"]:
-        """Return by how much E6 is later than E1 at the epochs, in m."""
-        return self.truth.iono_diff_m + self.truth.bias_m + self.group_delay_m
+    def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the time of orbits; a single line of sight has no other time than the receiver's."""
+        return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
+
+    def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return the residual of the ionosphere on a band at the epochs: later on the code, earlier on the carrier."""
+        difference_m = self.truth.iono_diff_m
+        e1_m = difference_m / (GAMMA_E1_E6 - 1) if self.sky else np.zeros(difference_m.size)
+        return e1_m if band is Band.E1 else e1_m + difference_m
+
+    def delay_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return by how much the code of a band is later than the pseudorange at the epochs, in m."""
+        own_m = 0.0 if band is Band.E1 else self.truth.bias_m + self.group_delay_m
+        return self.ionosphere_m(band) + own_m
 
     def received_s(self) -> Float[np.ndarray, " n"]:
         """Return the receiver time at which the first chip of each epoch arrives on E6: t = t_k + P6(t)/c."""
         sent_s = self.truth.time_s
         t_s = sent_s
         for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
-            t_s = sent_s + (self.range_m(t_s) + self.e6_delay_m()) / SPEED_OF_LIGHT_MPS
+            t_s = sent_s + (self.range_m(t_s) + self.delay_m(Band.E6)) / SPEED_OF_LIGHT_MPS
         return t_s
 
-    def propagation(self, band: Band, duration_s: float) -> HeldPropagation:
-        """Return what holds in a band, RECS of `duration_s` standing in the middle of their stretches."""
-        return HeldPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
+    def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
+        """Return the propagation in a band, which is that of an epoch while its RECS of `duration_s` arrive."""
+        return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
         """Return receiver clock in m with its first and second derivative: the Hermite cubic between two epochs."""
@@ -79,26 +99,62 @@ class ContinuousTruth:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldPropagation:
-    """What holds in one band at a receiver time: that of the RECS nearest to it."""
+@dataclass(frozen=True, kw_only=True)
+class ContinuousPropagation:
+    """The propagation in one band at a receiver time, without a step."""
 
     band: Band
     truth: ContinuousTruth
-    received_s: Float[np.ndarray, " n"]
-    duration_s: float
+    received_s: Float[np.ndarray, " n"]  # when the first chip of each epoch arrives
+    duration_s: float  # of a RECS
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return what holds at a time in s after the start."""
-        row = int(np.argmin(np.abs(self.received_s + self.duration_s / 2 - t_s)))
-        rays = self.truth.truth.rays
-        if self.band is Band.E1 and not self.truth.e1_multipath:
-            return straight()
-        e1 = self.band is Band.E1
+        """Return the propagation at a time in s after the start."""
+        knots = self.received_s + self.duration_s / 2
+        left = int(np.clip(np.searchsorted(knots, t_s, side="right") - 1, 0, knots.size - 2))
+        span_s = float(knots[left + 1] - knots[left])
+        place = (t_s - float(knots[left])) / span_s
+        u = min(max(place, 0.0), 1.0)  # before the first epoch and after the last, all but phases stand still
+        share, slope = (1 - np.cos(np.pi * u)) / 2, np.pi / 2 * np.sin(np.pi * u) / span_s
+        to_cycles = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS
+
+        def between(values: Float[np.ndarray, "n ..."]) -> Any:
+            return values[left] + share * (values[left + 1] - values[left])
+
+        delay_m, ionosphere_m = self.truth.delay_m(self.band), self.truth.ionosphere_m(self.band)
+        earlier_m = between(ionosphere_m)
         return Propagation(
-            delay_m=0.0 if e1 else float(self.truth.e6_delay_m()[row]),
-            at_s=float(self.received_s[row]),
-            ray_delay_m=rays.delay_m[row],
-            ray_amplitude=(rays.amplitude_e1 if e1 else rays.amplitude)[row],
-            ray_doppler_hz=rays.doppler_hz[row] * (E1_CARRIER_HZ / E6_CARRIER_HZ if e1 else 1.0),
+            delay_m=float(between(delay_m)),
+            delay_rate_mps=float(slope * (delay_m[left + 1] - delay_m[left])),
+            at_s=t_s,
+            amplitude=complex(
+                between(self.truth.truth.view.amplitude) * np.exp(2j * np.pi * ((earlier_m * to_cycles) % 1.0))
+            ),
+            doppler_hz=float(to_cycles * slope * (ionosphere_m[left + 1] - ionosphere_m[left])),
+            **self._rays(left, u, place - u, span_s, share),
         )
+
+    def _rays(
+        self, left: int, u: float, beyond: float, span_s: float, share: float
+    ) -> dict[str, Float[np.ndarray, " k"]]:
+        """Return the rays between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
+        rays, e1 = self.truth.truth.rays, self.band is Band.E1
+        if e1 and not self.truth.e1_multipath:
+            nothing = np.zeros(0)
+            return {"ray_delay_m": nothing, "ray_amplitude": nothing + 0j, "ray_doppler_hz": nothing}
+        both = slice(left, left + 2)
+        amplitude = (rays.amplitude_e1 if e1 else rays.amplitude)[both]
+        doppler_hz = rays.doppler_hz[both] * (CARRIER_HZ[self.band] / E6_CARRIER_HZ)
+        # cycles at the two knots; the whole ones in between are those of the mean Doppler
+        start, end = np.angle(amplitude) / (2 * np.pi) + doppler_hz * self.duration_s / 2
+        mean = np.mean(doppler_hz, axis=0) * span_s
+        rise = mean + np.remainder(end - start - mean + 0.5, 1.0) - 0.5
+        first, last = doppler_hz * span_s
+        quadratic, cubic = 3 * rise - 2 * first - last, first + last - 2 * rise
+        cycles = start + u * (first + u * (quadratic + u * cubic)) + beyond * (first if beyond < 0 else last)
+        strength, delay_m = np.abs(amplitude), rays.delay_m[both]
+        return {
+            "ray_delay_m": delay_m[0] + share * (delay_m[1] - delay_m[0]),
+            "ray_amplitude": (strength[0] + share * (strength[1] - strength[0])) * np.exp(2j * np.pi * cycles),
+            "ray_doppler_hz": (first + u * (2 * quadratic + u * 3 * cubic)) / span_s,
+        }

@@ -8,9 +8,9 @@ micrometre for any receiver on Earth. The chip that arrives at t_m is counted fr
 arrives x after t_m, where t − P(t)/c is the time at which it was sent. Stretches are cut on the sample counter, so
 any recording of the same scenario has the same bits where it overlaps another.
 
-**Group delay.** What differs between the bands (ionosphere, biases) and the rays hold for a while and then change at
-once. They move the code of the line of sight and not its carrier, so that a tracking loop is not thrown off: a carrier
-has no group delay.
+**Propagation.** What comes on top of the pseudorange is asked for once a stretch. A group delay moves the code of the
+line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with the
+rates that belong to its middle, so that a tracking loop meets no step.
 """
 
 from __future__ import annotations
@@ -18,21 +18,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Band, ChipSequence, SampleBatch
-from vestige.signal_generator.rectangular import rectangular_parts
-from vestige.signal_generator.synthesis import ReceivedSignal, amplitude, synthesize
+from vestige.records import Band, SampleBatch
+from vestige.signal_generator.levels import BandModulation
+from vestige.signal_generator.noise_kernel import fill_normals
+from vestige.signal_generator.path_kernel import add_path
+from vestige.signal_generator.synthesis import SIGMA, amplitude
 from vestige.signal_generator.waveform import Component
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.signals.rotator_kernel import BLOCK
 from vestige.time import GalileoTime
 
 STRETCH_S = 0.01
+_TOGETHER = 100  # stretches whose geometry is computed at once
 _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
 
 
@@ -55,7 +59,7 @@ class Pseudorange(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """What holds for a while between satellite and receiver."""
+    """What is between satellite and receiver beyond the pseudorange, about the middle of a stretch."""
 
     delay_m: float  # group delay of the line of sight beyond the pseudorange, in m
     at_s: float  # receiver time after the reference at which all amplitudes hold
@@ -64,6 +68,7 @@ class Propagation:
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
     amplitude: complex = 1.0 + 0j  # of the line of sight, beyond its C/N0; 0 is nothing on air
     doppler_hz: float = 0.0  # of the line of sight, beyond that of its pseudorange
+    delay_rate_mps: float = 0.0  # by which the group delay grows
 
 
 def straight(delay_m: float = 0.0) -> Propagation:
@@ -74,7 +79,7 @@ def straight(delay_m: float = 0.0) -> Propagation:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ReceivedSatellite:
     """One satellite in one band."""
 
@@ -83,6 +88,11 @@ class ReceivedSatellite:
     cn0_dbhz: float  # C/N0 of each of them
     pseudorange: Pseudorange  # P(t), which moves code and carrier
     propagation: Callable[[float], Propagation]  # what holds at a receiver time in s after the reference
+
+    @cached_property
+    def modulation(self) -> BandModulation:
+        """What it sends in the band."""
+        return BandModulation(components=self.components)
 
 
 def stretch_samples(sample_rate_hz: float) -> int:
@@ -108,41 +118,52 @@ def record_band(
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")
-    carrier_hz, length = CARRIER_HZ[band], stretch_samples(sample_rate_hz)
+    length = stretch_samples(sample_rate_hz)
     first, end = first_sample, first_sample + n_samples
+    middles = _Middles(length=length, sample_rate_hz=sample_rate_hz)
     while first < end:
         number = first // length
-        last = min(end, (number + 1) * length)
-        middle = number * length + length // 2
-        whole, fraction = _seconds(middle, sample_rate_hz)
-        signals = tuple(
-            signal
-            for satellite in sky
-            for signal in _signals(
-                satellite, reference, whole, fraction, length / 2 / sample_rate_hz, carrier_hz, sample_rate_hz
-            )
-        )
-        samples = synthesize(
-            signals,
-            sample_rate_hz=sample_rate_hz,
-            n_samples=last - first,
-            noise_key=noise_key,
-            noise_power=noise_power(whole + fraction),
-            first_sample=first,
-            origin_sample=middle,
-            carrier_hz=carrier_hz,
-            center_frequency_hz=carrier_hz,
-        )
+        begin, last = number * length, min(end, (number + 1) * length)
+        whole, fraction = middles.time(number)
+        x = np.zeros(2 * length, np.float32)
+        if noise_key is not None:
+            sigma = SIGMA * np.float32(np.sqrt(noise_power(whole + fraction)))
+            fill_normals(noise_key, np.int64(begin), sigma, x)
+        for satellite in sky:
+            _add(x, satellite, middles.motion(satellite, number), whole, fraction, CARRIER_HZ[band], sample_rate_hz)
         start_whole, start_fraction = _seconds(first, sample_rate_hz)
         yield SampleBatch(
             band=band,
-            samples=samples,
+            samples=x.view(np.complex64)[first - begin : last - begin],
             sample_rate_hz=sample_rate_hz,
-            center_frequency_hz=carrier_hz,
+            center_frequency_hz=CARRIER_HZ[band],
             first_sample=first,
             start=GalileoTime.normalized(reference.week, reference.second + start_whole, start_fraction),
         )
         first = last
+
+
+class _Middles:
+    """The middles of the stretches, and how satellites move there: a hundred stretches at a time, always the same."""
+
+    def __init__(self, *, length: int, sample_rate_hz: float) -> None:
+        self._length, self._rate_hz = length, sample_rate_hz
+        self._block, self._motion = -1, dict[int, Float[np.ndarray, "3 n"]]()
+
+    def time(self, number: int) -> tuple[int, float]:
+        """Return the time of the middle of a stretch, as whole seconds and the rest."""
+        return _seconds(number * self._length + self._length // 2, self._rate_hz)
+
+    def motion(self, satellite: ReceivedSatellite, number: int) -> Float[np.ndarray, " 3"]:
+        """Return pseudorange, rate and acceleration in the middle of a stretch."""
+        block, place = divmod(number, _TOGETHER)
+        if block != self._block:
+            self._block, self._motion = block, {}
+        if id(satellite) not in self._motion:
+            t_s = np.array([sum(self.time(block * _TOGETHER + k)) for k in range(_TOGETHER)])
+            path = satellite.pseudorange
+            self._motion[id(satellite)] = np.stack([path.range_m(t_s), path.rate_mps(t_s), path.acceleration_mps2(t_s)])
+        return self._motion[id(satellite)][:, place]
 
 
 def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
@@ -152,48 +173,42 @@ def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
     return whole, float(time - whole)
 
 
-def _signals(
+def _add(
+    x: Float[np.ndarray, " n"],
     satellite: ReceivedSatellite,
-    reference: GalileoTime,
+    motion: Float[np.ndarray, " 3"],
     whole: int,
     fraction: float,
-    half_s: float,
     carrier_hz: float,
     sample_rate_hz: float,
-) -> Iterator[ReceivedSignal]:
-    """Yield the rectangular parts of a satellite over `half_s` on both sides of t_m = `whole` + `fraction`."""
-    middle = np.array([whole + fraction])
-    path = satellite.pseudorange
-    range_m, rate_mps = float(path.range_m(middle)[0]), float(path.rate_mps(middle)[0])
-    acceleration_mps2 = float(path.acceleration_mps2(middle)[0])
-    held = satellite.propagation(float(middle[0]))
+) -> None:
+    """Add a satellite with its rays to a stretch, whose middle is at t_m = `whole` + `fraction`."""
+    range_m, rate_mps, acceleration_mps2 = (float(value) for value in motion)
+    held = satellite.propagation(whole + fraction)
     if not held.amplitude:
         return
+    modulation, middle = satellite.modulation, x.size // 4
+    rate_hz, dt_s = modulation.rate_hz, 1.0 / sample_rate_hz
     sent_s = fraction - (range_m + held.delay_m) / SPEED_OF_LIGHT_MPS  # after the whole second
-    for component in satellite.components:
-        rate_hz = component.signal.chip_rate_hz
-        chip = int(np.floor(sent_s * rate_hz))
-        lead = int(np.ceil((half_s + _MARGIN_S) * rate_hz))
-        late_s = (chip / rate_hz - sent_s) / (1.0 - rate_mps / SPEED_OF_LIGHT_MPS)
-        cycles = carrier_hz / SPEED_OF_LIGHT_MPS * (range_m + rate_mps * late_s)
-        strength = amplitude(satellite.cn0_dbhz, sample_rate_hz) * np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
-        dopplers_hz = np.concatenate([[held.doppler_hz], held.ray_doppler_hz])
-        turns = dopplers_hz * (float(middle[0]) + late_s - held.at_s)
-        rays = np.concatenate([[held.amplitude], held.ray_amplitude]) * np.exp(2j * np.pi * (turns - np.floor(turns)))
-        first = GalileoTime.normalized(reference.week, reference.second + whole, (chip - lead) / rate_hz)
-        for part in rectangular_parts(component, chip + whole * round(rate_hz) - lead, 2 * lead):
-            yield ReceivedSignal(
-                chips=ChipSequence(
-                    svid=satellite.svid,
-                    transmit_time=first,
-                    chip_rate_hz=rate_hz * part.per_chip,
-                    chips=part.chips,
-                ),
-                start_s=late_s,
-                doppler_hz=-carrier_hz / SPEED_OF_LIGHT_MPS * rate_mps,
-                doppler_rate_hz_per_s=-carrier_hz / SPEED_OF_LIGHT_MPS * acceleration_mps2,
-                delay_m=np.concatenate([[0.0], held.ray_delay_m]),
-                amplitude=part.weight * strength * rays,
-                ray_doppler_hz=dopplers_hz,
-                lead_chips=part.per_chip * lead,
-            )
+    lead = int(np.ceil((middle * dt_s + _MARGIN_S) * modulation.chip_rate_hz))
+    first_chip = int(np.floor(sent_s * modulation.chip_rate_hz)) - lead
+    levels = modulation.levels(first_chip + whole * round(modulation.chip_rate_hz), 2 * lead)
+    cycles = carrier_hz / SPEED_OF_LIGHT_MPS * range_m
+    strength = amplitude(satellite.cn0_dbhz, sample_rate_hz) * np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
+    dopplers_hz = held.doppler_hz + np.concatenate([[0.0], held.ray_doppler_hz])
+    turns = dopplers_hz * (whole + fraction - held.at_s)
+    rays = held.amplitude * np.concatenate([[1.0], held.ray_amplitude]) * np.exp(2j * np.pi * (turns - np.floor(turns)))
+    to_hz = -carrier_hz / SPEED_OF_LIGHT_MPS
+    for delay_m, ray, doppler_hz in zip([0.0, *held.ray_delay_m], rays, dopplers_hz, strict=True):
+        add_path(
+            x,
+            levels,
+            middle,
+            dt_s,
+            (sent_s - delay_m / SPEED_OF_LIGHT_MPS) * rate_hz - first_chip * modulation.per_chip,
+            rate_hz * (1.0 - (rate_mps + held.delay_rate_mps) / SPEED_OF_LIGHT_MPS),
+            -rate_hz * acceleration_mps2 / SPEED_OF_LIGHT_MPS,
+            complex(strength * ray),
+            to_hz * rate_mps + doppler_hz,
+            to_hz * acceleration_mps2,
+        )

@@ -1,0 +1,128 @@
+"""The compiled inner loops of a recording: a band's modulation as a table of levels, and its arrival by one path.
+
+Theory of operation
+-------------------
+All components of a satellite in a band share code phase and carrier, so they are summed *before* they are sampled: the
+table holds their sum on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path then costs
+one look-up and one rotation a sample, however many components there are:
+
+    x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
+
+Code phase and carrier are parabolas in time. A block of 1024 samples takes the code's rate and the carrier's phase at
+its own middle, in float64. The carrier's frequency comes from a table that holds for several blocks; how many follows
+from the Doppler rate, so that the phase is nowhere wrong by more than `_MAX_TURN_RAD`.
+
+No sum depends on the order of vector lanes and nothing is contracted: a block has the same bits on every machine.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+
+_MAX_TURN_RAD = 5e-6
+
+
+@njit(cache=True, nogil=True)
+def fill_periodic(levels, first, pattern, signs, first_period):
+    """Add a component that repeats its primary code, each period with a sign of its own.
+
+    Parameters
+    ----------
+    levels
+        float32[n], to which the component is added.
+    first
+        Number of the first sub-chip.
+    pattern
+        float32[m]: levels of one period of the code.
+    signs
+        float32[k]: secondary chip times symbol of the periods from number `first_period` on.
+    """
+    size = pattern.size
+    place = 0
+    while place < levels.size:
+        number = first + place
+        period = number // size
+        inside = number - period * size
+        n = min(size - inside, levels.size - place)
+        sign = signs[period - first_period]
+        out, part = levels[place : place + n], pattern[inside : inside + n]
+        for i in range(n):
+            out[i] += sign * part[i]
+        place += n
+
+
+@njit(cache=True, nogil=True)
+def fill_chips(levels, chips, pulse):
+    """Add a component given chip by chip, each chip times its pulse."""
+    per_chip = pulse.size
+    for k in range(per_chip):
+        for i in range(chips.size):
+            levels[i * per_chip + k] += pulse[k] * np.float32(chips[i])
+
+
+@njit(cache=True, nogil=True)
+def _add_block(x, levels, u, step, cos, sin, re, im, index):
+    """Add amplitude × rotator × level to interleaved samples."""
+    for i in range(index.size):
+        index[i] = np.int32(u + i * step)
+    for i in range(index.size):
+        level = levels[index[i]]
+        x[2 * i] += level * (re * cos[i] - im * sin[i])
+        x[2 * i + 1] += level * (re * sin[i] + im * cos[i])
+
+
+@njit(cache=True, nogil=True)
+def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler_hz, doppler_rate):
+    """Add what arrives by one path to samples.
+
+    Parameters
+    ----------
+    x
+        float32[2 n], real and imaginary parts in turn.
+    levels
+        float32[m]: the table, long enough for every sample.
+    middle
+        Number of the sample for which all that follows holds.
+    dt
+        Sampling interval in s.
+    code, rate, acceleration
+        Place in the table in sub-chips, and its derivatives in sub-chips/s and sub-chips/s².
+    amplitude
+        With the phase of the carrier, complex128.
+    doppler_hz, doppler_rate
+        Frequency of the carrier in the samples in Hz, and its rate of change in Hz/s.
+    """
+    n_samples = x.size // 2
+    n_blocks = -(-n_samples // BLOCK)
+    # a table's frequency is right at its middle; BLOCK / 2 samples off the block's own middle it is wrong by this
+    turn = np.pi * abs(doppler_rate) * dt * dt * BLOCK / 2 * BLOCK
+    held = n_blocks if turn * n_blocks <= _MAX_TURN_RAD else max(1, int(_MAX_TURN_RAD / turn))
+    cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    index = np.empty(BLOCK, np.int32)
+    for b in range(n_blocks):
+        if b % held == 0:
+            last = min(b + held, n_blocks)
+            at = ((b + last) / 2 * BLOCK - middle) * dt
+            rotator_table((doppler_hz + doppler_rate * at) * dt, cos, sin)
+        n = min(BLOCK, n_samples - b * BLOCK)
+        start = (b * BLOCK - middle) * dt
+        centre = start + MIDDLE * dt
+        step = (rate + acceleration * centre) * dt
+        u = code + rate * centre + 0.5 * acceleration * centre * centre - MIDDLE * step
+        a = amplitude * turn_at(doppler_hz, doppler_rate, centre)
+        _add_block(
+            x[2 * b * BLOCK : 2 * (b * BLOCK + n)],
+            levels,
+            u,
+            step,
+            cos[:n],
+            sin[:n],
+            np.float32(a.real),
+            np.float32(a.imag),
+            index[:n],
+        )
