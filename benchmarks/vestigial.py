@@ -75,7 +75,7 @@ def spoofed(seed: int) -> dict[str, bool]:
     case = _case(f"seed={seed}")
     recording, chips, start = simulated(case), chips_of(case), case.simulation.start
     delay_s = case.scenario.attack[0].delay_s  # type: ignore[union-attr]
-    true_s = float(case.received_s[0])
+    true_s = float(case.satellites[0].received_s[0])
     lines = e1_lines(recording, chips, secondary=False)
     search = ExhaustiveSearch(integration_s=16e-3, workers=1)
     limits = (
@@ -102,7 +102,7 @@ def clear(seed: int) -> dict[str, bool]:
     """Return whether each search declares spoofing without a spoofer."""
     case = _case(f"seed={seed}", "attack=none")
     recording, chips, start = simulated(case), chips_of(case), case.simulation.start
-    true_s = float(case.received_s[0])
+    true_s = float(case.satellites[0].received_s[0])
     lines = e1_lines(recording, chips, secondary=False)
     e6 = BatchSource(recording.window(Band.E6, true_s - HANDOVER_CLEAR_S / 2, true_s + HANDOVER_CLEAR_S / 2 + 0.016))
     handed, _ = handover_peaks(e6, lines)

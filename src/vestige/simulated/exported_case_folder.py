@@ -7,7 +7,6 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
-from vestige.receiver.simulation import SVID
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
@@ -23,7 +22,7 @@ ACAS test case, written by vestige. docs/test_cases.md of vestige explains every
   scenario.toml                                        how it was made
   truth.csv                                            what a receiver must not know
 
-Satellite E{svid:02d}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
+{satellites}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
 Check it: vestige inspect FOLDER; vestige process FOLDER
 """
 
@@ -65,11 +64,11 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
 
 def _readme(case: AcasTestCase) -> str:
     simulation = case.simulation
-    observed = "  observations.csv, rinex/observations.rnx             E1 observations, one a RECS\n"
+    observed = "  observations.csv, rinex/observations.rnx             E1 observations of every epoch\n"
     return _README.format(
         seconds=len(case.samples) / simulation.front_end.sample_rate_hz,
         rate=simulation.front_end.sample_rate_hz,
-        svid=SVID,
+        satellites=" ".join(f"E{one.svid:02d}" for one in case.satellites),
         observations=observed if case.observations() else "",
         first=case.first,
         last=case.end - 1,

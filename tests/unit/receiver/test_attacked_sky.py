@@ -86,9 +86,9 @@ def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
     case = _case(path, 2, 5)
     recorded = simulated(case)
     for row, epoch in enumerate(range(2, 5)):
-        taps = banks(case.simulation, "samples", epoch, rows_of(case.truth, slice(row, row + 1))).taps[0]
-        handover = handover_of(case.simulation, epoch, row, case.truth)
-        t_s = float(case.truth.time_s[row])
+        taps = banks(case.simulation, "samples", epoch, rows_of(case.satellites[0].truth, slice(row, row + 1))).taps[0]
+        handover = handover_of(case.simulation, epoch, row, case.satellites[0].truth)
+        t_s = float(case.satellites[0].truth.time_s[row])
         window = recorded.window(Band.E6, t_s + 0.07, t_s + 0.1)
         again = CorrelatableSamples(window).correlate(handover, OFFSETS_M)
         assert again is not None
@@ -103,8 +103,8 @@ def test_forged_chips_in_a_recording_match_nothing(tmp_path: Path) -> None:
     path = tmp_path / "forgery.toml"
     path.write_text(LIFT_OFF.split("[[attack]]", maxsplit=1)[0] + "[[attack]]\n" + forgery)
     forged, alone = _case(path, 2, 3), _case(path, 2, 3, "attack=none")
-    handover = handover_of(alone.simulation, 2, 0, alone.truth)
-    t_s = float(alone.truth.time_s[0])
+    handover = handover_of(alone.simulation, 2, 0, alone.satellites[0].truth)
+    t_s = float(alone.satellites[0].truth.time_s[0])
     windows = [simulated(case).window(Band.E6, t_s + 0.07, t_s + 0.1) for case in (forged, alone)]
     found, expected = (
         CorrelatableSamples(window).correlate(handover, np.linspace(-60.0, 60.0, 9)) for window in windows
@@ -128,7 +128,7 @@ def test_the_rate_of_a_counterfeit_is_that_of_its_range(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     case = _case(path, 2, 5)
     true, counterfeit = case.sky(Band.E6)
-    t_s, step_s = case.truth.time_s + 0.05, 1e-3
+    t_s, step_s = case.satellites[0].truth.time_s + 0.05, 1e-3
     around = [counterfeit.pseudorange.range_m(t_s + one * step_s) for one in (-1, 1)]
     assert counterfeit.pseudorange.rate_mps(t_s) == pytest.approx((around[1] - around[0]) / 2 / step_s, abs=1e-3)
     rates = [counterfeit.pseudorange.rate_mps(t_s + one * step_s) for one in (-1, 1)]
@@ -142,7 +142,7 @@ def test_e1_says_what_it_followed() -> None:
     """Observations of a captured receiver hold the error; of one whose clock went with a meaconer there are none."""
     pushed = _case(VESTIGIAL, 0, 1, "attack.0.delay_s=1e-4")
     (epoch,) = pushed.observations()
-    travel_m = epoch.observations[11].pseudorange_m - pushed.path.range_m(np.array([0.086]))[0]
+    travel_m = epoch.observations[11].pseudorange_m - pushed.satellites[0].path.range_m(np.array([0.086]))[0]
     assert travel_m == pytest.approx(1e-4 * SPEED_OF_LIGHT_MPS, abs=1e-3)
     assert epoch.observations[11].cn0_dbhz == pytest.approx(46 - 0.2, abs=0.2)
     assert _case(VESTIGIAL, 0, 1).observations() == ()

@@ -40,7 +40,7 @@ def test_the_recs_are_those_of_a_run() -> None:
 def test_the_truth_is_that_of_the_campaign() -> None:
     whole, part = case(0, 30), case(20, 25)
     for name in ("clock_m", "iono_diff_m", "e1_noise_m", "range_m"):
-        assert np.array_equal(getattr(part.truth, name), getattr(whole.truth, name)[20:25])
+        assert np.array_equal(getattr(part.satellites[0].truth, name), getattr(whole.satellites[0].truth, name)[20:25])
     assert part.truth_table()["range_offset_m"] == whole.truth_table()["range_offset_m"][20:25]
 
 
@@ -58,27 +58,36 @@ def test_observations_are_the_truth_with_its_errors() -> None:
     one = case(3, 6)
     path = one.simulation.line_of_sight
     for row, epoch in enumerate(one.observations()):
-        t = np.array([one.truth.time_s[row] + 0.086])
+        t = np.array([one.satellites[0].truth.time_s[row] + 0.086])
         assert epoch.time - one.simulation.start == pytest.approx(t[0], abs=1e-9)
-        clock_m = one.truth.clock_m[row] + 0.086 * one.truth.clock_drift_mps[row]
-        expected = path.range_m(t)[0] + clock_m + one.truth.e1_noise_m[row]
+        clock_m = one.satellites[0].truth.clock_m[row] + 0.086 * one.satellites[0].truth.clock_drift_mps[row]
+        expected = path.range_m(t)[0] + clock_m + one.satellites[0].truth.e1_noise_m[row]
         assert epoch.observations[11].pseudorange_m == pytest.approx(expected, abs=5e-3)  # the clock's walk in 0.1 s
         doppler_hz = (
-            -(path.rate_mps(t)[0] + one.truth.clock_drift_mps[row] + one.truth.e1_rate_noise_mps[row]) / 0.1902937
+            -(
+                path.rate_mps(t)[0]
+                + one.satellites[0].truth.clock_drift_mps[row]
+                + one.satellites[0].truth.e1_rate_noise_mps[row]
+            )
+            / 0.1902937
         )
         assert epoch.observations[11].doppler_hz == pytest.approx(doppler_hz, abs=0.5)  # 1.8 mm in 0.1 s
 
 
 def test_the_group_delay_delays_e6_alone() -> None:
     """A plausible value of either sign that the file holds, and what the bands of the samples differ by."""
-    bgd_s = {seed: case(0, 1, f"seed={seed}").bgd_s for seed in range(20)}
+    bgd_s = {seed: case(0, 1, f"seed={seed}").satellites[0].bgd_s for seed in range(20)}
     assert all(1e-9 < abs(value) < 5e-9 and (value * 2**32).is_integer() for value in bgd_s.values())
     assert {np.sign(value) for value in bgd_s.values()} == {-1, 1}
     one = case(3, 5)
-    left_m = one.truth.iono_diff_m[0] + one.truth.bias_m[0] + 0.5178 * 299_792_458 * one.bgd_s
-    when = float(one.received_s[0]) + one.simulation.integration_s / 2  # the middle of the RECS
-    assert one.satellite(Band.E6).propagation(when).delay_m == pytest.approx(left_m, abs=1e-3)
-    assert one.satellite(Band.E1).propagation(when).delay_m == 0
+    left_m = (
+        one.satellites[0].truth.iono_diff_m[0]
+        + one.satellites[0].truth.bias_m[0]
+        + 0.5178 * 299_792_458 * one.satellites[0].bgd_s
+    )
+    when = float(one.satellites[0].received_s[0]) + one.simulation.integration_s / 2  # the middle of the RECS
+    assert one.satellites[0].satellite(Band.E6).propagation(when).delay_m == pytest.approx(left_m, abs=1e-3)
+    assert one.satellites[0].satellite(Band.E1).propagation(when).delay_m == 0
 
 
 def test_the_carrier_phase_is_the_integral_of_the_doppler() -> None:
@@ -95,7 +104,7 @@ def test_the_carrier_phase_is_the_integral_of_the_doppler() -> None:
     noise = 2 * (tracking.carrier_sigma_m(35.0) / wavelength_m) ** 2 + 0.01 * tracking.doppler_sigma_hz(35.0) ** 2 / 2
     assert np.abs(left).max() < 5 * np.sqrt(noise) + 0.02  # a parabola in 0.1 s, and the clock's walk
     assert np.std(left) > 0.5 * np.sqrt(noise)
-    cycles = phase - (code_m - one.e1_error_m + one.truth.e1_phase_noise_m) / wavelength_m
+    cycles = phase - (code_m - one.satellites[0].e1_error_m + one.satellites[0].truth.e1_phase_noise_m) / wavelength_m
     assert np.ptp(cycles) < 0.01
     assert abs(cycles[0]) > 1
 

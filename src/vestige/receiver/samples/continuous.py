@@ -47,6 +47,10 @@ class ContinuousTruth:
         clock_m = self._clock(t_s)[0]
         return self.line_of_sight.range_m(self._system_time(t_s, clock_m)) + clock_m
 
+    def clock_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return c times the receiver clock's error in it."""
+        return self._clock(t_s)[0]
+
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return dP/dt in m/s."""
         clock_m, drift_mps, _ = self._clock(t_s)

@@ -1,0 +1,207 @@
+"""One satellite of an exported recording: its truth at any time, its signals in both bands, what E1 says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
+from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest_s
+from vestige.receiver.samples.continuous import ContinuousTruth
+from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
+from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
+from vestige.receiver.truth import TruthBlock
+from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
+from vestige.records import Band, E1Observation
+from vestige.signal_generator.keystream import encrypted_component, encryption_key
+from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
+from vestige.signals.definitions import E1B, E1C, E6B
+from vestige.streams import stream, stream_key
+
+TAIL_S = 0.3  # after the last RECS was sent: its reception and the 100 ms of E1 around it
+REACH_S = 0.5  # more than from an epoch to the end of its true samples
+_BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedSatellite:
+    """A satellite in the epochs `first` to `end` − 1 of a campaign."""
+
+    simulation: Simulation
+    interval_s: float  # between epochs
+    first: int
+    end: int
+    symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
+
+    @property
+    def svid(self) -> int:
+        """The satellite."""
+        return self.simulation.svid
+
+    @cached_property
+    def _neighbours(self) -> tuple[int, int]:
+        """Epochs before and after that the samples still feel: what holds there, and the clock's way on."""
+        before, after = (int(np.ceil(reach_s / self.interval_s)) + 1 for reach_s in (REACH_S, self.tail_s + 0.2))
+        return min(self.first, before), after
+
+    @cached_property
+    def tail_s(self) -> float:
+        """Time in s after the last transmission to the last sample: by then every counterfeit has repeated the RECS."""
+        return TAIL_S + latest_s(self.simulation.spoofer, self.svid, self.truth.time_s)
+
+    @cached_property
+    def path(self) -> ContinuousTruth:
+        """The truth at any time."""
+        before, after = self._neighbours
+        process = self.simulation.truth()
+        process.advance(0, self.first - before)
+        return ContinuousTruth(
+            line_of_sight=self.simulation.line_of_sight,
+            truth=process.advance(self.first - before, before + self.end - self.first + after),
+            e1_multipath=self.simulation.models.e1_multipath,
+            group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(self.bgd_s),
+            sky=self.simulation.elevation is not None,
+        )
+
+    @cached_property
+    def bgd_s(self) -> float:
+        """BGD(E1,E6) of the satellite in s: a value that its file can hold, and never so small that it would not show.
+
+        The truth's bias is what is left of it.
+        """
+        draw = stream(self.simulation.seed, "group delay", self.svid)
+        return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
+
+    @cached_property
+    def truth(self) -> TruthBlock:
+        """The truth at the epochs."""
+        process = self.simulation.truth()
+        process.advance(0, self.first)
+        return process.advance(self.first, self.end - self.first)
+
+    @cached_property
+    def received_s(self) -> Float[np.ndarray, " n"]:
+        """Receiver time in s after the scenario's start at which the first chip of each epoch arrives on E6."""
+        before, _ = self._neighbours
+        return self.path.received_s()[before : before + self.end - self.first]
+
+    @cached_property
+    def e1_error_m(self) -> Float[np.ndarray, " n"]:
+        """Error of the E1 pseudorange at the epochs, in m."""
+        return self.truth.e1_noise_m + self.simulation.e1_multipath_m(self.truth) + self.truth.e1.error_m
+
+    @property
+    def range_offset_m(self) -> Float[np.ndarray, " n"]:
+        """What E6 minus its prediction from E1 is at the epochs, in m; rays and noise on E6 come on top."""
+        return self.truth.iono_diff_m + self.truth.bias_m - self.e1_error_m
+
+    def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
+        """Return the satellite as a band receives it, and its counterfeits."""
+        true, simulation = self.satellite(band), self.simulation
+        secret = stream_key(simulation.seed, "chips that an attacker makes up")
+        forged = (encrypted_component(secret, self.svid, simulation.start),)
+        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged)
+
+    def satellite(self, band: Band) -> ReceivedSatellite:
+        """Return the satellite as a band receives it without an attack."""
+        simulation = self.simulation
+        return ReceivedSatellite(
+            svid=self.svid,
+            components=self._components(band),
+            cn0_dbhz=simulation.cn0_e1_dbhz if band is Band.E1 else simulation.cn0_dbhz,
+            pseudorange=self.path,
+            propagation=self.path.propagation(band, simulation.integration_s),
+        )
+
+    def _components(self, band: Band) -> tuple[Component, ...]:
+        seed, start, svid = self.simulation.seed, self.simulation.start, self.svid
+        if band is Band.E6:
+            return open_component(E6B, svid, seed=seed), encrypted_component(encryption_key(seed), svid, start)
+        data = (
+            open_component(E1B, svid, seed=seed) if self.symbols is None else coded_component(E1B, svid, self.symbols)
+        )
+        return data, open_component(E1C, svid)
+
+    @cached_property
+    def observations(self) -> tuple[E1Observation | None, ...]:
+        """What E1 tracking says while the chips of each epoch arrive, 86 ms after they were sent.
+
+        None below the mask. A receiver that follows a meaconer of seconds has another time than the samples: then there
+        is nothing here.
+        """
+        to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
+        t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S
+        before, _ = self._neighbours
+        ionosphere_m = self.path.ionosphere_m(Band.E1)[before : before + truth.time_s.size]
+        pseudorange_m = self.path.range_m(t_s) + ionosphere_m + self.e1_error_m
+        phase_m = self.path.range_m(t_s) - ionosphere_m + truth.e1.error_m + truth.e1_phase_noise_m
+        phase_cycles = self._ambiguity - to_hz * phase_m
+        doppler_hz = to_hz * (self.path.rate_mps(t_s) + truth.e1_rate_noise_mps + truth.e1.rate_error_mps)
+        rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
+        multipath_m = self.simulation.e1_multipath_m(truth)
+        cn0_dbhz = reported_cn0_dbhz(self.simulation, truth, multipath_m, first=self.first)
+        shown = truth.view.in_view & (np.abs(truth.e1.error_m) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
+        return tuple(
+            E1Observation(
+                svid=self.svid,
+                pseudorange_m=float(pseudorange_m[row]),
+                carrier_phase_cycles=float(phase_cycles[row]),
+                doppler_hz=float(doppler_hz[row]),
+                doppler_rate_hz_per_s=float(rate_hz_per_s[row]),
+                cn0_dbhz=float(cn0_dbhz[row]),
+            )
+            if shown[row]
+            else None
+            for row in range(truth.time_s.size)
+        )
+
+    @property
+    def _ambiguity(self) -> int:
+        """Whole cycles by which the carrier phase is not the range, as a receiver counts them from anywhere."""
+        return int(stream(self.simulation.seed, "carrier phase", self.svid).integers(-1_000_000, 1_000_000))
+
+    def truth_table(self) -> dict[str, list[str]]:
+        """Return the truth of every epoch as columns of text: what `truth.csv` holds."""
+        truth, path = self.truth, self.path
+        t_s = self.received_s
+        sent = [self.simulation.start + float(elapsed_s) for elapsed_s in truth.time_s]
+        columns: dict[str, list[str]] = {
+            "epoch": [str(epoch) for epoch in range(self.first, self.end)],
+            "svid": [str(self.svid)] * len(sent),
+            "gst_week": [str(time.week) for time in sent],
+            "gst_second": [f"{time.second + time.fraction:.1f}" for time in sent],
+        }
+        numbers = {
+            "received_s": t_s - truth.time_s,
+            "range_m": path.range_m(t_s) - path.clock_m(t_s),
+            "clock_m": path.clock_m(t_s),
+            "doppler_e1_hz": -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
+            "doppler_e6_hz": -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
+            "group_delay_m": np.full(truth.time_s.size, path.group_delay_m),
+            "iono_diff_m": truth.iono_diff_m,
+            "bias_m": truth.bias_m,
+            "e1_noise_m": truth.e1_noise_m,
+            "e1_phase_noise_m": truth.e1_phase_noise_m,
+            "e1_rate_noise_mps": truth.e1_rate_noise_mps,
+            "e1_multipath_m": self.simulation.e1_multipath_m(truth),
+            "e1_attack_error_m": truth.e1.error_m,
+            "range_offset_m": self.range_offset_m,
+        }
+        for ray in range(truth.rays.delay_m.shape[1]):
+            name = f"ray{ray + 1}"
+            numbers |= {
+                f"{name}_delay_m": truth.rays.delay_m[:, ray],
+                f"{name}_amplitude": np.abs(truth.rays.amplitude[:, ray]),
+                f"{name}_phase_rad": np.angle(truth.rays.amplitude[:, ray]),
+                f"{name}_doppler_hz": truth.rays.doppler_hz[:, ray],
+            }
+        for k in range(truth.e6.delay_m.shape[1]):
+            for band, effects in (("e1", truth.e1_attack), ("e6", truth.e6)):
+                numbers[f"attack{k}_{band}_delay_m"] = effects.delay_m[:, k]
+                numbers[f"attack{k}_{band}_power_db"] = effects.power_db[:, k]
+        return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}
