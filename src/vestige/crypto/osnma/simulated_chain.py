@@ -18,10 +18,9 @@ from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainPar
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
-from vestige.crypto.osnma.operator.operator_chain import chain_keys, draw_keys
-from vestige.crypto.osnma.operator.root_key_signing import root_key_time, unsigned_kroot
-from vestige.crypto.osnma.operator.root_key_signing import sign_kroot as sign_kroot
+from vestige.crypto.osnma.operator.operator_chain import chain_keys, draw_keys, root_key_time
 from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes, draw_private_key
+from vestige.crypto.osnma.operator.signed_messages import sign_kroot, unsigned_kroot
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 

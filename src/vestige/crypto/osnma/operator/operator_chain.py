@@ -10,13 +10,14 @@ from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.tesla import Key, one_way
-from vestige.crypto.osnma.operator.root_key_signing import root_key_time, sign_kroot, unsigned_kroot
 from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes
+from vestige.crypto.osnma.operator.signed_messages import HOUR_S, sign_kroot, unsigned_kroot
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
 _FIXED_BYTES = 7  # of a DSM-KROOT, before alpha: nobody can choose others to avoid a zero
 _MAX_DRAWS = 32
+_HOURS_SEEN = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +58,19 @@ class OperatorChain:
         root = self.key_at(root_key_time(time))
         kroot = unsigned_kroot(root, self.parameters, chain_id=self.chain_id, pkid=pkid)
         return sign_kroot(kroot, header, private_key)
+
+
+def root_key_time(time: GalileoTime) -> GalileoTime:
+    """Return the subframe of the newest root key at a time: 30 s before the last full hour.
+
+    That key has been disclosed, so the root key gives nothing away.
+
+    Examples
+    --------
+    >>> root_key_time(GalileoTime(1400, 7325))
+    GalileoTime(week=1400, second=7170, fraction=0.0)
+    """
+    return GalileoTime(time.week, time.second - time.second % HOUR_S) + -SUBFRAME_S
 
 
 def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tuple[Key, ...]:
@@ -106,12 +120,14 @@ def draw_chain(
     header: NmaHeader,
     pkid: int,
     private_key: ec.EllipticCurvePrivateKey,
+    *,
+    redraw: bool = True,
 ) -> OperatorChain:
-    """Return a chain whose first DSM-KROOT has no zero byte where that can be avoided.
+    """Return a chain whose DSM-KROOTs have no zero byte where that can be avoided.
 
     Some receivers take a page for lost whose HKROOT byte is zero. So the random pattern alpha of `parameters` is
-    replaced by others from the seed until root key, signature and padding have no zero byte; after 32 of them by the
-    one with the fewest.
+    replaced by others from the seed until root key, signature and padding have no zero byte in the first four hours;
+    after 32 of them by the one with the fewest.
 
     Parameters
     ----------
@@ -120,16 +136,18 @@ def draw_chain(
     chain_id
         CID 0 … 3.
     header, pkid, private_key
-        What the first DSM-KROOT is signed with, as for `OperatorChain.signed_root`.
+        What the DSM-KROOTs are signed with at first, as for `OperatorChain.signed_root`.
+    redraw
+        False: keep alpha as it is.
     """
     best: tuple[int, OperatorChain] | None = None
-    for draw in range(_MAX_DRAWS):
+    for draw in range(_MAX_DRAWS if redraw else 1):
         tried = parameters if draw == 0 else replace(parameters, alpha=draw_bytes(seed, f"alpha {draw}", ALPHA_BYTES))
-        chain = OperatorChain(
-            chain_id=chain_id, parameters=tried, keys=draw_keys(seed, start, n_keys, tried)
+        chain = OperatorChain(chain_id=chain_id, parameters=tried, keys=draw_keys(seed, start, n_keys, tried))
+        n_zero = sum(
+            chain.signed_root(start + shift, header, pkid, private_key).serialise()[_FIXED_BYTES:].count(0)
+            for shift in range(0, min(SUBFRAME_S * n_keys, _HOURS_SEEN * HOUR_S), HOUR_S)
         )
-        message = chain.signed_root(start, header, pkid, private_key).serialise()
-        n_zero = message[_FIXED_BYTES:].count(0)
         if best is None or n_zero < best[0]:
             best = n_zero, chain
         if n_zero == 0:
