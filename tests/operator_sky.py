@@ -13,6 +13,7 @@ from vestige.time import GalileoTime
 
 # Word types by page: words 7 to 10 take two subframes, as on air.
 SCHEDULES = ((2, 4, 6, 7, 8, 0, 0, 0, 0, 0, 1, 3, 5, 0, 0), (2, 4, 6, 9, 10, 0, 0, 0, 0, 0, 1, 3, 5, 0, 0))
+SVIDS = (2, 4, 7, 8, 11, 13, 30, 33)  # all remainders modulo 8: a DSM of 8 blocks is complete in one subframe
 TAGGED = (1, 2, 3, 4, 5, 6, 10)
 
 
@@ -21,7 +22,7 @@ class OperatorSky:
     """Satellites, their words, and the operator."""
 
     configuration: OperatorConfiguration
-    svids: tuple[int, ...] = (2, 7, 11, 13, 19, 21, 27, 33)
+    svids: tuple[int, ...] = SVIDS
     issue_of: Callable[[int, int], int] = lambda _svid, _index: 5
     operator: OsnmaOperator = field(init=False)
 
@@ -33,7 +34,9 @@ class OperatorSky:
         start = self.configuration.start + 30 * index
         schedule = SCHEDULES[start.second // 30 % 2]
         times = [start + (1 + 2 * k) for k in range(15)]
-        return [(t, make_word(kind, svid, t, self.issue_of(svid, index))) for t, kind in zip(times, schedule, strict=True)]
+        return [
+            (t, make_word(kind, svid, t, self.issue_of(svid, index))) for t, kind in zip(times, schedule, strict=True)
+        ]
 
     def pages(self) -> list[InavPage]:
         """All pages in time order."""

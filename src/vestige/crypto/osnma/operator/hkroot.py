@@ -48,9 +48,17 @@ def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> byt
     return bytes([header.value, message.dsm_id << 4 | block]) + message.block(block)
 
 
-def message_in_turn(messages: Sequence[SignedMessage], time: GalileoTime) -> SignedMessage:
-    """Return the DSM that is on air in the subframe of `time`, of several that take turns."""
-    position = time.gst_seconds // SUBFRAME_S % sum(message.n_blocks for message in messages)
+def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMessage:
+    """Return the DSM that is on air, of several that take turns.
+
+    Parameters
+    ----------
+    messages
+        The DSMs in the order of their turns; at least one.
+    number
+        Number of the subframe since the first turn of the first DSM, 0 or more.
+    """
+    position = number % sum(message.n_blocks for message in messages)
     for message in messages:
         if position < message.n_blocks:
             return message

@@ -165,7 +165,8 @@ class OsnmaOperator:
     def _fields(self, svid: int, time: GalileoTime) -> tuple[bytes, ...]:
         phase = phase_at(self._phases, time)
         header = self._header(phase)
-        message = message_in_turn(self._messages[phase, root_key_time(time)], time)
+        number = round(time - phase.since) // SUBFRAME_S
+        message = message_in_turn(self._messages[phase, root_key_time(time)], number)
         hkroot = hkroot_message(header, message, block_index(svid, time, message.n_blocks))
         parameters = self.chains[phase.chain].parameters
         contents = plan_tags(svid, time, self._history, parameters)
@@ -224,12 +225,12 @@ class OsnmaOperator:
         root = self.keys.published(()).root
         if phase.alert:
             yield alert_dsm(self.configuration.notice, ALERT_LEAF_INDEX, self.keys.siblings(ALERT_LEAF_INDEX)), False
+        for source in phase.roots:
+            yield self._root(source, phase, time).serialise(), True
         if phase.new_pkid is not None:
             claim = self.keys.claim(phase.new_pkid)
             leaf = phase.new_pkid - 1
             yield public_key_dsm(claim.point, phase.new_pkid, leaf, self.keys.siblings(leaf), root), False
-        for source in phase.roots:
-            yield self._root(source, phase, time).serialise(), True
 
 
 def _next_id(used: Iterable[int], kroot: bool) -> int:
