@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.keys.public_key_writer import write_merkle_tree, write_public_key_pem, write_public_key_xml
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES
 from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.root_key import verify_root_key
@@ -157,6 +159,26 @@ class OsnmaOperator:
         fields = {svid: NO_OSNMA if svid in silent else self._fields(svid, time) for svid in sorted(words)}
         self._history.add(time, words)
         return fields
+
+    def write_files(self, folder: Path) -> None:
+        """Write what receivers trust: `public_key.pem`, `public_key.xml` and `merkle_tree.xml`.
+
+        The public key is the one in force at the start. The tree holds those of later events, too.
+
+        Parameters
+        ----------
+        folder
+            A folder that exists.
+
+        Raises
+        ------
+        OSError
+            If a file cannot be written.
+        """
+        claim = self.keys.claim(self.configuration.pkid)
+        write_public_key_pem(folder / "public_key.pem", claim)
+        write_public_key_xml(folder / "public_key.xml", claim, self.configuration.start)
+        write_merkle_tree(folder / "merkle_tree.xml", self.merkle_tree, self.configuration.start)
 
     @property
     def _end(self) -> GalileoTime:
