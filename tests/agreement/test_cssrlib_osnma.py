@@ -12,10 +12,12 @@ import pytest
 
 from operator_sky import SVIDS, OperatorSky
 from osnma_builder import make_page
+from vestige.crypto.keys.public_key import compressed_point
 from vestige.crypto.keys.public_key_writer import write_merkle_tree
 from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.mac_lookup import MAC_LOOKUP
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
+from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind
 from vestige.crypto.osnma.operator.key_tree import draw_key_tree
 from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_dsm
 from vestige.time import GalileoTime
@@ -198,3 +200,21 @@ def test_public_keys_and_alert_messages_lead_to_the_root(tmp_path: Path) -> None
         assert takes_public_key(data, root, tmp_path)
         for bit in range(4, 8 * len(data), 97):
             assert not takes_public_key(flipped(data, bit), root, tmp_path)
+
+
+def test_a_new_public_key_is_taken_from_the_signal(tmp_path: Path) -> None:
+    """cssrlib knows PKID 1 alone. It takes PKID 2 from the DSM-PKR and goes on verifying every tag."""
+    event = OsnmaEvent(
+        kind=OsnmaEventKind.KEY_RENEWAL, announced=START + 60, in_force=START + 30 * 30, ended=START + 32 * 30
+    )
+    one = OperatorSky(OperatorConfiguration(seed=b"judge", start=START, n_subframes=34, events=(event,)))
+    tree = tmp_path / "tree.xml"
+    write_merkle_tree(tree, one.operator.keys.published((1,)))
+    judge = Judge(tree, tmp_path / "log.txt").take(one.pages())
+    points = {pkid: compressed_point(key) for pkid, key in judge.program.pk_list.items()}
+    assert points == {pkid: one.operator.keys.claim(pkid).point for pkid in (1, 2)}
+    assert judge.program.pkid == 2
+    assert judge.program.verify_root_key()
+    assert all(judge.tags.values())
+    assert all(judge.macseqs)
+    assert {tag[0] for tag in judge.tags} == {START.second + 30 * k for k in range(1, 33)}

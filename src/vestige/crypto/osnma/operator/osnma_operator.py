@@ -142,10 +142,10 @@ class OsnmaOperator:
         VestigeError
             If the time is not that of the next subframe, or a word is not of its type.
         """
-        if time != self._next or time >= self._end:
-            raise VestigeError(
-                f"OSNMA operator: the next subframe is {self._next}, of {self._end} the last; found {time}"
-            )
+        if time >= self._end:
+            raise VestigeError(f"OSNMA operator: the broadcast ends at {self._end}; found a subframe of {time}")
+        if time != self._next:
+            raise VestigeError(f"OSNMA operator: the next subframe is {self._next}, found {time}")
         for svid, sent in words.items():
             for kind, word in sent.items():
                 if word >> 122 != kind:

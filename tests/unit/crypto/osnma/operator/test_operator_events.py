@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
+from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from operator_sky import OperatorSky
+from page_files import inav_block
+from vestige.cli.services.osnma import command as osnma
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.subframe import Content
@@ -222,3 +227,19 @@ def test_events_do_not_overlap() -> None:
     last = OsnmaEvent(kind=OsnmaEventKind.KEY_RENEWAL, announced=at(2), in_force=at(4))
     with pytest.raises(VestigeError, match="no public key PKID 16"):
         OperatorSky(OperatorConfiguration(seed=b"", start=START, n_subframes=9, pkid=15, events=(last,)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", OsnmaEventKind)
+def test_the_command_line_says_the_same(kind: OsnmaEventKind, tmp_path: Path) -> None:
+    sky, pages, report = scene(kind)
+    (tmp_path / "pages.sbf").write_bytes(b"".join(inav_block(page) for page in pages))
+    sky.operator.write_files(tmp_path)
+    trust = f"--merkle-tree={tmp_path / 'merkle_tree.xml'}"
+    result = CliRunner().invoke(osnma, ["verify", str(tmp_path / "pages.sbf"), trust, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert [key["key_hex"] for key in said["keys"]] == [key.data.hex() for key in report.keys]
+    assert len(said["withheld"]) == len(report.withheld)
+    assert {adkd: count["failed"] for adkd, count in said["tags"].items()} == {"0": 0, "4": 0, "12": 0}
+    assert len(said["public_keys"]) == len(sky.operator.public_keys)
