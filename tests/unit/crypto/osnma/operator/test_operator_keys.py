@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,10 @@ def test_all_fifteen_keys_and_the_notice_are_leaves_of_one_tree() -> None:
     for pkid in range(1, 16):
         data = public_key_dsm(TREE.claim(pkid).point, pkid, pkid - 1, TREE.siblings(pkid - 1), ROOT)
         assert verify_broadcast_key(data, published) == TREE.public_key(pkid)
+        # NB, leaf, four nodes, type and PKID, point, padding [OSNMA-ICD, DSM-PKR]
+        content = bytes([1 << 4 | pkid]) + TREE.claim(pkid).point
+        padding = hashlib.sha256(ROOT + content).digest()[:6]
+        assert data == bytes([7 << 4 | pkid - 1]) + b"".join(TREE.siblings(pkid - 1)) + content + padding
     alert = alert_dsm(b"notice", 15, TREE.siblings(15))
     assert is_alert(alert)
     verify_alert(alert, published)
