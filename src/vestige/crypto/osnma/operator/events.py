@@ -1,4 +1,4 @@
-"""What an operator does to his chain, his keys and his service, as a table that a scenario can hold.
+"""What an operator does to its chain, its keys and its service, as a table that a scenario can hold.
 
 The steps are those of [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
 
