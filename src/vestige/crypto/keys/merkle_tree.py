@@ -54,6 +54,34 @@ def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
     return value
 
 
+def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
+    """Return all nodes of the tree over the hashes of its 16 leaves, as `MerkleTree.nodes` [OSNMA-ICD, 6.2].
+
+    Parameters
+    ----------
+    leaves
+        16 hashes of 32 bytes, the leftmost leaf first.
+
+    Raises
+    ------
+    ValueError
+        If there are not 16 of them.
+
+    Examples
+    --------
+    >>> len(nodes_over([bytes(32)] * 16))
+    31
+    """
+    if len(leaves) != LEAVES:
+        raise ValueError(f"the tree has {LEAVES} leaves, not {len(leaves)}")
+    nodes: dict[tuple[int, int], bytes] = {}
+    level = list(leaves)
+    for height in range(HEIGHT + 1):
+        nodes |= {(height, i): value for i, value in enumerate(level)}
+        level = [hashlib.sha256(level[i] + level[i + 1]).digest() for i in range(0, len(level) - 1, 2)]
+    return nodes
+
+
 def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
     """Return the key for use, because the tree's root follows from it.
 

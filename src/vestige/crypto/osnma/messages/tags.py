@@ -90,13 +90,18 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 
 
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
-    """Return whether MACSEQ verifies.
+    """Return whether MACSEQ verifies; the parameters are those of `make_macseq`."""
+    return make_macseq(mack, slots, key, parameters) == mack.macseq
+
+
+def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
+    """Return the MACSEQ field, 12 bits, that belongs to what the flexible slots say of themselves [OSNMA-ICD, 6.6].
 
     `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)
-    return parameters.mac(key, message, MACSEQ_BITS) == mack.macseq
+    return parameters.mac(key, message, MACSEQ_BITS)
 
 
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:

@@ -1,0 +1,141 @@
+"""What an operator does to its chain, its keys and its service, as a table that a scenario can hold.
+
+The steps are those of [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
+
+| event | from `announced` on | from `in_force` on | from `ended` on |
+|---|---|---|---|
+| chain renewal | end of chain; root keys of this chain and the next | nominal, next chain | |
+| chain revocation | don't use, chain revoked; root key of the next chain | chain revoked, next chain | nominal |
+| key renewal | new public key; DSM-PKR | the same, signed with the new key | nominal |
+| key revocation | don't use, key revoked; DSM-PKR, root key of the next chain | key revoked, both in force | nominal |
+| alert | don't use, alert message; DSM-PKR with the notice | | no OSNMA at all |
+| don't use | don't use, keys nominal | | nominal |
+| silence | no OSNMA from some satellites, or from all | | OSNMA again |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+from vestige.constants import MAX_SVID, SUBFRAME_S
+from vestige.errors import VestigeError
+from vestige.time import GalileoTime
+
+
+class OsnmaEventKind(Enum):
+    """What happens."""
+
+    CHAIN_RENEWAL = "chain-renewal"
+    CHAIN_REVOCATION = "chain-revocation"
+    KEY_RENEWAL = "key-renewal"
+    KEY_REVOCATION = "key-revocation"
+    ALERT = "alert"
+    DONT_USE = "dont-use"
+    SILENCE = "silence"
+
+
+_NO_STEP_2 = (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
+_NO_END = (OsnmaEventKind.CHAIN_RENEWAL,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsnmaEvent:
+    """One event; all its times are starts of subframes.
+
+    Parameters
+    ----------
+    kind
+        What happens.
+    announced
+        From then on the event is on air (step 1).
+    in_force
+        From then on the new chain or key is in force (step 2); None if that does not happen, or the kind has no step 2.
+    ended
+        From then on the status is nominal again, or OSNMA is silent after an alert; None if that does not happen.
+    svids
+        Silence only: the satellites without OSNMA. None stands for all.
+
+    Raises
+    ------
+    VestigeError
+        If a time is not the start of a subframe, the times are not in order, or a field does not belong to the kind.
+
+    Examples
+    --------
+    >>> OsnmaEvent(
+    ...     kind=OsnmaEventKind.CHAIN_RENEWAL,
+    ...     announced=GalileoTime(1400, 3600),
+    ...     in_force=GalileoTime(1400, 7200),
+    ... ).complete
+    True
+    """
+
+    kind: OsnmaEventKind
+    announced: GalileoTime
+    in_force: GalileoTime | None = None
+    ended: GalileoTime | None = None
+    svids: frozenset[int] | None = None
+
+    def __post_init__(self) -> None:
+        name = f"OSNMA event {self.kind.value}"
+        for field, refused in (("in_force", _NO_STEP_2), ("ended", _NO_END)):
+            if getattr(self, field) is not None and self.kind in refused:
+                raise VestigeError(f"{name}: {field} does not belong to it")
+        if self.svids is not None:
+            if self.kind is not OsnmaEventKind.SILENCE:
+                raise VestigeError(f"{name}: svids belong to {OsnmaEventKind.SILENCE.value} alone")
+            if not self.svids or not all(1 <= svid <= MAX_SVID for svid in self.svids):
+                raise VestigeError(f"{name}: svids: found {sorted(self.svids)}, expected numbers of 1 … {MAX_SVID}")
+        for time in self.times:
+            if time.fraction or time.second % SUBFRAME_S:
+                raise VestigeError(f"{name}: {time} is not the start of a subframe, a multiple of {SUBFRAME_S} s")
+        if list(self.times) != sorted(set(self.times)):
+            raise VestigeError(f"{name}: expected announced before in_force before ended")
+        if self.ended is not None and self.in_force is None and self.kind not in _NO_STEP_2:
+            raise VestigeError(f"{name}: it cannot end without in_force")
+
+    @property
+    def times(self) -> tuple[GalileoTime, ...]:
+        """The times that are given, in the order of the steps."""
+        return tuple(time for time in (self.announced, self.in_force, self.ended) if time is not None)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the status is nominal again when it is over, so that another event can follow."""
+        if self.kind is OsnmaEventKind.ALERT:
+            return False
+        return (self.in_force if self.kind in _NO_END else self.ended) is not None
+
+
+def status_events(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
+    """Return the events that change the status, in the order of time: all but silence.
+
+    Raises
+    ------
+    VestigeError
+        If one begins before the one before it is over.
+    """
+    ordered = sorted((event for event in events if event.kind is not OsnmaEventKind.SILENCE), key=lambda e: e.announced)
+    for before, after in pairwise(ordered):
+        if not before.complete or after.announced < before.times[-1]:
+            raise VestigeError(
+                f"OSNMA event {after.kind.value} of {after.announced} begins before the {before.kind.value} of "
+                f"{before.announced} is over"
+            )
+    return tuple(ordered)
+
+
+def silent_svids(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> frozenset[int]:
+    """Return those of the satellites that send no OSNMA in the subframe of `time` because of a silence."""
+    silent: set[int] = set()
+    for event in events:
+        on_air = event.announced <= time and (event.ended is None or time < event.ended)
+        if event.kind is OsnmaEventKind.SILENCE and on_air:
+            silent.update(svid for svid in svids if event.svids is None or svid in event.svids)
+    return frozenset(silent)
+
+
+EVENT_NAMES: Mapping[str, OsnmaEventKind] = {kind.value: kind for kind in OsnmaEventKind}

@@ -1,0 +1,77 @@
+"""The HKROOT message of one satellite and subframe, and which DSM block it carries.
+
+The satellites send different blocks of a DSM at the same time, so a receiver with many satellites completes it soon.
+The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The offset
+is the SVID, as in the official test vectors. Several DSMs take turns. Each stays for as many subframes as it has
+blocks, so a receiver with a single satellite gets all blocks of all of them, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, NmaHeader
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignedMessage:
+    """A digital signature message (DSM) under its number."""
+
+    dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
+    data: bytes  # all blocks of 13 bytes
+
+    @property
+    def n_blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.data) // BLOCK_BYTES
+
+    def block(self, index: int) -> bytes:
+        """Return a block, 13 bytes."""
+        return self.data[BLOCK_BYTES * index : BLOCK_BYTES * (index + 1)]
+
+
+def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> bytes:
+    """Return `NMA header 8 | DSM header 8 | DSM block 104`, 15 bytes [OSNMA-ICD, 3.2].
+
+    Parameters
+    ----------
+    header
+        The NMA header.
+    message
+        The DSM.
+    block
+        Index of the block, 0 … `message.n_blocks` - 1.
+    """
+    return bytes([header.value, message.dsm_id << 4 | block]) + message.block(block)
+
+
+def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMessage:
+    """Return the DSM that is on air, of several that take turns.
+
+    Parameters
+    ----------
+    messages
+        The DSMs in the order of their turns; at least one.
+    number
+        Number of the subframe since the first turn of the first DSM, 0 or more.
+    """
+    position = number % sum(message.n_blocks for message in messages)
+    for message in messages:
+        if position < message.n_blocks:
+            return message
+        position -= message.n_blocks
+    raise AssertionError("the position is below the sum")
+
+
+def block_index(svid: int, time: GalileoTime, n_blocks: int) -> int:
+    """Return which block of a DSM a satellite sends in the subframe of `time`.
+
+    Examples
+    --------
+    >>> [block_index(svid, GalileoTime(1251, 277_200), 8) for svid in (2, 4, 7, 8)]
+    [2, 4, 7, 0]
+    """
+    return (time.gst_seconds // SUBFRAME_S + svid) % n_blocks

@@ -1,0 +1,115 @@
+"""The operator's public keys: 15 key pairs and an alert notice, which are the 16 leaves of one Merkle tree.
+
+Public key PKID p is leaf p - 1, as in the trees that the service has published. The last leaf is the alert notice. Only
+a notice that is a leaf of the tree can be verified when it is broadcast [OSNMA-ICD, 6.2].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.keys.merkle_tree import HEIGHT, LEAVES, MerkleTree, leaf_hash, nodes_over, verify_public_key
+from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, compressed_point
+from vestige.crypto.keys.signature_scheme import P256
+from vestige.crypto.osnma.operator.seeded_secrets import draw_private_key
+from vestige.crypto.osnma.operator.signed_messages import alert_leaf
+from vestige.errors import InputFileError, UnsupportedError, VestigeError
+
+MAX_PKID = LEAVES - 1  # PKID 1 … 15; PKID 0 is that of the alert message
+ALERT_LEAF_INDEX = LEAVES - 1
+_MAX_PEM_BYTES = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyTree:
+    """The key pairs of an operator and the Merkle tree over their public keys."""
+
+    private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # by PKID 1 … 15, all on P-256
+    nodes: Mapping[tuple[int, int], bytes]  # as `MerkleTree.nodes`, all 31
+
+    def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
+        """Return a private key.
+
+        Raises `VestigeError` if the tree has no key of that number.
+        """
+        if pkid not in self.private_keys:
+            raise VestigeError(f"OSNMA operator: there is no public key PKID {pkid}, expected 1 … {MAX_PKID}")
+        return self.private_keys[pkid]
+
+    def claim(self, pkid: int) -> ClaimedPublicKey:
+        """Return a public key as it is published."""
+        point = compressed_point(self.private_key(pkid).public_key())
+        return ClaimedPublicKey(pkid=pkid, leaf=pkid - 1, point=point)
+
+    def public_key(self, pkid: int) -> PublicKey:
+        """Return a public key for use, verified against the tree."""
+        return verify_public_key(self.claim(pkid), self.published(()))
+
+    def published(self, pkids: Iterable[int]) -> MerkleTree:
+        """Return the tree as the service publishes it: all its nodes, and the public keys with these numbers."""
+        return MerkleTree(nodes=dict(self.nodes), public_keys=tuple(self.claim(pkid) for pkid in pkids))
+
+    def siblings(self, leaf: int) -> tuple[bytes, ...]:
+        """Return the four nodes that lead from a leaf 0 … 15 to the root, the lowest first."""
+        return tuple(self.nodes[height, leaf >> height ^ 1] for height in range(HEIGHT))
+
+
+def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCurvePrivateKey] | None = None) -> KeyTree:
+    """Return a tree of 15 key pairs and an alert notice; the same seed gives the same tree.
+
+    Parameters
+    ----------
+    seed
+        The secret that the key pairs follow from.
+    notice
+        The alert notice, at most 39 bytes.
+    own_key
+        PKID 1 … 15 and private key of a key pair that does not follow from the seed.
+
+    Raises
+    ------
+    VestigeError
+        If the own key is not on P-256, its PKID is not 1 … 15, or the notice is too long.
+
+    Examples
+    --------
+    >>> tree = draw_key_tree(b"seed", b"alert")
+    >>> tree.public_key(3).pkid
+    3
+    """
+    keys = {pkid: draw_private_key(seed, f"private key {pkid}") for pkid in range(1, MAX_PKID + 1)}
+    if own_key is not None:
+        pkid, private_key = own_key
+        if private_key.curve.name != P256.curve.name:
+            raise UnsupportedError(f"OSNMA operator: the own key is on {private_key.curve.name}, expected P-256")
+        if pkid not in keys:
+            raise VestigeError(f"OSNMA operator: the own key has PKID {pkid}, expected 1 … {MAX_PKID}")
+        keys[pkid] = private_key
+    leaves = [leaf_hash(pkid, compressed_point(key.public_key())) for pkid, key in keys.items()]
+    return KeyTree(private_keys=keys, nodes=nodes_over([*leaves, alert_leaf(notice)]))
+
+
+def read_private_key(path: Path) -> ec.EllipticCurvePrivateKey:
+    """Return the private key of a PEM file without a password.
+
+    Raises
+    ------
+    InputFileError
+        If the file is no PEM private key.
+    UnsupportedError
+        If the key is not on P-256.
+    """
+    try:
+        key = load_pem_private_key(read_bytes(path, at_most=_MAX_PEM_BYTES), password=None)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        raise InputFileError(path, "PEM block", "no private key", "a P-256 private key without a password") from None
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or key.curve.name != P256.curve.name:
+        raise UnsupportedError(f"{path}: the private key is not on P-256")
+    return key

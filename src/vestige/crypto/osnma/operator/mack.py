@@ -1,0 +1,102 @@
+"""The MACK message of one satellite and subframe: tags, MACSEQ, and the key that the subframe discloses.
+
+`encode_mack` is the reverse of `messages.tags.parse_mack`: it makes of what was read the bits that were received.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from vestige.crypto.osnma.messages.chain_parameters import TAG_INFO_BITS, ChainParameters
+from vestige.crypto.osnma.messages.mac_lookup import slots
+from vestige.crypto.osnma.messages.navigation_data import NavigationData
+from vestige.crypto.osnma.messages.subframe import MACK_TOTAL_BITS
+from vestige.crypto.osnma.messages.tags import KEY_DELAY_S, Mack, Tag, make_macseq, make_tag
+from vestige.time import GalileoTime
+
+MACK_BYTES = MACK_TOTAL_BITS // 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagContent:
+    """What one tag is to authenticate."""
+
+    svid: int  # PRN_D
+    adkd: int
+    cut_off: int  # COP 1 … 15; 0 for a dummy tag
+    data: NavigationData  # of a dummy tag the data that its noise is made from
+
+
+def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
+    """Return the 480 bits of a MACK message [OSNMA-ICD, MACK].
+
+    Parameters
+    ----------
+    mack
+        Tags and MACSEQ.
+    key
+        The key that is disclosed in this subframe.
+    parameters
+        Parameters of its chain.
+
+    Raises
+    ------
+    ValueError
+        If the number of tags or the length of the key are not those of the parameters.
+    """
+    if len(mack.tags) != parameters.n_tags or len(key) != parameters.key_bytes:
+        raise ValueError(
+            f"{len(mack.tags)} tags and a key of {len(key)} bytes, "
+            f"expected {parameters.n_tags} and {parameters.key_bytes}"
+        )
+    bits = 0
+    for tag in mack.tags:
+        # The first tag is always ADKD 0 of the satellite itself. In place of that it has MACSEQ.
+        info = mack.macseq << 4 | tag.cut_off if tag.counter == 1 else tag.info
+        bits = (bits << parameters.tag_bits | tag.value) << TAG_INFO_BITS | info
+    bits = bits << parameters.key_bits | int.from_bytes(key, "big")
+    return (bits << MACK_TOTAL_BITS - parameters.key_start_bit - parameters.key_bits).to_bytes(MACK_BYTES, "big")
+
+
+def authenticate(
+    svid: int,
+    time: GalileoTime,
+    nma_status: int,
+    contents: Sequence[TagContent],
+    key_of: Callable[[GalileoTime], bytes],
+    parameters: ChainParameters,
+) -> Mack:
+    """Return tags and MACSEQ of one satellite and subframe.
+
+    Parameters
+    ----------
+    svid
+        The satellite that sends them, PRN_A.
+    time
+        Start of the subframe.
+    nma_status
+        NMAS of the NMA header of the subframe; the tags cover it.
+    contents
+        What each tag is for, in the order of the slots.
+    key_of
+        Gives the key that is on air in the subframe that starts at a time.
+    parameters
+        Parameters of the chain that is on air.
+
+    Raises
+    ------
+    UnsupportedError
+        If the MAC look-up table has no row for the parameters.
+    """
+    tags = tuple(
+        Tag(counter=number, value=0, info=content.svid << 8 | content.adkd << 4 | content.cut_off)
+        for number, content in enumerate(contents, start=1)
+    )
+    empty = Mack(svid=svid, time=time, nma_status=nma_status, macseq=0, tags=tags)
+    made = tuple(
+        replace(tag, value=make_tag(empty, tag, content.data, key_of(time + tag.key_delay_s), parameters))
+        for tag, content in zip(tags, contents, strict=True)
+    )
+    macseq = make_macseq(empty, slots(parameters, time), key_of(time + KEY_DELAY_S), parameters)
+    return replace(empty, macseq=macseq, tags=made)

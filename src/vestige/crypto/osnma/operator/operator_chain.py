@@ -1,0 +1,156 @@
+"""A TESLA chain as its operator knows it: all keys, also those that are still secret."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
+from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.tesla import Key, one_way
+from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes
+from vestige.crypto.osnma.operator.signed_messages import HOUR_S, sign_kroot, unsigned_kroot
+from vestige.errors import VestigeError
+from vestige.time import GalileoTime
+
+_FIXED_BYTES = 7  # of a DSM-KROOT, before alpha: nobody can choose others to avoid a zero
+_MAX_DRAWS = 32
+_HOURS_SEEN = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorChain:
+    """All keys of a chain from its first root key on, 30 s apart, without a gap."""
+
+    chain_id: int  # CID 0 … 3
+    parameters: ChainParameters
+    keys: tuple[Key, ...]  # in time order; the first one is the first root key
+
+    def key_at(self, time: GalileoTime) -> Key:
+        """Return the key that is disclosed in the subframe of `time`.
+
+        Raises `VestigeError` if the chain has none for it.
+        """
+        index, rest = divmod(time.gst_seconds - self.keys[0].time.gst_seconds, SUBFRAME_S)
+        if rest or not 0 <= index < len(self.keys):
+            first, last = self.keys[0].time, self.keys[-1].time
+            raise VestigeError(f"OSNMA chain {self.chain_id} has keys from {first} to {last}, and none for {time}")
+        return self.keys[index]
+
+    def signed_root(
+        self, time: GalileoTime, header: NmaHeader, pkid: int, private_key: ec.EllipticCurvePrivateKey
+    ) -> DsmKroot:
+        """Return the DSM-KROOT that is broadcast at a time, with the newest root key.
+
+        Parameters
+        ----------
+        time
+            Any time from the chain's first hour on.
+        header
+            The NMA header that is broadcast with it.
+        pkid
+            PKID of the public key that verifies it.
+        private_key
+            The private key that belongs to that public key.
+        """
+        root = self.key_at(root_key_time(time))
+        kroot = unsigned_kroot(root, self.parameters, chain_id=self.chain_id, pkid=pkid)
+        return sign_kroot(kroot, header, private_key)
+
+
+def root_key_time(time: GalileoTime) -> GalileoTime:
+    """Return the subframe of the newest root key at a time: 30 s before the last full hour.
+
+    That key has been disclosed, so the root key gives nothing away.
+
+    Examples
+    --------
+    >>> root_key_time(GalileoTime(1400, 7325))
+    GalileoTime(week=1400, second=7170, fraction=0.0)
+    """
+    return GalileoTime(time.week, time.second - time.second % HOUR_S) + -SUBFRAME_S
+
+
+def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tuple[Key, ...]:
+    """Return the keys from the subframe `first` to `last` in time order: each is the hash of the next [OSNMA-ICD, 6.4].
+
+    Parameters
+    ----------
+    last
+        The last key of the chain, at the start of a subframe.
+    first
+        Start of the subframe of the first key.
+    parameters
+        Parameters of the chain.
+    """
+    keys = [last]
+    while keys[-1].time > first:
+        time = keys[-1].time + -SUBFRAME_S
+        keys.append(Key(time=time, data=one_way(keys[-1].data, time, parameters)))
+    return tuple(reversed(keys))
+
+
+def draw_keys(seed: bytes, start: GalileoTime, n_keys: int, parameters: ChainParameters) -> tuple[Key, ...]:
+    """Return the keys of a chain from the root key of the hour of `start` on; the same seed gives the same keys.
+
+    Parameters
+    ----------
+    seed
+        The secret that the last key follows from.
+    start
+        A time in the first subframe whose key is needed.
+    n_keys
+        Number of keys that are needed from there on, 30 s apart; 1 or more.
+    parameters
+        Parameters of the chain.
+    """
+    last_time = start.subframe + SUBFRAME_S * (n_keys - 1)
+    last = Key(time=last_time, data=draw_bytes(seed, "last key", parameters.key_bytes))
+    return chain_keys(last, root_key_time(start), parameters)
+
+
+def draw_chain(
+    seed: bytes,
+    start: GalileoTime,
+    n_keys: int,
+    chain_id: int,
+    parameters: ChainParameters,
+    header: NmaHeader,
+    pkid: int,
+    private_key: ec.EllipticCurvePrivateKey,
+    *,
+    redraw: bool = True,
+) -> OperatorChain:
+    """Return a chain whose DSM-KROOTs have no zero byte where that can be avoided.
+
+    Some receivers take a page for lost whose HKROOT byte is zero. So the random pattern alpha of `parameters` is
+    replaced by others from the seed until root key, signature and padding have no zero byte in the first four hours;
+    after 32 of them by the one with the fewest.
+
+    Parameters
+    ----------
+    seed, start, n_keys, parameters
+        As for `draw_keys`.
+    chain_id
+        CID 0 … 3.
+    header, pkid, private_key
+        What the DSM-KROOTs are signed with at first, as for `OperatorChain.signed_root`.
+    redraw
+        False: keep alpha as it is.
+    """
+    best: tuple[int, OperatorChain] | None = None
+    for draw in range(_MAX_DRAWS if redraw else 1):
+        tried = parameters if draw == 0 else replace(parameters, alpha=draw_bytes(seed, f"alpha {draw}", ALPHA_BYTES))
+        chain = OperatorChain(chain_id=chain_id, parameters=tried, keys=draw_keys(seed, start, n_keys, tried))
+        n_zero = sum(
+            chain.signed_root(start + shift, header, pkid, private_key).serialise()[_FIXED_BYTES:].count(0)
+            for shift in range(0, min(SUBFRAME_S * n_keys, _HOURS_SEEN * HOUR_S), HOUR_S)
+        )
+        if best is None or n_zero < best[0]:
+            best = n_zero, chain
+        if n_zero == 0:
+            break
+    assert best is not None  # noqa: S101  (the loop runs)
+    return best[1]

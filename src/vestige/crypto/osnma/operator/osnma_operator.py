@@ -1,0 +1,261 @@
+"""The OSNMA operator: navigation words in, the OSNMA bits of every satellite and subframe out.
+
+The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
+satellites (`hkroot`). It makes tags for the words of the subframe before (`tag_plan`, `mack`) with keys that it
+discloses later, and carries out a table of events (`timeline`). A receiver that is given the Merkle tree treats the
+signal like the real one.
+
+The key of a tag is the key that is on air when it is due. Around a change of chains this is a key of the next chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.keys.merkle_tree import MerkleTree
+from vestige.crypto.keys.public_key import PublicKey
+from vestige.crypto.keys.public_key_writer import write_merkle_tree, write_public_key_pem, write_public_key_xml
+from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES
+from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.root_key import verify_root_key
+from vestige.crypto.osnma.messages.subframe import PAGES
+from vestige.crypto.osnma.messages.tags import SLOW_KEY_DELAY_S
+from vestige.crypto.osnma.messages.tesla import Chain, validate
+from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
+from vestige.crypto.osnma.operator.events import silent_svids
+from vestige.crypto.osnma.operator.hkroot import SignedMessage, block_index, hkroot_message, message_in_turn
+from vestige.crypto.osnma.operator.key_tree import ALERT_LEAF_INDEX, KeyTree, draw_key_tree
+from vestige.crypto.osnma.operator.mack import authenticate, encode_mack
+from vestige.crypto.osnma.operator.operator_chain import OperatorChain, draw_chain, root_key_time
+from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes
+from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_dsm
+from vestige.crypto.osnma.operator.tag_plan import NavigationHistory, plan_tags
+from vestige.crypto.osnma.operator.timeline import Phase, RootSource, phase_at, phases
+from vestige.errors import VestigeError
+from vestige.time import GalileoTime
+from vestige.validated_key import ValidatedKey
+
+_N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 … 11: with 0 the DSM header of block 0 would be a zero byte
+_N_PKR_IDS = 16 - FIRST_PKR_ID
+NO_OSNMA = (bytes(5),) * PAGES  # what a satellite without OSNMA sends [OSNMA-ICD, 2]
+
+
+class OsnmaOperator:
+    """Makes the OSNMA fields of a simulated sky.
+
+    Parameters
+    ----------
+    configuration
+        Secrets, chain and events.
+
+    Raises
+    ------
+    VestigeError
+        If events overlap, or a key that they need does not exist.
+
+    Examples
+    --------
+    >>> configuration = OperatorConfiguration(seed=b"sky", start=GalileoTime(1400, 3600), n_subframes=20)
+    >>> operator = OsnmaOperator(configuration)
+    >>> fields = operator.subframe(configuration.start, {7: {}, 11: {}})
+    >>> len(fields[7]), fields[7][0].hex()[:2]
+    (15, '92')
+    """
+
+    def __init__(self, configuration: OperatorConfiguration) -> None:
+        self.configuration = configuration
+        own = None if configuration.own_key is None else (configuration.pkid, configuration.own_key)
+        self.keys: KeyTree = draw_key_tree(configuration.seed, configuration.notice, own)
+        self._phases = phases(configuration.start, configuration.nma_status, configuration.pkid, configuration.events)
+        self.chains: tuple[OperatorChain, ...] = tuple(self._draw_chains())
+        self._messages = self._sign_all()
+        self._history = NavigationHistory()
+        self._next = configuration.start
+
+    @property
+    def merkle_tree(self) -> MerkleTree:
+        """The Merkle tree as the operator publishes it, with all public keys that sign while it broadcasts."""
+        return self.keys.published(sorted({root.pkid for phase in self._phases for root in phase.roots}))
+
+    @property
+    def public_keys(self) -> tuple[PublicKey, ...]:
+        """The public keys of `merkle_tree`, each verified against it; the first one is in force at the start."""
+        return tuple(self.keys.public_key(claim.pkid) for claim in self.merkle_tree.public_keys if claim.pkid)
+
+    def header_at(self, time: GalileoTime) -> NmaHeader:
+        """Return the NMA header of the subframe of `time`."""
+        return self._header(phase_at(self._phases, time))
+
+    def key_at(self, time: GalileoTime) -> bytes:
+        """Return the TESLA key that is disclosed in the subframe that starts at `time`.
+
+        Raises `VestigeError` if the operator does not broadcast then.
+        """
+        return self.chains[phase_at(self._phases, time).chain].key_at(time).data
+
+    @cached_property
+    def _validated(self) -> tuple[ValidatedKey, ...]:
+        chains = {
+            number: Chain(
+                verify_root_key(
+                    self._root(root, phase, phase.since), self._header(phase), self.public_keys, near=phase.since
+                )
+            )
+            for number, (phase, root) in self._first_use.items()
+        }
+        validated = []
+        for number in range(self.configuration.n_subframes):
+            time = self.configuration.start + SUBFRAME_S * number
+            chain = phase_at(self._phases, time).chain
+            validated.append(validate(self.chains[chain].key_at(time), chains[chain]))
+        return tuple(validated)
+
+    def validated_keys(self) -> tuple[ValidatedKey, ...]:
+        """Return the keys of all subframes that are broadcast, each validated down to its signed root key.
+
+        RECS that are encrypted with them open with the keys that a receiver takes from this signal.
+        """
+        return self._validated
+
+    def subframe(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> dict[int, tuple[bytes, ...]]:
+        """Return the OSNMA fields of all satellites in one subframe; subframes are asked for in the order of time.
+
+        Parameters
+        ----------
+        time
+            Start of the subframe.
+        words
+            The navigation words of 128 bits that the satellites send in this subframe, by SVID and word type. Tags
+            cover words 1 to 6 and 10 up to the subframe before; in the first subframe all tags are dummies. A word that
+            is not sent in every subframe may be missing.
+
+        Returns
+        -------
+        dict
+            By SVID: 15 fields of 5 bytes, one for each page. The first byte belongs to the HKROOT message.
+
+        Raises
+        ------
+        VestigeError
+            If the time is not that of the next subframe, or a word is not of its type.
+        """
+        if time >= self._end:
+            raise VestigeError(f"OSNMA operator: the broadcast ends at {self._end}; found a subframe of {time}")
+        if time != self._next:
+            raise VestigeError(f"OSNMA operator: the next subframe is {self._next}, found {time}")
+        for svid, sent in words.items():
+            for kind, word in sent.items():
+                if word >> 122 != kind:
+                    raise VestigeError(
+                        f"OSNMA operator: E{svid:02d}: found word type {word >> 122}, expected {kind} in 128 bits"
+                    )
+        self._next = time + SUBFRAME_S
+        silent = silent_svids(self.configuration.events, words, time)
+        if phase_at(self._phases, time).silent:
+            silent = frozenset(words)
+        fields = {svid: NO_OSNMA if svid in silent else self._fields(svid, time) for svid in sorted(words)}
+        self._history.add(time, words)
+        return fields
+
+    def write_files(self, folder: Path) -> None:
+        """Write what receivers trust: `public_key.pem`, `public_key.xml` and `merkle_tree.xml`.
+
+        The public key is the one in force at the start. The tree holds those of later events, too.
+
+        Parameters
+        ----------
+        folder
+            A folder that exists.
+
+        Raises
+        ------
+        OSError
+            If a file cannot be written.
+        """
+        claim = self.keys.claim(self.configuration.pkid)
+        write_public_key_pem(folder / "public_key.pem", claim)
+        write_public_key_xml(folder / "public_key.xml", claim, self.configuration.start)
+        write_merkle_tree(folder / "merkle_tree.xml", self.merkle_tree, self.configuration.start)
+
+    @property
+    def _end(self) -> GalileoTime:
+        return self.configuration.start + SUBFRAME_S * self.configuration.n_subframes
+
+    def _fields(self, svid: int, time: GalileoTime) -> tuple[bytes, ...]:
+        phase = phase_at(self._phases, time)
+        header = self._header(phase)
+        number = round(time - phase.since) // SUBFRAME_S
+        message = message_in_turn(self._messages[phase, root_key_time(time)], number)
+        hkroot = hkroot_message(header, message, block_index(svid, time, message.n_blocks))
+        parameters = self.chains[phase.chain].parameters
+        contents = plan_tags(svid, time, self._history, parameters)
+        mack = encode_mack(
+            authenticate(svid, time, header.status, contents, self.key_at, parameters), self.key_at(time), parameters
+        )
+        return tuple(hkroot[k : k + 1] + mack[4 * k : 4 * k + 4] for k in range(PAGES))
+
+    def _header(self, phase: Phase) -> NmaHeader:
+        return NmaHeader(phase.nma_status << 6 | self._chain_id(phase.chain) << 4 | phase.key_status << 1)
+
+    def _chain_id(self, chain: int) -> int:
+        return (self.configuration.chain_id + chain) % 4
+
+    @property
+    def _first_use(self) -> dict[int, tuple[Phase, RootSource]]:
+        """By chain, the phase in which its root key is on air first, and what signs it."""
+        found: dict[int, tuple[Phase, RootSource]] = {}
+        for phase in self._phases:
+            for root in phase.roots:
+                found.setdefault(root.chain, (phase, root))
+        return found
+
+    def _draw_chains(self) -> Iterator[OperatorChain]:
+        configuration = self.configuration
+        for number, (phase, root) in self._first_use.items():
+            seed = configuration.seed if number == 0 else draw_bytes(configuration.seed, f"chain {number}", 32)
+            given = configuration.alpha if number == 0 else None
+            alpha = draw_bytes(seed, "alpha", ALPHA_BYTES) if given is None else given
+            n_keys = round((self._end - phase.since + SLOW_KEY_DELAY_S) / SUBFRAME_S)
+            yield draw_chain(
+                seed, phase.since, max(n_keys, 1), self._chain_id(number), configuration.parameters(alpha),
+                self._header(phase), root.pkid, self.keys.private_key(root.pkid), redraw=given is None,
+            )  # fmt: skip
+
+    def _root(self, root: RootSource, phase: Phase, time: GalileoTime) -> DsmKroot:
+        private_key = self.keys.private_key(root.pkid)
+        return self.chains[root.chain].signed_root(time, self._header(phase), root.pkid, private_key)
+
+    def _sign_all(self) -> dict[tuple[Phase, GalileoTime], Sequence[SignedMessage]]:
+        """Return the DSMs of each phase and hour; a new content has a new DSM id."""
+        ids: dict[bytes, int] = {}
+        signed: dict[tuple[Phase, GalileoTime], Sequence[SignedMessage]] = {}
+        for number in range(self.configuration.n_subframes):
+            time = self.configuration.start + SUBFRAME_S * number
+            place = phase_at(self._phases, time), root_key_time(time)
+            if place not in signed:
+                signed[place] = tuple(
+                    SignedMessage(dsm_id=ids.setdefault(data, _next_id(ids.values(), kroot)), data=data)
+                    for data, kroot in self._contents(place[0], time)
+                )
+        return signed
+
+    def _contents(self, phase: Phase, time: GalileoTime) -> Iterator[tuple[bytes, bool]]:
+        """Yield the DSMs of a phase, and whether each is a DSM-KROOT."""
+        root = self.keys.published(()).root
+        if phase.alert:
+            yield alert_dsm(self.configuration.notice, ALERT_LEAF_INDEX, self.keys.siblings(ALERT_LEAF_INDEX)), False
+        for source in phase.roots:
+            yield self._root(source, phase, time).serialise(), True
+        if phase.new_pkid is not None:
+            claim = self.keys.claim(phase.new_pkid)
+            leaf = phase.new_pkid - 1
+            yield public_key_dsm(claim.point, phase.new_pkid, leaf, self.keys.siblings(leaf), root), False
+
+
+def _next_id(used: Iterable[int], kroot: bool) -> int:
+    """Return the DSM id of a new DSM-KROOT or DSM-PKR; the ids take turns."""
+    n_used = sum((number < FIRST_PKR_ID) == kroot for number in used)
+    return 1 + n_used % _N_KROOT_IDS if kroot else FIRST_PKR_ID + n_used % _N_PKR_IDS

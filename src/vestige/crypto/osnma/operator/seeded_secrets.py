@@ -1,0 +1,63 @@
+"""Secrets of an operator that all follow from one seed, so that a run can be repeated bit for bit."""
+
+from __future__ import annotations
+
+import hashlib
+
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from vestige.crypto.keys.signature_scheme import P256, SignatureScheme
+
+_P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551  # [FIPS 186-4, D.1.2.3]
+_MAX_BYTES = 32
+
+
+def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
+    """Return bytes that follow from a seed and from the name of what they are for.
+
+    Parameters
+    ----------
+    seed
+        Any bytes; a secret if what is drawn is to be one.
+    name
+        What the bytes are for; other names give independent bytes.
+    n_bytes
+        Number of bytes, 0 … 32.
+
+    Raises
+    ------
+    ValueError
+        If more than 32 bytes are asked for.
+
+    Examples
+    --------
+    >>> draw_bytes(b"seed", "alpha", 6) == draw_bytes(b"seed", "alpha", 6)
+    True
+    >>> draw_bytes(b"seed", "alpha", 6) == draw_bytes(b"seed", "last key", 6)
+    False
+    """
+    if not 0 <= n_bytes <= _MAX_BYTES:
+        raise ValueError(f"{n_bytes} bytes cannot be drawn at once, {_MAX_BYTES} at most")
+    return hashlib.sha256(b"vestige simulated OSNMA chain\0" + name.encode() + b"\0" + seed).digest()[:n_bytes]
+
+
+def draw_private_key(seed: bytes, name: str, scheme: SignatureScheme = P256) -> ec.EllipticCurvePrivateKey:
+    """Return a private key that follows from a seed and from the name of what it is for.
+
+    Parameters
+    ----------
+    seed
+        Any bytes; they are the secret.
+    name
+        What the key is for.
+    scheme
+        The signature scheme: P-256, or P-521.
+
+    Examples
+    --------
+    >>> draw_private_key(b"seed", "private key").curve.name
+    'secp256r1'
+    """
+    # The order of P-256 is the smaller one, so its numbers are private keys on P-521 too.
+    secret = 1 + int.from_bytes(draw_bytes(seed, name, 32), "big") % (_P256_ORDER - 1)
+    return ec.derive_private_key(secret, scheme.curve)

@@ -1,0 +1,150 @@
+"""The digital signature messages (DSM) that an operator makes: signed root keys, public keys and alert notices.
+
+A DSM-KROOT is signed for the NMA header that is broadcast with it. The signature is deterministic, so the same seed
+gives the same bits [RFC6979].
+
+A DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding` [OSNMA-ICD, DSM-PKR]. Its padding is
+the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills it up to its end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES
+from vestige.crypto.keys.signature_scheme import scheme_of_curve, scheme_of_point
+from vestige.crypto.osnma.messages.alert_message import ALERT_TYPE
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, KROOT_BLOCKS, PKR_BLOCKS, DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.tesla import Key
+from vestige.errors import VestigeError
+
+HOUR_S = 3600
+_MIN_BLOCKS = min(KROOT_BLOCKS.values())
+_WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
+_ALERT_NB = 7  # 13 blocks, the shortest with room for a notice
+_HEAD_BYTES = 1 + NODE_BYTES * HEIGHT
+NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * BLOCK_BYTES - _HEAD_BYTES - 1
+
+
+def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pkid: int) -> DsmKroot:
+    """Return the DSM-KROOT of a root key, still without signature and padding.
+
+    Parameters
+    ----------
+    root
+        The root key; its time is 30 s before a full hour [OSNMA-ICD, DSM-KROOT].
+    parameters
+        Parameters of its chain.
+    chain_id
+        CIDKR 0 … 3.
+    pkid
+        PKID 0 … 15 of the public key that is to verify the signature.
+
+    Raises
+    ------
+    ValueError
+        If the time of the key is not 30 s before a full hour.
+    """
+    hour = root.time + SUBFRAME_S
+    if hour.second % HOUR_S:
+        raise ValueError(f"a root key is of 30 s before a full hour, not of {root.time}")
+    return DsmKroot(
+        n_blocks=_MIN_BLOCKS,
+        public_key_id=pkid,
+        chain_id=chain_id,
+        parameters=parameters,
+        root_week=hour.week % _WEEKS,
+        root_hour=hour.second // HOUR_S,
+        root_key=root.data,
+        signature=b"",
+        padding=b"",
+    )
+
+
+def sign_kroot(kroot: DsmKroot, header: NmaHeader, private_key: ec.EllipticCurvePrivateKey) -> DsmKroot:
+    """Return the DSM-KROOT with signature and padding for its header, in as many blocks as it needs [OSNMA-ICD, 6.3].
+
+    Parameters
+    ----------
+    kroot
+        The message; its own signature and padding are replaced.
+    header
+        The NMA header that is broadcast with it: it is signed, too.
+    private_key
+        On P-256 or P-521.
+    """
+    scheme = scheme_of_curve(private_key.curve)
+    assert scheme is not None  # noqa: S101  (ours)
+    algorithm = ec.ECDSA(scheme.hash, deterministic_signing=True)
+    numbers = decode_dss_signature(private_key.sign(kroot.signed_message(header), algorithm))
+    signature = b"".join(number.to_bytes(scheme.coordinate_bytes, "big") for number in numbers)
+    signed = replace(kroot, signature=signature, padding=b"")
+    length = len(signed.serialise())
+    n_blocks = max(_MIN_BLOCKS, -(-length // BLOCK_BYTES))
+    signed = replace(signed, n_blocks=n_blocks, padding=bytes(n_blocks * BLOCK_BYTES - length))
+    return replace(signed, padding=signed.expected_padding(header))
+
+
+def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes], root: bytes) -> bytes:
+    """Return all blocks of the DSM-PKR of a public key.
+
+    Parameters
+    ----------
+    point
+        The compressed point, 33 bytes (P-256) or 67 bytes (P-521).
+    pkid
+        PKID 0 … 15.
+    leaf
+        Its leaf in the tree, 0 … 15.
+    siblings
+        The four nodes from the leaf to the root, 32 bytes each, the lowest first.
+    root
+        The root of the tree, 32 bytes.
+    """
+    content = bytes([scheme_of_point(point).key_type << 4 | pkid]) + point
+    length = _HEAD_BYTES + len(content)
+    code, n_blocks = min((code, n) for code, n in PKR_BLOCKS.items() if n * BLOCK_BYTES >= length)
+    padding = hashlib.sha256(root + content).digest()[: n_blocks * BLOCK_BYTES - length]
+    return bytes([code << 4 | leaf]) + b"".join(siblings) + content + padding
+
+
+def alert_dsm(notice: bytes, leaf: int, siblings: Sequence[bytes]) -> bytes:
+    """Return all blocks of the DSM-PKR of an alert message.
+
+    Parameters
+    ----------
+    notice
+        The notice, at most `NOTICE_BYTES` bytes; it is filled with spaces.
+    leaf, siblings
+        As for `public_key_dsm`.
+    """
+    return bytes([_ALERT_NB << 4 | leaf]) + b"".join(siblings) + _alert_content(notice)
+
+
+def alert_leaf(notice: bytes) -> bytes:
+    """Return the leaf of the tree that belongs to an alert notice, 32 bytes.
+
+    Raises
+    ------
+    VestigeError
+        If the notice has more than `NOTICE_BYTES` bytes.
+
+    Examples
+    --------
+    >>> len(alert_leaf(b"see the web site of the operator"))
+    32
+    """
+    return hashlib.sha256(_alert_content(notice)).digest()
+
+
+def _alert_content(notice: bytes) -> bytes:
+    if len(notice) > NOTICE_BYTES:
+        raise VestigeError(f"OSNMA alert notice: {len(notice)} bytes, expected {NOTICE_BYTES} at most")
+    return bytes([ALERT_TYPE << 4]) + notice.ljust(NOTICE_BYTES, b" ")

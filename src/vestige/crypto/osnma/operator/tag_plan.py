@@ -1,0 +1,117 @@
+"""What the tags of a MACK message are for: the MAC look-up table, the neighbours, and how long data has not changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
+from vestige.crypto.osnma.messages.mac_lookup import slots
+from vestige.crypto.osnma.messages.navigation_data import (
+    ADKD_EPHEMERIS,
+    ADKD_SLOW,
+    ADKD_TIMING,
+    NavigationData,
+    NavigationWords,
+)
+from vestige.crypto.osnma.operator.mack import TagContent
+from vestige.time import GalileoTime
+
+MAX_CUT_OFF = 15  # COP has 4 bits [OSNMA-ICD, MACK]
+
+
+@dataclass(slots=True)
+class NavigationHistory:
+    """The navigation words on air, and for how many subframes what tags cover has not changed.
+
+    Subframes are added in the order of time.
+    """
+
+    _words: dict[int, NavigationWords] = field(default_factory=dict)
+    _unchanged: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)  # (SVID, ADKD) -> (bits, count)
+
+    def add(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> None:
+        """Take the words that the satellites send in a subframe.
+
+        Parameters
+        ----------
+        time
+            Start of the subframe.
+        words
+            Words of 128 bits by SVID and word type. Those that are not sent in every subframe may be missing.
+        """
+        start = time.gst_seconds
+        for svid, sent in words.items():
+            before = self._words.get(svid, NavigationWords())
+            timed = {kind: (word, start) for kind, word in sent.items()}
+            self._words[svid] = NavigationWords(words={**before.words, **timed}, subframe_s=start)
+            for adkd in (ADKD_EPHEMERIS, ADKD_TIMING):
+                data = self.data(svid, adkd, time + SUBFRAME_S)
+                bits, count = self._unchanged.pop((svid, adkd), (-1, 0))
+                if data is not None:
+                    same = data.bits == bits and before.subframe_s == start - SUBFRAME_S
+                    self._unchanged[svid, adkd] = data.bits, count + 1 if same else 1
+
+    def data(self, svid: int, adkd: int, time: GalileoTime) -> NavigationData | None:
+        """Return what a tag of the subframe of `time` covers; None if it was not sent completely, or not until then."""
+        return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
+
+    def cut_off(self, svid: int, adkd: int) -> int:
+        """Return COP: for how many subframes the newest data has not changed, 15 at most; 0 if there is none."""
+        kind = ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd
+        return min(self._unchanged.get((svid, kind), (0, 0))[1], MAX_CUT_OFF)
+
+    def authenticable(self, time: GalileoTime) -> tuple[int, ...]:
+        """Return the satellites whose ephemeris a tag of the subframe of `time` can cover, in the order of SVID."""
+        return tuple(sorted(svid for svid in self._words if self.data(svid, ADKD_EPHEMERIS, time) is not None))
+
+
+def plan_tags(
+    svid: int, time: GalileoTime, history: NavigationHistory, parameters: ChainParameters
+) -> tuple[TagContent, ...]:
+    """Return what the tags of one satellite and subframe are for [OSNMA-ICD, Annex C].
+
+    Slots for any satellite and flexible slots are for neighbours, which take turns; the flexible ones carry ADKD 0, as
+    on air. Without neighbours they are for the satellite itself. A tag whose data was not sent is a dummy.
+
+    Parameters
+    ----------
+    svid
+        The satellite that sends the tags.
+    time
+        Start of the subframe.
+    history
+        What was sent up to the subframe before.
+    parameters
+        Parameters of the chain on air.
+
+    Raises
+    ------
+    UnsupportedError
+        If the MAC look-up table has no row for the parameters.
+    """
+    ring = _neighbours(svid, history.authenticable(time))
+    minute, rest = divmod(time.gst_seconds, 60)
+    # Neighbours are counted on through both subframes of a minute, and every minute starts with the next one.
+    turn = minute + (sum(not slot.own for slot in slots(parameters, time + -rest)) if rest else 0)
+    contents = []
+    for slot in slots(parameters, time):
+        adkd = ADKD_EPHEMERIS if slot.adkd is None else slot.adkd
+        target = svid if slot.own or not ring else ring[turn % len(ring)]
+        turn += not slot.own
+        contents.append(_content(target, adkd, time, history))
+    return tuple(contents)
+
+
+def _neighbours(svid: int, svids: Sequence[int]) -> tuple[int, ...]:
+    """Return the other satellites, those with a higher SVID first."""
+    return tuple(other for other in svids if other > svid) + tuple(other for other in svids if other < svid)
+
+
+def _content(svid: int, adkd: int, time: GalileoTime, history: NavigationHistory) -> TagContent:
+    data = history.data(svid, adkd, time)
+    if data is None:
+        nothing = NavigationData(svid=svid, iod_nav=None, bits=0, n_bits=0, oldest_s=0)
+        return TagContent(svid=svid, adkd=adkd, cut_off=0, data=nothing)
+    return TagContent(svid=svid, adkd=adkd, cut_off=history.cut_off(svid, adkd), data=data)

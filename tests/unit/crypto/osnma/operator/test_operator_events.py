@@ -1,0 +1,245 @@
+"""Each event gives our receiver the outcome that the OSNMA SIS ICD and the receiver guidelines prescribe."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from operator_sky import OperatorSky
+from page_files import inav_block
+from vestige.cli.services.osnma import command as osnma
+from vestige.crypto.osnma.messages.dsm import NmaHeader
+from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.crypto.osnma.messages.subframe import Content
+from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
+from vestige.crypto.osnma.operator.events import EVENT_NAMES, OsnmaEvent, OsnmaEventKind
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
+from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
+from vestige.errors import VestigeError
+from vestige.time import GalileoTime
+
+HOUR = GalileoTime(1400, 10_800)
+START = HOUR + -40 * 30
+N = 70
+STEP_1, STEP_2, STEP_3 = 20, 44, 56  # subframes
+
+
+def at(index: int) -> GalileoTime:
+    return START + 30 * index
+
+
+def event_of(kind: OsnmaEventKind) -> OsnmaEvent:
+    no_step_2 = kind in (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
+    return OsnmaEvent(
+        kind=kind,
+        announced=at(STEP_1),
+        in_force=None if no_step_2 else at(STEP_2),
+        ended=None if kind is OsnmaEventKind.CHAIN_RENEWAL else at(STEP_2 if no_step_2 else STEP_3),
+    )
+
+
+@cache
+def scene(kind: OsnmaEventKind) -> tuple[OperatorSky, list[InavPage], OsnmaReport]:
+    sky = OperatorSky(OperatorConfiguration(seed=b"events", start=START, n_subframes=N, events=(event_of(kind),)))
+    pages = sky.pages()
+    return sky, pages, verify(pages, sky.operator.public_keys, sky.operator.merkle_tree)
+
+
+def keys_by_chain(report: OsnmaReport) -> dict[int, list[int]]:
+    """Numbers of the subframes whose keys are validated, by CID."""
+    found: dict[int, list[int]] = {}
+    for key in report.keys:
+        found.setdefault(key.chain_id, []).append(round(key.time - START) // 30)
+    return found
+
+
+def withheld(report: OsnmaReport) -> list[int]:
+    return [round(key.time - START) // 30 for key in report.withheld]
+
+
+def headers(sky: OperatorSky) -> list[tuple[int, int, int]]:
+    """NMAS, CID and CPKS in the steps of the event, and before it."""
+    values = [sky.operator.header_at(at(k)) for k in (0, STEP_1, STEP_2 - 1, STEP_2, STEP_3 - 1, STEP_3, N - 1)]
+    return [(header.status, header.chain_id, header.key_status) for header in values]
+
+
+def no_tag_failed(report: OsnmaReport) -> bool:
+    return report.tags.macseq.failed == 0 and all(count.failed == 0 for count in report.tags.by_adkd.values())
+
+
+def pkids(report: OsnmaReport) -> list[int | None]:
+    return [root.public_key.pkid for root in report.verified_roots]
+
+
+NOMINAL = (2, 1, 1)
+
+
+def test_chain_renewal() -> None:
+    sky, _, report = scene(OsnmaEventKind.CHAIN_RENEWAL)
+    assert headers(sky) == [NOMINAL, (2, 1, 2), (2, 1, 2), (2, 2, 1), (2, 2, 1), (2, 2, 1), (2, 2, 1)]
+    assert (report.failures, report.withheld, report.gaps, report.problems) == ((), (), (), ())
+    assert keys_by_chain(report) == {1: list(range(STEP_2)), 2: list(range(STEP_2, N))}
+    assert no_tag_failed(report)
+    # The root key of the next chain is verified before it is in force, and so is that of the chain in force.
+    announced = {root.chain_id for root in report.verified_roots if root.header.key_status == 2}
+    assert announced == {1, 2}
+    assert min(r.received_at for r in report.verified_roots if r.chain_id == 2) < at(STEP_2)
+    assert [key.data for key in report.keys] == [key.data for key in sky.operator.validated_keys()]
+
+
+def test_chain_revocation() -> None:
+    sky, _, report = scene(OsnmaEventKind.CHAIN_REVOCATION)
+    assert headers(sky) == [NOMINAL, (3, 1, 3), (3, 1, 3), (2, 2, 3), (2, 2, 3), (2, 2, 1), (2, 2, 1)]
+    assert keys_by_chain(report) == {1: list(range(STEP_1)), 2: list(range(STEP_2, N))}
+    assert withheld(report) == list(range(STEP_1, STEP_2))
+    assert (report.failures, no_tag_failed(report)) == ((), True)
+    assert {problem.kind for problem in report.problems} == {ProblemKind.STATUS}
+
+
+def test_key_renewal() -> None:
+    sky, pages, report = scene(OsnmaEventKind.KEY_RENEWAL)
+    assert headers(sky) == [NOMINAL, (2, 1, 4), (2, 1, 4), (2, 1, 4), (2, 1, 4), NOMINAL, NOMINAL]
+    assert keys_by_chain(report) == {1: list(range(N))}
+    assert (report.failures, report.withheld, no_tag_failed(report)) == ((), (), True)
+    assert pkids(report) == sorted(number for number in pkids(report) if number)
+    assert set(pkids(report)) == {1, 2}
+    signed = [root.received_at for root in report.verified_roots if root.public_key.pkid == 2]
+    assert min(signed) == at(STEP_2)
+    # The DSM-PKR verifies against the tree.
+    assert any("new public key PKID 2" in problem.text for problem in report.problems)
+    assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
+    # A receiver that has only the old key keeps its chain.
+    old = verify(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    assert len(old.keys) == N
+    assert set(pkids(old)) == {1}
+
+
+def test_key_revocation() -> None:
+    sky, pages, report = scene(OsnmaEventKind.KEY_REVOCATION)
+    assert headers(sky) == [NOMINAL, (3, 1, 5), (3, 1, 5), (2, 2, 5), (2, 2, 5), (2, 2, 1), (2, 2, 1)]
+    assert keys_by_chain(report) == {1: list(range(STEP_1)), 2: list(range(STEP_2, N))}
+    assert withheld(report) == list(range(STEP_1, STEP_2))
+    assert (report.failures, no_tag_failed(report)) == ((), True)
+    assert pkids(report)[0] == 1
+    assert set(pkids(report)[1:]) == {2}
+    # A receiver that has only the old key gets no key of the new chain.
+    old = verify(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    assert set(keys_by_chain(old)) == {1}
+    assert keys_by_chain(old)[1] == list(range(STEP_1))
+
+
+def test_alert() -> None:
+    sky, pages, report = scene(OsnmaEventKind.ALERT)
+    assert headers(sky)[1] == (3, 1, 7)
+    assert keys_by_chain(report) == {1: list(range(STEP_1))}
+    (alert,) = report.alerts
+    first = at(STEP_1).gst_seconds // 30
+    sent = [{(first + k + svid) % 13 for k in range(n + 1) for svid in sky.svids} for n in range(13)]
+    assert alert == at(STEP_1 + next(n for n, blocks in enumerate(sent) if len(blocks) == 13))
+    assert withheld(report) == list(range(STEP_1, STEP_2))
+    assert all(not any(page.osnma) for page in pages if page.time >= at(STEP_2))
+    # Signed pages of before the alert bring nothing back.
+    receiver = OsnmaReceiver(sky.operator.public_keys, sky.operator.merkle_tree)
+    for page in pages:
+        receiver.process(page)
+    assert {key.time for key in receiver.filled_keys()} == {at(k) for k in range(STEP_1)}
+
+
+def test_dont_use_ends_with_a_root_key_of_after_it() -> None:
+    sky, _, report = scene(OsnmaEventKind.DONT_USE)
+    assert headers(sky)[1:4] == [(3, 1, 1), (3, 1, 1), NOMINAL]
+    # "Don't use" is seen until subframe 43; the hour begins in subframe 40 and brings a root key of after the start.
+    found = keys_by_chain(report)[1]
+    assert [k for k in found if k < STEP_2] == list(range(STEP_1))
+    assert set(withheld(report)) >= set(range(STEP_1, STEP_2))
+    assert no_tag_failed(report)
+
+
+def test_silence_of_some_and_of_all() -> None:
+    _, pages, report = scene(OsnmaEventKind.SILENCE)
+    assert all(
+        any(page.osnma) != (at(STEP_1) <= page.time < at(STEP_2)) for page in pages if page.time.second % 30 == 1
+    )
+    assert keys_by_chain(report) == {1: [*range(STEP_1), *range(STEP_2, N)]}
+    assert report.gaps[0].n_missing == STEP_2 - STEP_1
+    assert (report.failures, no_tag_failed(report)) == ((), True)
+    event = OsnmaEvent(kind=OsnmaEventKind.SILENCE, announced=at(2), ended=at(4), svids=frozenset({7, 11}))
+    sky = OperatorSky(OperatorConfiguration(seed=b"some", start=START, n_subframes=6, events=(event,)))
+    some = verify(sky.pages(), sky.operator.public_keys)
+    assert (len(some.keys), some.problems) == (6, ())
+    assert some.subframes[Content.NONE] == 4
+    # Their neighbours go on authenticating them.
+    assert {data.svid for data in some.navigation if data.n_tags} == set(sky.svids)
+
+
+def test_two_events_one_after_the_other() -> None:
+    """After a revocation our receiver takes a further chain only with a root key of a later hour."""
+    events = (
+        OsnmaEvent(kind=OsnmaEventKind.CHAIN_REVOCATION, announced=at(2), in_force=at(4), ended=at(6)),
+        OsnmaEvent(kind=OsnmaEventKind.CHAIN_RENEWAL, announced=at(44), in_force=at(60)),
+    )
+    sky = OperatorSky(OperatorConfiguration(seed=b"two", start=START, n_subframes=63, chain_id=3, events=events[::-1]))
+    report = verify(sky.pages(), sky.operator.public_keys)
+    assert keys_by_chain(report) == {3: [0, 1], 0: list(range(4, 60)), 1: [60, 61, 62]}
+    assert no_tag_failed(report)
+    assert len(sky.operator.chains) == 3
+
+
+def test_every_header_that_is_sent_is_that_of_the_table() -> None:
+    for kind in OsnmaEventKind:
+        sky, pages, _ = scene(kind)
+        for page in pages:
+            if page.time.second % 30 == 1 and any(page.osnma):
+                assert NmaHeader(page.osnma[0]) == sky.operator.header_at(page.time.subframe)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"kind": "alert", "in_force": at(3)}, "in_force does not belong to it"),
+        ({"kind": "chain-renewal", "in_force": at(3), "ended": at(4)}, "ended does not belong to it"),
+        ({"kind": "key-renewal", "in_force": at(1)}, "expected announced before in_force before ended"),
+        ({"kind": "key-renewal", "ended": at(4)}, "cannot end without in_force"),
+        ({"kind": "alert", "announced": at(2) + 1}, "is not the start of a subframe"),
+        ({"kind": "alert", "svids": frozenset({2})}, "svids belong to silence alone"),
+        ({"kind": "silence", "svids": frozenset({37})}, "expected numbers of 1 … 36"),
+        ({"kind": "silence", "svids": frozenset()}, "expected numbers of 1 … 36"),
+    ],
+)  # fmt: skip
+def test_events_that_are_not_possible(fields: dict[str, object], message: str) -> None:
+    values = {"announced": at(2), **fields, "kind": EVENT_NAMES[str(fields["kind"])]}
+    with pytest.raises(VestigeError, match=message):
+        OsnmaEvent(**values)
+
+
+def test_events_do_not_overlap() -> None:
+    alert = OsnmaEvent(kind=OsnmaEventKind.ALERT, announced=at(2), ended=at(4))
+    after = OsnmaEvent(kind=OsnmaEventKind.CHAIN_RENEWAL, announced=at(6), in_force=at(8))
+    for events in ((alert, after), (after, OsnmaEvent(kind=OsnmaEventKind.DONT_USE, announced=at(7), ended=at(9)))):
+        with pytest.raises(VestigeError, match=r"begins before the .* is over"):
+            OperatorSky(OperatorConfiguration(seed=b"", start=START, n_subframes=9, events=events))
+    with pytest.raises(VestigeError, match="begins before the start"):
+        OperatorConfiguration(seed=b"", start=at(3), n_subframes=9, events=(alert,))
+    last = OsnmaEvent(kind=OsnmaEventKind.KEY_RENEWAL, announced=at(2), in_force=at(4))
+    with pytest.raises(VestigeError, match="no public key PKID 16"):
+        OperatorSky(OperatorConfiguration(seed=b"", start=START, n_subframes=9, pkid=15, events=(last,)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", OsnmaEventKind)
+def test_the_command_line_says_the_same(kind: OsnmaEventKind, tmp_path: Path) -> None:
+    sky, pages, report = scene(kind)
+    (tmp_path / "pages.sbf").write_bytes(b"".join(inav_block(page) for page in pages))
+    sky.operator.write_files(tmp_path)
+    trust = f"--merkle-tree={tmp_path / 'merkle_tree.xml'}"
+    result = CliRunner().invoke(osnma, ["verify", str(tmp_path / "pages.sbf"), trust, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert [key["key_hex"] for key in said["keys"]] == [key.data.hex() for key in report.keys]
+    assert len(said["withheld"]) == len(report.withheld)
+    assert {adkd: count["failed"] for adkd, count in said["tags"].items()} == {"0": 0, "4": 0, "12": 0}
+    assert len(said["public_keys"]) == len(sky.operator.public_keys)
