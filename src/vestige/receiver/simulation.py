@@ -25,7 +25,7 @@ from jaxtyping import Complex128, Float
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
-from vestige.crypto.osnma.simulated_chain import SimulatedChain
+from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
 from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.receiver.correlators.disturbance import drawn_disturbance
@@ -37,8 +37,8 @@ from vestige.receiver.samples.sampled_epoch import (
     Arrival,
     arrival,
     e6_samples,
-    osnma_chain,
     osnma_keys,
+    osnma_operator,
     received_signal,
     recorded_until_s,
     window,
@@ -97,9 +97,9 @@ class Simulation:
         deciseconds = epoch * round(10 * self.interval_s)
         return GalileoTime.normalized(self.start.week, self.start.second + deciseconds // 10, deciseconds % 10 / 10)
 
-    def osnma_chain(self) -> SimulatedChain:
-        """Return the OSNMA chain of the run, which holds the key of every RECS."""
-        return osnma_chain(self.seed, self.start, self._subframes)
+    def osnma_operator(self) -> OsnmaOperator:
+        """Return the OSNMA operator of the run as it is when it begins; it holds the key of every RECS."""
+        return osnma_operator(self.seed, self.start, self._subframes)
 
     @property
     def _labels(self) -> tuple[int, ...]:

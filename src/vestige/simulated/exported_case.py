@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.root_key import RootKey
+from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import Simulation
@@ -112,29 +112,31 @@ class AcasTestCase:
         numbers = range(-(-self.first // every), -(-self.end // every))
         return tuple(one.simulation.segment(number)[0] for number in numbers for one in self.satellites)
 
-    def assistance(self) -> tuple[Assistance, RootKey]:
-        """Return RECS, group delays and keys, and their root key."""
-        simulation, chain, segments = self.simulation, self.simulation.osnma_chain(), self.segments
+    @cached_property
+    def operator(self) -> OsnmaOperator:
+        """Who sends the keys."""
+        return self.simulation.osnma_operator()
+
+    def assistance(self) -> Assistance:
+        """Return RECS, group delays and keys."""
+        simulation, segments = self.simulation, self.segments
         if not segments:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: found no RECS, expected at least one; there is one every "
                 f"{self.scenario.recs.every} epochs"
             )
-        keys = {key.time: key for key in chain.validated_keys()}
+        keys = {key.time: key for key in self.operator.validated_keys()}
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
-        return (
-            Assistance(
-                segments=segments,
-                group_delays=tuple(
-                    GroupDelay(svid=one.svid, bgd_e1_e6_s=one.bgd_s, valid_from=begin) for one in self.satellites
-                ),
-                keys=tuple(
-                    key
-                    for time, key in keys.items()
-                    if begin <= time <= end and not simulation.withheld(time - simulation.start)
-                ),
+        return Assistance(
+            segments=segments,
+            group_delays=tuple(
+                GroupDelay(svid=one.svid, bgd_e1_e6_s=one.bgd_s, valid_from=begin) for one in self.satellites
             ),
-            chain.root,
+            keys=tuple(
+                key
+                for time, key in keys.items()
+                if begin <= time <= end and not simulation.withheld(time - simulation.start)
+            ),
         )
 
     def truth_table(self) -> dict[str, list[str]]:

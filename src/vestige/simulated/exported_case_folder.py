@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
@@ -51,11 +49,8 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         rinex = folder / "rinex"  # a recording has one file of observations; CSV loses no digit
         rinex.mkdir()
         write_rinex_observations(rinex / "observations.rnx", epochs)
-    assistance, root = case.assistance()
-    write_assistance(folder / "assistance", assistance, roots=(root,))
-    public_key = case.simulation.osnma_chain().private_key.public_key()
-    pem = public_key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-    (folder / "assistance" / "public_key.pem").write_bytes(pem)
+    write_assistance(folder / "assistance", case.assistance(), roots=case.operator.roots)
+    case.operator.write_files(folder / "assistance")
     table = case.truth_table()
     rows = [",".join(row) for row in zip(*table.values(), strict=True)]
     (folder / "truth.csv").write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")

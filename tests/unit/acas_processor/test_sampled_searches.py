@@ -59,7 +59,7 @@ def _received(attacked: bool) -> tuple[Snapshot, Assistance, float]:
         e6=CorrelatableSamples(e6),
         e1=e1,
     )
-    return snapshot, case.assistance()[0], float(case.received_s[0])
+    return snapshot, case.assistance(), float(case.satellites[0].received_s[0])
 
 
 @pytest.mark.parametrize("search", [E1VestigialSearch(), EXHAUSTIVE], ids=["e1", "e6"])

@@ -28,7 +28,7 @@ def test_the_recs_are_those_of_a_run() -> None:
     """Key delay 0 and 1, over the end of a subframe: with their keys they decrypt to what the satellite sends."""
     for key_delay in (0, 1):
         one = case(298, 303, f"recs.key_delay={key_delay}")
-        simulation, (assistance, _) = one.simulation, one.assistance()
+        simulation, assistance = one.simulation, one.assistance()
         assert len(assistance.segments) == 5
         keys = {key.time: key for key in assistance.keys}
         for row, segment in enumerate(assistance.segments):

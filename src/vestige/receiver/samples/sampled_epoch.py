@@ -16,8 +16,9 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float
 
-from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
+from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
@@ -28,6 +29,7 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
+_SUBFRAMES_BEFORE = 12  # the slow tags of ADKD 12 are a subframe and ten more behind
 _MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays and errors
 
 
@@ -165,13 +167,20 @@ def e6_samples(
     return batch, status
 
 
-@lru_cache(maxsize=2)
-def osnma_chain(seed: int, start: GalileoTime, subframes: int) -> SimulatedChain:
-    """Return the OSNMA chain of a run."""
-    return make_chain(stream_key(seed, "OSNMA chain"), start, subframes)
+def osnma_operator(seed: int, start: GalileoTime, subframes: int) -> OsnmaOperator:
+    """Return the OSNMA operator of a run, as it is when it begins.
+
+    It broadcasts before the run begins, so that the tags of the run's first subframes have something to cover.
+    """
+    first = start.subframe + -SUBFRAME_S * _SUBFRAMES_BEFORE
+    return OsnmaOperator(
+        OperatorConfiguration(
+            seed=stream_key(seed, "OSNMA chain"), start=first, n_subframes=subframes + _SUBFRAMES_BEFORE
+        )
+    )
 
 
 @lru_cache(maxsize=2)
 def osnma_keys(seed: int, start: GalileoTime, subframes: int) -> dict[GalileoTime, ValidatedKey]:
     """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
-    return {key.time: key for key in osnma_chain(seed, start, subframes).validated_keys()}
+    return {key.time: key for key in osnma_operator(seed, start, subframes).validated_keys()}

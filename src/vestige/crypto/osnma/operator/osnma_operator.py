@@ -20,7 +20,7 @@ from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_writer import write_merkle_tree, write_public_key_pem, write_public_key_xml
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES
 from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, DsmKroot, NmaHeader
-from vestige.crypto.osnma.messages.root_key import verify_root_key
+from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.subframe import PAGES
 from vestige.crypto.osnma.messages.tags import SLOW_KEY_DELAY_S
 from vestige.crypto.osnma.messages.tesla import Chain, validate
@@ -97,8 +97,9 @@ class OsnmaOperator:
         return self.chains[phase_at(self._phases, time).chain].key_at(time).data
 
     @cached_property
-    def _validated(self) -> tuple[ValidatedKey, ...]:
-        chains = {
+    def _verified(self) -> dict[int, Chain]:
+        """Each chain by its number, on its verified root key."""
+        return {
             number: Chain(
                 verify_root_key(
                     self._root(root, phase, phase.since), self._header(phase), self.public_keys, near=phase.since
@@ -106,11 +107,19 @@ class OsnmaOperator:
             )
             for number, (phase, root) in self._first_use.items()
         }
+
+    @property
+    def roots(self) -> tuple[RootKey, ...]:
+        """The first root key of each chain, verified."""
+        return tuple(chain.root for chain in self._verified.values())
+
+    @cached_property
+    def _validated(self) -> tuple[ValidatedKey, ...]:
         validated = []
         for number in range(self.configuration.n_subframes):
             time = self.configuration.start + SUBFRAME_S * number
             chain = phase_at(self._phases, time).chain
-            validated.append(validate(self.chains[chain].key_at(time), chains[chain]))
+            validated.append(validate(self.chains[chain].key_at(time), self._verified[chain]))
         return tuple(validated)
 
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
