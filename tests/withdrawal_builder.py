@@ -13,7 +13,7 @@ from functools import cache
 
 from vestige.crypto.keys.merkle_tree import MerkleTree, path_root
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage, page_checksum
+from vestige.navigation.inav.page import InavPage, page_checksum
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.time import GalileoTime

@@ -22,7 +22,7 @@ from vestige.crypto.keys.key_file import read_key_file
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.keys.public_key_file import load_public_keys
 from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
 from vestige.crypto.osnma.osnma_receiver import verify

@@ -11,7 +11,7 @@ from osnma_builder import Broadcast, make_page
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.crypto.osnma.messages.subframe import PageStatus
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind

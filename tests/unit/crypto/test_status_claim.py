@@ -6,7 +6,7 @@ import pytest
 
 from osnma_builder import Broadcast, make_page
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.crypto.osnma.simulated_chain import make_chain

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import make_page
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, PageStatus, SatelliteSubframe, SubframeAssembler
 from vestige.time import GalileoTime
 

@@ -17,7 +17,7 @@ from builders import validated_key
 from osnma_builder import Broadcast
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.messages.dsm import NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain, sign_kroot
 from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
