@@ -88,9 +88,7 @@ def _almanac_clock(n: int) -> tuple[dict[str, Any], ...]:
 
 
 def _parity(kind: int) -> BitLayout:
-    return _layout(
-        kind, _unsigned("first_octet", 8), _unsigned("iod_nav_low", 2), _unsigned("octets", 112)
-    )
+    return _layout(kind, _unsigned("first_octet", 8), _unsigned("iod_nav_low", 2), _unsigned("octets", 112))
 
 
 WORD_LAYOUTS: Mapping[int, BitLayout] = {

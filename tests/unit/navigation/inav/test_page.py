@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from osnma_builder import crc_24q, make_page, make_word
+from vestige.navigation.inav.crc import crc_24q as fast_crc
 from vestige.navigation.inav.page import InavPage, page_checksum
 from vestige.navigation.inav.words import time_in_word, word_bits
-from vestige.navigation.inav.crc import crc_24q as fast_crc
 from vestige.time import GalileoTime
 
 TIME = GalileoTime(1251, 277201)

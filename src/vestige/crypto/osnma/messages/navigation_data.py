@@ -16,10 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from vestige.constants import SUBFRAME_S
+from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS
 from vestige.navigation.inav.words import word_bits
-from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.time import GalileoTime
 
 ADKD_EPHEMERIS, ADKD_TIMING, ADKD_SLOW = 0, 4, 12  # [OSNMA-ICD, MACK]
@@ -66,7 +66,9 @@ class NavigationWords:
         replaced = {
             kind: self.words[kind]
             for kind, (word, _) in received.items()
-            if kind in self.words and kind not in EPHEMERIS_WORDS and _piece(kind, word) != _piece(kind, self.words[kind][0])
+            if kind in self.words
+            and kind not in EPHEMERIS_WORDS
+            and _piece(kind, word) != _piece(kind, self.words[kind][0])
         }
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
