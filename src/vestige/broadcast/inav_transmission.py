@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from vestige.broadcast.satellite_words import SatelliteWords
-from vestige.navigation.inav.channel_coding import page_symbols
+from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import NO_SSP, OSNMA_BYTES, PAGE_S, InavPage, encode_page, page_ssp
 from vestige.time import GalileoTime
 

@@ -231,7 +231,7 @@ def _of_word(kind: int, values: Mapping[str, float]) -> dict[str, float]:
 def _gps_time_values(gps_time: GpsTimeOffset | None) -> dict[str, float]:
     if gps_time is not None:
         return gps_time.fields
-    return {name: raw * WORD_LAYOUTS[10].by_name[name].scale for name, raw in NO_GPS_TIME.items()}
+    return {name: WORD_LAYOUTS[10].by_name[name].physical(raw) for name, raw in NO_GPS_TIME.items()}
 
 
 def _entry(values: Mapping[str, float], place: int) -> AlmanacEntry:

@@ -55,6 +55,16 @@ class BitField:
         """Whether the field is an angle that covers exactly one turn, so that every angle fits."""
         return self.unit == "rad" and math.isclose(self.scale * (1 << self.length), _TURN_RAD, rel_tol=1e-12)
 
+    def physical(self, raw: int) -> float:
+        """Return the physical value of a raw integer in `unit`; a plain number stays an integer.
+
+        Parameters
+        ----------
+        raw
+            Within `raw_range`.
+        """
+        return raw if self.scale == 1 else raw * self.scale
+
     def quantised(self, value: float) -> int:
         """Return the raw integer nearest to a physical value.
 
@@ -80,7 +90,7 @@ class BitField:
         """
         low, high = self.raw_range
         if math.isfinite(value):
-            raw = round(value / self.scale)
+            raw = round(value) if self.scale == 1 else round(value / self.scale)  # 88 spare bits are no float
             if self.cyclic:
                 raw = (raw - low) % (1 << self.length) + low
             if low <= raw <= high:

@@ -23,7 +23,7 @@ from vestige.time import GalileoTime
 STATUS_WORD = 5
 WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # the week is sent modulo this
 _MINUTE_S = 60  # last bit of toe and toc
-# first index of each range of the SISA, its value in m, and the step [OS-ICD, 5.1.12]
+# first index of each range of the SISA, its value in m, and the step [OS-ICD, SISA]
 _SISA_RANGES = ((0, 0.0, 0.01), (50, 0.5, 0.02), (75, 1.0, 0.04), (100, 2.0, 0.16))
 _SISA_END, _NO_ACCURACY_INDEX = 126, 255
 
@@ -173,7 +173,7 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
 def sisa_m(index: int) -> float:
     """Return the signal-in-space accuracy in m of its index, NaN for "no prediction" and spare values.
 
-    Steps of 1, 2, 4 and 16 cm up to 0.5, 1, 2 and 6 m [OS-ICD, 5.1.12].
+    Steps of 1, 2, 4 and 16 cm up to 0.5, 1, 2 and 6 m [OS-ICD, SISA].
     """
     if not 0 <= index < _SISA_END:
         return NO_ACCURACY

@@ -43,7 +43,7 @@ def _page_layout() -> BitLayout:
         ("data_2", _DATA_2_BITS, None),
         ("osnma", 8 * OSNMA_BYTES, 0),
         ("sar", 22, 0b10_1010_1010_1010_1010_1010),  # filled with this pattern while there is no return link message
-        ("spare", 2, 0b10),
+        ("spare", 2, 0b01),
         ("crc", 24, 0),
         ("ssp", 8, NO_SSP),
         ("tail_2", 6, 0),

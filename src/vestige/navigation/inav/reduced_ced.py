@@ -1,4 +1,4 @@
-"""Reduced clock and ephemeris data: a satellite's orbit and clock in the one word 16 [OS-ICD, 5.1.12].
+"""Reduced clock and ephemeris data: a satellite's orbit and clock in the one word 16 [OS-ICD, reduced CED].
 
 A receiver that has just started computes a first fix from it, tens to hundreds of metres off, before words 1 to 4 are
 complete. The word holds six orbital elements and a clock without rates, about a nominal orbit::
@@ -28,8 +28,8 @@ from vestige.navigation.reissue import referred_to
 from vestige.time import GalileoTime
 
 REDUCED_CED_WORD = 16
-NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, 5.1.12]
-NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, 5.1.12]
+NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, reduced CED]
+NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
 _FIT_S = np.linspace(0.0, 600.0, 7)  # after the reference time; a receiver has the next word long before the end
 _STEPS = 4  # of Gauss–Newton; the elements start within 1e-5 of the solution

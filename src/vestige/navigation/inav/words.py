@@ -96,14 +96,20 @@ class InavWord:
         return word_layout(self.kind).pack(self.raw)
 
     def value(self, name: str) -> float:
-        """Return the physical value of a field in the unit of the table."""
-        return self.raw[name] * word_layout(self.kind).by_name[name].scale
+        """Return the physical value of a field in the unit of the table.
+
+        Parameters
+        ----------
+        name
+            The field.
+        """
+        return word_layout(self.kind).by_name[name].physical(self.raw[name])
 
     @property
     def values(self) -> dict[str, float]:
         """Physical values of all fields by name, in the units of the table."""
         fields = word_layout(self.kind).by_name
-        return {name: raw * fields[name].scale for name, raw in self.raw.items()}
+        return {name: fields[name].physical(raw) for name, raw in self.raw.items()}
 
 
 def time_in_word(word: int) -> tuple[int | None, int] | None:

@@ -1,4 +1,4 @@
-"""FEC2: the Reed–Solomon parity of words 1 to 4 in words 17 to 20 [OS-ICD, 5.1.13].
+"""FEC2: the Reed–Solomon parity of words 1 to 4 in words 17 to 20 [OS-ICD, FEC2].
 
 Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for those that it lost. The
 code is over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets of which 58 hold

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from vestige.navigation.inav.coding.viterbi_kernel import decode_terminated
 from vestige.navigation.inav.page import PAGE_BITS, PAGE_BYTES
-from vestige.navigation.inav.viterbi_kernel import decode_terminated
 
 SYMBOLS_PER_S = 250  # one E1-B code period each [OS-ICD, 4.3.2]
 SYNC_PATTERN = (0, 1, 0, 1, 1, 0, 0, 0, 0, 0)  # [OS-ICD, 4.3.2.1]
