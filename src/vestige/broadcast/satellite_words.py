@@ -163,7 +163,7 @@ class SatelliteWords:
         return time_word(start)
 
     def _number(self, time: GalileoTime) -> int:
-        number = bisect_right(self._starts, time.subframe) - 1
+        number = bisect_right(self._starts, time) - 1  # each start is that of a subframe
         if number < 0:
             raise VestigeError(f"E{self.svid:02}: no ephemeris is issued by {time}; the first is of {self._starts[0]}")
         return number

@@ -180,7 +180,7 @@ class AlmanacSet:
         words
             Word type -> word of 128 bits.
         received
-            Time of reception, which tells the week of t0a.
+            Time of reception, which tells the week of t0a: from two weeks before to one week after.
         """
         if any(kind not in words for kind in ALMANAC_WORDS):
             return None
@@ -191,7 +191,7 @@ class AlmanacSet:
         ):
             return None
         values = {name: value for word in decoded.values() for name, value in word.values.items()}
-        week = received.week + (decoded[7].raw["almanac_week"] - received.week + 1) % _WEEKS - 1
+        week = received.week + (decoded[7].raw["almanac_week"] - received.week + 2) % _WEEKS - 2
         return cls(
             issue=decoded[7].raw["iod_almanac"],
             t0a=GalileoTime(week, int(values["t0a_s"])),

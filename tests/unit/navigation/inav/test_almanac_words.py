@@ -69,3 +69,10 @@ def test_sets_have_one_to_three_entries_at_whole_ten_minutes() -> None:
     for entries, time in (((), T0A), ((entry,) * 4, T0A), ((entry,), T0A + 60.0)):
         with pytest.raises(ValueError, match="expected 1 to 3 at whole 10 minutes"):
             AlmanacSet(issue=0, t0a=time, entries=entries)
+
+
+@pytest.mark.parametrize("weeks", [-1, 0, 1, 2])
+def test_the_week_of_an_almanac_is_up_to_two_weeks_ago(weeks: int) -> None:
+    decoded = AlmanacSet.from_words(almanac_sets(WALKER, T0A)[0].words(), T0A + 604_800.0 * weeks)
+    assert decoded is not None
+    assert decoded.t0a == T0A

@@ -77,7 +77,8 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     -------
     dict or None
         Word type 1 … 4 -> word of 128 bits, those that were given unchanged. None if there are too few words, or they
-        are of several issues.
+        are seen to be of several issues. A parity word has only two bits of IODnav: words that are hours apart must
+        not be mixed.
 
     Examples
     --------
