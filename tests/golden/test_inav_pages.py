@@ -16,7 +16,7 @@ from vestige.navigation.inav.almanac_words import ALMANAC_WORDS, AlmanacSet
 from vestige.navigation.inav.coding.channel_coding import page_from_symbols, page_symbols
 from vestige.navigation.inav.coding.fec2 import parity_words, restored_words
 from vestige.navigation.inav.ephemeris_words import ephemeris_from_words, ephemeris_words, status_word
-from vestige.navigation.inav.ionosphere import IonosphereModel
+from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 from vestige.navigation.inav.page import NO_SSP, InavPage, encode_page, page_ssp
 from vestige.navigation.inav.reduced_ced import ReducedCed, reference_time
 from vestige.navigation.inav.schedule import scheduled_word
@@ -120,7 +120,7 @@ def test_ephemerides_status_time_and_almanac_are_made_again(pages: list[InavPage
         if kind == 0:
             made = {0: time_word(time)}
         elif ephemeris is not None:
-            ionosphere = IonosphereModel.from_word(page.word)
+            ionosphere = BroadcastIonosphere.from_word(page.word)
             raw = InavWord.decode(page.word).raw
             status = {"e5b_health": raw["e5b_health"], "e5b_data_valid": not raw["e5b_data_invalid"]}
             made = {**ephemeris_words(ephemeris), 5: status_word(ephemeris, time, ionosphere, **status)}

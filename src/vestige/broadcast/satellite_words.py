@@ -16,7 +16,7 @@ from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.almanac_words import ALMANAC_WORDS, AlmanacSet
 from vestige.navigation.inav.coding.fec2 import parity_words
 from vestige.navigation.inav.ephemeris_words import STATUS_WORD, ephemeris_words, status_word
-from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, IonosphereModel
+from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.inav.reduced_ced import REDUCED_CED_WORD, ReducedCed
 from vestige.navigation.inav.schedule import scheduled_word
 from vestige.navigation.inav.timing_words import UTC_WORD, UtcModel, time_word
@@ -62,7 +62,7 @@ class SystemData:
     """
 
     utc: UtcModel
-    ionosphere: IonosphereModel = NO_IONOSPHERE
+    ionosphere: BroadcastIonosphere = NO_IONOSPHERE
     almanac: tuple[AlmanacSet, ...] = ()
 
 

@@ -10,7 +10,7 @@ from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.almanac_words import AlmanacSet, almanac_sets
 from vestige.navigation.inav.coding.fec2 import restored_words
 from vestige.navigation.inav.ephemeris_words import as_broadcast, ephemeris_from_words
-from vestige.navigation.inav.ionosphere import IonosphereModel
+from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 from vestige.navigation.inav.reduced_ced import ReducedCed
 from vestige.navigation.inav.schedule import scheduled_word
 from vestige.navigation.inav.timing_words import UtcModel
@@ -22,7 +22,7 @@ from vestige.time import GalileoTime
 START = GalileoTime(1372, 604_740)  # a minute before the end of the week
 WALKER = [as_broadcast(one) for one in walker_ephemerides(START + -600.0)]
 NOW = WALKER[3]
-IONOSPHERE = IonosphereModel(ai0_sfu=120.25, ai1_sfu_per_deg=-0.5)
+IONOSPHERE = BroadcastIonosphere(ai0_sfu=120.25, ai1_sfu_per_deg=-0.5)
 SYSTEM = SystemData(
     utc=UtcModel.at(START), ionosphere=IONOSPHERE, almanac=almanac_sets(WALKER, GalileoTime(1372, 604_200))
 )
@@ -49,7 +49,7 @@ def test_words_follow_the_schedule_and_tell_the_time() -> None:
 def test_a_subframe_holds_the_ephemeris_and_what_all_send() -> None:
     words = {word_type(word): word for word in sent(SatelliteWords(issued(0.0), SYSTEM), START).values()}
     assert ephemeris_from_words(words, START) == NOW
-    assert IonosphereModel.from_word(words[5]) == IONOSPHERE
+    assert BroadcastIonosphere.from_word(words[5]) == IONOSPHERE
     assert UtcModel.from_word(words[6], START) == replace(
         SYSTEM.utc, leap_day=UtcModel.from_word(words[6], START).leap_day
     )

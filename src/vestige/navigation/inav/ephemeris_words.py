@@ -14,7 +14,7 @@ from dataclasses import replace
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import NO_ACCURACY, Ephemeris
-from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, IonosphereModel
+from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import InavWord
 from vestige.navigation.reissue import referred_to
@@ -99,7 +99,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
 def status_word(
     ephemeris: Ephemeris,
     start: GalileoTime,
-    ionosphere: IonosphereModel = NO_IONOSPHERE,
+    ionosphere: BroadcastIonosphere = NO_IONOSPHERE,
     *,
     e5b_health: int | None = None,
     e5b_data_valid: bool | None = None,

@@ -16,7 +16,7 @@ _FIELDS: Mapping[str, str] = {  # attribute -> field of word 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IonosphereModel:
+class BroadcastIonosphere:
     """Effective ionisation level and disturbance flags.
 
     Attributes
@@ -29,7 +29,7 @@ class IonosphereModel:
 
     Examples
     --------
-    >>> IonosphereModel(ai0_sfu=120.25).fields["ai0_sfu"]
+    >>> BroadcastIonosphere(ai0_sfu=120.25).fields["ai0_sfu"]
     120.25
     """
 
@@ -39,7 +39,7 @@ class IonosphereModel:
     disturbed_regions: int = 0
 
     @classmethod
-    def from_word(cls, word: int) -> IonosphereModel:
+    def from_word(cls, word: int) -> BroadcastIonosphere:
         """Return the model in a word 5 of 128 bits."""
         decoded = InavWord.decode(word)
         return cls(
@@ -55,4 +55,4 @@ class IonosphereModel:
         return {field: getattr(self, name) for name, field in _FIELDS.items()}
 
 
-NO_IONOSPHERE = IonosphereModel()
+NO_IONOSPHERE = BroadcastIonosphere()

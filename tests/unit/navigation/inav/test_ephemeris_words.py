@@ -18,7 +18,7 @@ from vestige.navigation.inav.ephemeris_words import (
     sisa_m,
     status_word,
 )
-from vestige.navigation.inav.ionosphere import IonosphereModel
+from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 from vestige.navigation.inav.word_table import WORD_LAYOUTS
 from vestige.navigation.inav.words import InavWord, time_in_word
 from vestige.navigation.orbit import satellite_state
@@ -53,7 +53,7 @@ def test_a_decoded_ephemeris_encodes_to_the_same_words(
     made = status_word(
         decoded,
         RECEIVED,
-        IonosphereModel.from_word(bits[5]),
+        BroadcastIonosphere.from_word(bits[5]),
         e5b_health=status_5["e5b_health"],
         e5b_data_valid=not status_5["e5b_data_invalid"],
     )
