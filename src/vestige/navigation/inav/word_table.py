@@ -20,7 +20,6 @@ PARITY_WORDS = (17, 18, 19, 20)  # FEC2 [OS-ICD, 4.3.5]
 DUMMY_WORD = 63  # word type of a dummy page [OS-ICD, 4.3.5]
 
 _PI = math.pi
-_Row = tuple[str, int] | tuple[str, int, float, str] | tuple[str, int, float, str, str]
 
 
 def _spare(name: str, length: int, *, first: int = 0) -> dict[str, Any]:
