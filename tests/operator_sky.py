@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from osnma_builder import make_page, make_word
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 # Word types by page: words 7 to 10 take two subframes, as on air.

@@ -7,8 +7,8 @@ import hmac
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.simulated_chain import SimulatedChain
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 SLOTS = {

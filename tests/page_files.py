@@ -6,7 +6,7 @@ import binascii
 import struct
 from collections.abc import Sequence
 
-from vestige.crypto.osnma.messages.inav import InavPage
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.samples.test_vector_csv import HEADER
 
 

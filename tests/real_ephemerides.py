@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from pathlib import Path
 
-from vestige.navigation.ephemeris import Ephemeris, ephemeris_from_words
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.ephemeris_words import ephemeris_from_words
 from vestige.recording.navigation.navigation_pages import read_pages
 
 ECCENTRIC = 18  # E18 was left in an orbit of eccentricity 0.16 by its launcher

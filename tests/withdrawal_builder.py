@@ -13,10 +13,10 @@ from functools import cache
 
 from vestige.crypto.keys.merkle_tree import MerkleTree, path_root
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage, page_checksum
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
+from vestige.navigation.inav.page import InavPage, page_checksum
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 30 * 30)  # a quarter of an hour before the end of the week

@@ -14,12 +14,12 @@ from operator_sky import SVIDS, OperatorSky
 from osnma_builder import make_page
 from vestige.crypto.keys.public_key import compressed_point
 from vestige.crypto.keys.public_key_writer import write_merkle_tree
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.mac_lookup import MAC_LOOKUP
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind
 from vestige.crypto.osnma.operator.key_tree import draw_key_tree
 from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_dsm
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 cssrlib_osnma = pytest.importorskip("cssrlib.osnma", reason="cssrlib is not installed (pip install cssrlib)")

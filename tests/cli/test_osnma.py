@@ -11,9 +11,9 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from osnma_builder import Broadcast
 from vestige.cli.services.osnma import command
 from vestige.crypto.keys.key_file import read_key_file
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, InputFileError
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_650)

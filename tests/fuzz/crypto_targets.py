@@ -35,13 +35,13 @@ from vestige.crypto.keys.key_file import read_key_file, read_raw_keys, write_key
 from vestige.crypto.keys.merkle_tree import verify_public_key
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
-from vestige.crypto.osnma.messages.inav import InavPage, page_checksum
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.crypto.recs import group_delay, recs_file
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify
 from vestige.crypto.recs.recs_name import parse_name
 from vestige.crypto.recs.recs_segment import LENGTHS
+from vestige.navigation.inav.page import InavPage, page_checksum
 from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.recording.observations.sbf import SbfCounts
 from vestige.records import ValidatedKey

@@ -22,12 +22,12 @@ from vestige.crypto.keys.key_file import read_key_file
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.keys.public_key_file import load_public_keys
 from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
 from vestige.crypto.osnma.osnma_receiver import verify
 from vestige.crypto.osnma.osnma_report import Count
 from vestige.errors import AuthenticationError, VestigeError
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.time import GalileoTime
 

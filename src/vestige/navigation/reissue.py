@@ -24,15 +24,21 @@ _ISSUES = 1024  # IODnav has 10 bits [OS-ICD, 4.3.5]
 _BEFORE_S = 60.0  # what was sent and received before the start: flight time, a clock that is off
 
 
-def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
-    """Return the issue that follows an ephemeris as the `number`th, 2 h from one to the next; 0 is itself."""
-    t = number * ISSUE_S
-    toe = ephemeris.toe + t
+def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
+    """Return the same orbit and clock, given at another time; the issue of data stays as it is.
+
+    Parameters
+    ----------
+    ephemeris
+        Any.
+    toe
+        The new time of ephemeris; the time of clock moves by the same step.
+    """
+    t = toe - ephemeris.toe
     motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps
     week_s = (toe.week - ephemeris.toe.week) * SECONDS_PER_WEEK
     return replace(
         ephemeris,
-        iod_nav=(ephemeris.iod_nav + number) % _ISSUES,
         toe=toe,
         toc=ephemeris.toc + t,
         m0_rad=_wrapped(ephemeris.m0_rad + motion * t),
@@ -41,6 +47,12 @@ def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
         af0_s=ephemeris.af0_s + ephemeris.af1 * t + ephemeris.af2_per_s * t**2,
         af1=ephemeris.af1 + 2 * ephemeris.af2_per_s * t,
     )
+
+
+def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
+    """Return the issue that follows an ephemeris as the `number`th, 2 h from one to the next; 0 is itself."""
+    moved = referred_to(ephemeris, ephemeris.toe + number * ISSUE_S)
+    return replace(moved, iod_nav=(ephemeris.iod_nav + number) % _ISSUES)
 
 
 def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int16, Int64
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S
+from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
 from vestige.receiver.errors.error_process import TrackingModel
 from vestige.streams import stream
 

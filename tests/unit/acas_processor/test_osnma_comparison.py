@@ -18,9 +18,9 @@ from vestige.acas_processor.checks.osnma import (
 from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, subframes
 from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.acas_processor.osnma_comparison import compare_osnma
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.navigation.inav.page import InavPage
 from vestige.records import Assistance, ReceivedOsnma
 from vestige.records.snapshot_block import OsnmaBlock
 from vestige.time import GalileoTime

@@ -31,7 +31,7 @@ def _columns(*attacks: Attacks) -> tuple[dict[str, np.ndarray], TruthBlock, Simu
     assert isinstance(scenario, CampaignScenario)
     simulation = replace(scenario.simulation(), spoofer=Spoofer(attacks=attacks))
     truth = simulation.truth().advance(0, 30)
-    return attack_columns(simulation, truth, simulation.e1_multipath_m(truth)), truth, simulation
+    return attack_columns(truth, simulation.arrival(truth), simulation.e1_multipath_m(truth)), truth, simulation
 
 
 def test_each_band_has_its_own_counterfeit() -> None:

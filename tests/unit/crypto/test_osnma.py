@@ -11,13 +11,13 @@ from osnma_builder import Broadcast, make_page
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.subframe import PageStatus
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.errors import AuthenticationError
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 5 * 30)  # the sixth subframe is in the next week

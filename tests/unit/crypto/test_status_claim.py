@@ -6,10 +6,10 @@ import pytest
 
 from osnma_builder import Broadcast, make_page
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 5 * 30)  # the sixth subframe is in the next week

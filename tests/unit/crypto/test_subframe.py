@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import make_page
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, PageStatus, SatelliteSubframe, SubframeAssembler
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 START = GalileoTime(1300, 604_770)  # the last subframe of a week: the next one is in another week

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from real_ephemerides import recorded_words
-from vestige.navigation.ephemeris import FIT_INTERVAL_S, ephemeris_from_words, nearest_ephemerides, sisa_m
+from vestige.navigation.ephemeris import FIT_INTERVAL_S, nearest_ephemerides
+from vestige.navigation.inav.ephemeris_words import ephemeris_from_words, sisa_m
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 

@@ -17,7 +17,6 @@ from builders import validated_key
 from osnma_builder import Broadcast
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.messages.dsm import NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.recs import recs_file
@@ -25,6 +24,7 @@ from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.file_signature import SignatureStatus
 from vestige.crypto.recs.recs_name import time_of_deciseconds
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance

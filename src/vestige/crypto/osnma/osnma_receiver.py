@@ -26,7 +26,6 @@ from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.osnma.chain_register import ChainRegister
 from vestige.crypto.osnma.dsm_verifier import DsmVerifier
 from vestige.crypto.osnma.messages.dsm import DONT_USE, NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.navigation_data import NavigationWords
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, SatelliteSubframe
 from vestige.crypto.osnma.messages.tags import parse_mack
@@ -43,6 +42,7 @@ from vestige.crypto.osnma.page_intake import PageIntake
 from vestige.crypto.osnma.status_claim import proven_status
 from vestige.crypto.osnma.tag_verifier import TagVerifier
 from vestige.errors import AuthenticationError
+from vestige.navigation.inav.page import InavPage
 from vestige.records import ReceivedOsnma
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey

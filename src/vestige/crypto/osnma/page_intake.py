@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from vestige.crypto.osnma.messages.inav import InavPage, time_in_word
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, PageStatus, SubframeAssembler
 from vestige.crypto.osnma.osnma_report import ProblemKind, ProblemLog
+from vestige.navigation.inav.page import InavPage
+from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 

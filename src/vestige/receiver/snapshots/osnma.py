@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.inav import PAGE_S
+from vestige.navigation.inav.page import PAGE_S
 from vestige.receiver.osnma_reception import (
     PAGES,
     data_pages,

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vestige.crypto.file_bytes import open_file
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.errors import InputFileError
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.observations import sbf
 from vestige.recording.samples import test_vector_csv
 from vestige.time import GalileoTime

@@ -18,8 +18,8 @@ from typing import BinaryIO
 
 from vestige.constants import MAX_SVID
 from vestige.crypto.file_bytes import open_file
-from vestige.crypto.osnma.messages.inav import PAGE_S, InavPage
 from vestige.errors import InputFileError
+from vestige.navigation.inav.page import PAGE_S, InavPage
 from vestige.time import GalileoTime
 
 SYNC = b"$@"

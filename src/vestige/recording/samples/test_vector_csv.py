@@ -14,8 +14,9 @@ from pathlib import Path
 
 from vestige.constants import MAX_SVID, SECONDS_PER_WEEK
 from vestige.crypto.file_bytes import read_bytes
-from vestige.crypto.osnma.messages.inav import PAGE_BITS, PAGE_BYTES, PAGE_S, InavPage, time_in_word
 from vestige.errors import InputFileError
+from vestige.navigation.inav.page import PAGE_BITS, PAGE_BYTES, PAGE_S, InavPage
+from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"

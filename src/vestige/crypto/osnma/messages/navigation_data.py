@@ -16,8 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, word_bits
 from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
+from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
+from vestige.navigation.inav.word_table import EPHEMERIS_WORDS
+from vestige.navigation.inav.words import word_bits
 from vestige.time import GalileoTime
 
 ADKD_EPHEMERIS, ADKD_TIMING, ADKD_SLOW = 0, 4, 12  # [OSNMA-ICD, MACK]
@@ -29,7 +31,6 @@ FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
 }
 
 _USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
-_IOD_WORDS = (1, 2, 3, 4)  # these carry IODnav in bits 6…15 [OS-ICD, 4.3.5]
 _PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end in fields}
 
 
@@ -65,7 +66,9 @@ class NavigationWords:
         replaced = {
             kind: self.words[kind]
             for kind, (word, _) in received.items()
-            if kind in self.words and kind not in _IOD_WORDS and _piece(kind, word) != _piece(kind, self.words[kind][0])
+            if kind in self.words
+            and kind not in EPHEMERIS_WORDS
+            and _piece(kind, word) != _piece(kind, self.words[kind][0])
         }
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
@@ -82,7 +85,7 @@ class NavigationWords:
             return None
         iod_nav = None
         if adkd != ADKD_TIMING:
-            issues = {word_bits(self.words[word][0], 6, 10) for word in _IOD_WORDS}
+            issues = {word_bits(self.words[word][0], 6, 10) for word in EPHEMERIS_WORDS}
             if len(issues) > 1:
                 return None
             iod_nav = issues.pop()

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.inav import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
+from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
+from vestige.navigation.inav.word_table import DUMMY_WORD
 from vestige.time import GalileoTime
 
 PAGES = 15  # pages in a subframe [OS-ICD, 4.3.2]
@@ -23,7 +24,6 @@ MACK_BITS = 32  # MACK bits in one page [OSNMA-ICD, 2]
 MACK_TOTAL_BITS = PAGES * MACK_BITS
 
 _GRACE_S, _RESTART_S = 10, 600
-DUMMY_WORD = 63  # word type of a dummy page; its OSNMA field is to be discarded [OSNMA-ICD, 2]
 
 
 class Content(Enum):

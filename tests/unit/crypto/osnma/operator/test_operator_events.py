@@ -13,13 +13,13 @@ from operator_sky import OperatorSky
 from page_files import inav_block
 from vestige.cli.services.osnma import command as osnma
 from vestige.crypto.osnma.messages.dsm import NmaHeader
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.subframe import Content
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.events import EVENT_NAMES, OsnmaEvent, OsnmaEventKind
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.errors import VestigeError
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 HOUR = GalileoTime(1400, 10_800)

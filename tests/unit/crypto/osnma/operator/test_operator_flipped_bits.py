@@ -13,11 +13,11 @@ import pytest
 
 from operator_sky import OperatorSky
 from osnma_builder import make_page
-from vestige.crypto.osnma.messages.inav import InavPage
 from vestige.crypto.osnma.messages.navigation_data import FIELDS
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.osnma_receiver import verify
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
+from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 7200)

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from osnma_builder import crc_24q, make_page, make_word
-from vestige.crypto.osnma.messages.inav import InavPage, page_checksum, time_in_word, word_bits
-from vestige.crypto.osnma.messages.inav import crc_24q as fast_crc
+from osnma_builder import crc_24q, make_page
+from vestige.navigation.inav.crc import crc_24q as fast_crc
+from vestige.navigation.inav.page import InavPage, encode_page, page_checksum, page_ssp
 from vestige.time import GalileoTime
 
 TIME = GalileoTime(1251, 277201)
@@ -61,18 +61,32 @@ def test_impossible_pages(svid: int, data: bytes) -> None:
         InavPage(svid=svid, time=TIME, data=data)
 
 
-@pytest.mark.parametrize(
-    ("kind", "expected"), [(0, (1251, 277201)), (5, (1251, 277201)), (6, (None, 277201)), (1, None)]
-)
-def test_time_in_words(kind: int, expected: tuple[int | None, int] | None) -> None:
-    assert time_in_word(make_word(kind, 3, TIME, issue=9)) == expected
+@given(st.integers(0, 2**128 - 1), st.binary(min_size=5, max_size=5), st.booleans())
+def test_an_encoded_page_is_that_of_the_bits_as_text(word: int, osnma: bytes, alert: bool) -> None:
+    made = encode_page(word, osnma=osnma, sar=0, spare=0, ssp=0, alert=alert)
+    assert made == make_page(2, TIME, word, osnma, alert=alert).data
 
 
-def test_word_0_without_time() -> None:
-    word = make_word(0, 3, TIME, issue=9) & ~(3 << 120)
-    assert time_in_word(word) is None
+def test_fields_of_the_official_page() -> None:
+    made = page(OFFICIAL)
+    assert (made.field("sar"), made.field("spare"), made.field("ssp"), made.field("tail_1")) == (0x2AAAAA, 1, 0x04, 0)
+    assert encode_page(made.word, osnma=made.osnma, ssp=page_ssp(TIME)) == OFFICIAL
 
 
-def test_word_bits_counts_from_the_first_bit_sent() -> None:
-    assert word_bits(0b101 << 125, 0, 3) == 0b101
-    assert word_bits(0b11, 126, 2) == 0b11
+def test_patterns_follow_the_second() -> None:
+    patterns = [
+        page_ssp(GalileoTime(1251, 604_797 + 2 * k) if k < 2 else GalileoTime(1252, 2 * k - 3)) for k in range(5)
+    ]
+    assert patterns == [0x2B, 0x2F, 0x04, 0x2B, 0x2F]
+
+
+@pytest.mark.parametrize("time", [GalileoTime(1251, 2), GalileoTime(1251, 1, 0.5)])
+def test_no_page_starts_there(time: GalileoTime) -> None:
+    with pytest.raises(ValueError, match="no I/NAV page starts at"):
+        page_ssp(time)
+
+
+@pytest.mark.parametrize("wrong", [{"osnma": bytes(4)}, {"sar": 1 << 22}, {"ssp": 256}])
+def test_fields_that_do_not_fit_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        encode_page(0, **wrong)  # type: ignore[arg-type]

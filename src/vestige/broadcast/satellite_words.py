@@ -1,0 +1,176 @@
+"""The navigation words of one satellite over time, new issues of its ephemeris included.
+
+A new issue of data starts with a subframe, so the words 1 to 4 of a subframe, and the FEC2 words, are of one IODnav.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from vestige.constants import SUBFRAME_S
+from vestige.errors import VestigeError
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.almanac_words import ALMANAC_WORDS, AlmanacSet
+from vestige.navigation.inav.coding.fec2 import parity_words
+from vestige.navigation.inav.ephemeris_words import STATUS_WORD, ephemeris_words, status_word
+from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
+from vestige.navigation.inav.reduced_ced import REDUCED_CED_WORD, ReducedCed
+from vestige.navigation.inav.schedule import scheduled_word
+from vestige.navigation.inav.timing_words import UTC_WORD, UtcModel, time_word
+from vestige.time import GalileoTime
+
+_MINUTE_S = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EphemerisIssue:
+    """An ephemeris and when the satellite starts to send it.
+
+    Attributes
+    ----------
+    start
+        It is sent from the first subframe on that starts at this time or later, until the next issue.
+    ephemeris
+        What is sent.
+    """
+
+    start: GalileoTime
+    ephemeris: Ephemeris
+
+    @property
+    def first_subframe(self) -> GalileoTime:
+        """Start of the first subframe that carries it."""
+        past = self.start - self.start.subframe
+        return self.start.subframe + (SUBFRAME_S if past else 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SystemData:
+    """What all satellites send alike.
+
+    Attributes
+    ----------
+    utc
+        Conversion to UTC, in word 6.
+    ionosphere
+        Ionosphere model, in word 5.
+    almanac
+        Sets of words 7 to 10; one set a minute, all in turn. Without one, word 0 is sent in their places.
+    """
+
+    utc: UtcModel
+    ionosphere: BroadcastIonosphere = NO_IONOSPHERE
+    almanac: tuple[AlmanacSet, ...] = ()
+
+
+class SatelliteWords:
+    """The words of one satellite.
+
+    Parameters
+    ----------
+    issues
+        Its ephemerides with the times at which they are issued, in any order; the IODnav of successive ones differ.
+    system
+        What all satellites send alike.
+    fec2
+        Whether the satellite sends FEC2 and reduced CED.
+
+    Raises
+    ------
+    VestigeError
+        If there is no ephemeris, a value does not fit into the message, or a new issue has the IODnav of the one
+        before; it names the satellite.
+    ValueError
+        If the ephemerides are of several satellites.
+    """
+
+    def __init__(self, issues: Iterable[EphemerisIssue], system: SystemData, *, fec2: bool = True) -> None:
+        ordered = sorted(issues, key=lambda one: one.first_subframe)
+        if not ordered:
+            raise VestigeError("a satellite without an ephemeris cannot send navigation words")
+        if len({one.ephemeris.svid for one in ordered}) > 1:
+            raise ValueError("ephemerides of several satellites in the words of one")
+        self.svid = ordered[0].ephemeris.svid
+        self.fec2 = fec2
+        self._system = system
+        self._issues = ordered
+        self._starts = [one.first_subframe for one in ordered]
+        self._words = [ephemeris_words(one.ephemeris) for one in ordered]
+        for earlier, later in pairwise(ordered):
+            if later.ephemeris.iod_nav == earlier.ephemeris.iod_nav:
+                raise VestigeError(
+                    f"E{self.svid:02}: the ephemeris issued at {later.start} has the IODnav "
+                    f"{later.ephemeris.iod_nav} of the one before; receivers would mix their words"
+                )
+        if fec2:
+            self._words = [{**words, **parity_words(words)} for words in self._words]
+        self._almanac = [one.words() for one in system.almanac]
+        self._reduced: tuple[GalileoTime, ReducedCed | None] | None = None
+
+    def ephemeris(self, time: GalileoTime) -> Ephemeris:
+        """Return the ephemeris that is sent in the subframe of a time.
+
+        Parameters
+        ----------
+        time
+            Any time.
+
+        Raises
+        ------
+        VestigeError
+            If none is issued yet; it names the satellite.
+        """
+        return self._issues[self._number(time)].ephemeris
+
+    def word(self, start: GalileoTime) -> int:
+        """Return the word in the page that starts at a time.
+
+        Parameters
+        ----------
+        start
+            Start of the page, an odd whole second.
+
+        Returns
+        -------
+        int
+            Word of 128 bits, its first bit the most significant.
+
+        Raises
+        ------
+        VestigeError
+            If no ephemeris is issued yet; it names the satellite.
+        ValueError
+            If no page starts at that time.
+        """
+        kind = scheduled_word(start, fec2=self.fec2)
+        number = self._number(start)
+        if kind in self._words[number]:
+            return self._words[number][kind]
+        if kind == REDUCED_CED_WORD:
+            reduced = self._reduced_ced(start)
+            if reduced is not None:
+                return reduced.word
+            kind = scheduled_word(start, fec2=self.fec2, reduced_ced=False)
+        if kind == STATUS_WORD:
+            return status_word(self._issues[number].ephemeris, start, self._system.ionosphere)
+        if kind == UTC_WORD:
+            return self._system.utc.word(start)
+        if kind in ALMANAC_WORDS and self._almanac:
+            return self._almanac[start.gst_seconds // _MINUTE_S % len(self._almanac)][kind]
+        return time_word(start)
+
+    def _number(self, time: GalileoTime) -> int:
+        number = bisect_right(self._starts, time) - 1  # each start is that of a subframe
+        if number < 0:
+            raise VestigeError(f"E{self.svid:02}: no ephemeris is issued by {time}; the first is of {self._starts[0]}")
+        return number
+
+    def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:
+        """Return the reduced CED of a subframe, which is fitted once for its pages."""
+        subframe = start.subframe
+        if self._reduced is None or self._reduced[0] != subframe:
+            self._reduced = subframe, ReducedCed.from_ephemeris(self.ephemeris(start), start)
+        return self._reduced[1]

@@ -1,0 +1,158 @@
+"""From the bits of an I/NAV page to the symbols on E1-B, and back [OS-ICD, 4.1.4].
+
+A page is two halves of 120 bits. Each half passes the convolutional code of rate 1/2 and constraint length 7 (171 and
+133 octal, the second output inverted) and a block interleaver of 30 columns and 8 rows, and follows ten
+synchronisation symbols: 250 symbols in 1 s. The six tail bits bring the encoder back to state 0, so each half is
+decoded for itself.
+
+Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. Their scale does not matter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from vestige.navigation.inav.coding.viterbi_kernel import decode_terminated
+from vestige.navigation.inav.page import PAGE_BITS, PAGE_BYTES
+
+SYMBOLS_PER_S = 250  # one E1-B code period each [OS-ICD, 4.3.2]
+SYNC_PATTERN = (0, 1, 0, 1, 1, 0, 0, 0, 0, 0)  # [OS-ICD, 4.3.2.1]
+HALF_BITS = PAGE_BITS // 2
+CODED_SYMBOLS = 2 * HALF_BITS
+HALF_SYMBOLS = len(SYNC_PATTERN) + CODED_SYMBOLS
+PAGE_SYMBOLS = 2 * HALF_SYMBOLS
+
+_GENERATORS = (0o171, 0o133)  # the most significant bit is the tap of the newest bit [OS-ICD, 4.1.4.1]
+_MEMORY = 6
+_COLUMNS, _ROWS = 30, 8  # of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
+
+
+def _register_signs() -> Float[np.ndarray, "128 2"]:
+    """Return the two symbols as ±1 of each content of the register, newest bit first; the second one is inverted."""
+    register = np.arange(1 << (_MEMORY + 1))
+    parity = [np.bitwise_count(register & generator) & 1 for generator in _GENERATORS]
+    symbols = np.stack((parity[0], 1 - parity[1]), axis=1)
+    return (1 - 2 * symbols.astype(np.int8)).astype(np.float32)
+
+
+_SIGNS = _register_signs()
+
+
+def interleaved(symbols: UInt8[np.ndarray, "*n 240"]) -> UInt8[np.ndarray, "*n 240"]:
+    """Return the 240 symbols of each half-page in the order of transmission.
+
+    Parameters
+    ----------
+    symbols
+        In the order of the encoder.
+    """
+    return symbols.reshape(*symbols.shape[:-1], _COLUMNS, _ROWS).swapaxes(-1, -2).reshape(symbols.shape)
+
+
+def deinterleaved(symbols: Float[np.ndarray, "*n 240"]) -> Float[np.ndarray, "*n 240"]:
+    """Return the 240 soft symbols of each half-page in the order of the encoder; the reverse of `interleaved`.
+
+    Parameters
+    ----------
+    symbols
+        In the order of transmission.
+    """
+    return symbols.reshape(*symbols.shape[:-1], _ROWS, _COLUMNS).swapaxes(-1, -2).reshape(symbols.shape)
+
+
+def convolved(bits: UInt8[np.ndarray, "*n 120"]) -> UInt8[np.ndarray, "*n 240"]:
+    """Return the 240 symbols of the convolutional code of each half-page, two for each bit.
+
+    Parameters
+    ----------
+    bits
+        0 or 1; the encoder starts in state 0.
+    """
+    padded = np.concatenate((np.zeros((*bits.shape[:-1], _MEMORY), np.uint8), bits), axis=-1)
+    outputs = []
+    for generator in _GENERATORS:
+        taps = [delay for delay in range(_MEMORY + 1) if generator >> (_MEMORY - delay) & 1]
+        shifted = [padded[..., _MEMORY - delay : padded.shape[-1] - delay] for delay in taps]
+        outputs.append(np.bitwise_xor.reduce(shifted))
+    outputs[1] = outputs[1] ^ np.uint8(1)
+    return np.stack(outputs, axis=-1).reshape(*bits.shape[:-1], 2 * bits.shape[-1])
+
+
+def page_symbols(data: bytes) -> UInt8[np.ndarray, " 500"]:
+    """Return the 500 symbols of a page in the order of transmission, 250 a second.
+
+    Parameters
+    ----------
+    data
+        The 30 bytes of the page; both tails must be zero.
+
+    Returns
+    -------
+    array
+        0 or 1: synchronisation pattern and even half, synchronisation pattern and odd half.
+
+    Raises
+    ------
+    ValueError
+        If the page does not have 30 bytes.
+
+    Examples
+    --------
+    >>> from vestige.navigation.inav.page import encode_page
+    >>> page = encode_page(0)
+    >>> page_from_symbols(1.0 - 2.0 * page_symbols(page)) == page
+    True
+    """
+    if len(data) != PAGE_BYTES:
+        raise ValueError(f"{len(data)} bytes in a page, expected {PAGE_BYTES}")
+    halves = np.unpackbits(np.frombuffer(data, np.uint8)).reshape(2, HALF_BITS)
+    sync = np.broadcast_to(np.array(SYNC_PATTERN, np.uint8), (2, len(SYNC_PATTERN)))
+    return np.concatenate((sync, interleaved(convolved(halves))), axis=1).reshape(PAGE_SYMBOLS)
+
+
+def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120"]:
+    """Return the most likely bits of half-pages, each one for itself, by the Viterbi algorithm.
+
+    Parameters
+    ----------
+    soft
+        The 240 symbols behind the synchronisation pattern in the order of transmission: positive for a 0, negative
+        for a 1, of any scale. Hard decisions are ±1; a symbol that was not received is 0.
+
+    Returns
+    -------
+    array
+        0 or 1, the six tail bits included, which are always 0.
+
+    Raises
+    ------
+    ValueError
+        If a symbol is not finite.
+    """
+    if not np.isfinite(soft).all():
+        raise ValueError("a soft symbol is not finite")
+    bits = np.empty((soft.shape[0], HALF_BITS), np.uint8)
+    decode_terminated(np.ascontiguousarray(deinterleaved(soft), dtype=np.float32), _SIGNS, bits)
+    return bits
+
+
+def page_from_symbols(soft: Float[np.ndarray, " 500"]) -> bytes:
+    """Return the 30 bytes of the page in 500 soft symbols; its checksum tells whether it was decoded well.
+
+    The synchronisation pattern tells the sign, which a tracking loop with an ambiguity of half a cycle does not know.
+
+    Parameters
+    ----------
+    soft
+        From the first synchronisation symbol of the even half on; positive for a 0 or for a 1.
+
+    Raises
+    ------
+    ValueError
+        If a symbol is not finite.
+    """
+    halves = soft.reshape(2, HALF_SYMBOLS)
+    expected = 1.0 - 2.0 * np.array(SYNC_PATTERN, np.float64)
+    sign = -1.0 if float((halves[:, : len(SYNC_PATTERN)] @ expected).sum()) < 0 else 1.0
+    return np.packbits(decoded_halves(sign * halves[:, len(SYNC_PATTERN) :])).tobytes()

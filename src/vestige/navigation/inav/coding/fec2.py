@@ -1,0 +1,139 @@
+"""FEC2: the Reed–Solomon parity of words 1 to 4 in words 17 to 20 [OS-ICD, FEC2].
+
+Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for those that it lost. The
+code is over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets of which 58 hold
+information::
+
+    octet 0       type of word 1 (6 bits), 2 least significant bits of IODnav
+    octet 1       8 most significant bits of IODnav
+    14 octets     bits 16 … 127 of each of the words 1, 2, 3 and 4
+    15 octets     of parity in each of the words 17, 18, 19 and 20
+
+The first octet belongs to the lowest degree of the polynomial; `reedsolo` puts the highest one first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import reedsolo
+
+from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, TYPE_BITS, WORD_BITS, WORD_LAYOUTS
+
+_INFORMATION, _PARITY = 58, 60
+_OCTETS = 14  # of a word 1 to 4, behind type and IODnav; of a parity word, behind the IODnav bits
+_WORD_PARITY = _PARITY // len(PARITY_WORDS)
+_BODY_BITS = 8 * _OCTETS
+_IOD_AT = WORD_BITS - TYPE_BITS - 10
+
+
+@cache
+def _codec() -> reedsolo.RSCodec:
+    return reedsolo.RSCodec(nsym=_PARITY, fcr=1, prim=0x11D)
+
+
+def parity_words(words: Mapping[int, int]) -> dict[int, int]:
+    """Return the words 17 to 20 that belong to words 1 to 4.
+
+    Parameters
+    ----------
+    words
+        Word type -> word of 128 bits; words 1 to 4 of one IODnav. Other words are not looked at.
+
+    Returns
+    -------
+    dict
+        Word type 17 … 20 -> word of 128 bits.
+
+    Raises
+    ------
+    ValueError
+        If one of the words 1 to 4 is missing, or they are of several issues.
+    """
+    issue = _issue(words)
+    if issue is None or any(kind not in words for kind in EPHEMERIS_WORDS):
+        raise ValueError(f"words {sorted(words)}, expected words 1 to 4 of one IODnav")
+    codeword = bytes(_codec().encode(_information(words, issue)[::-1]))[::-1]  # parity first: lowest degree
+    parity = codeword[:_PARITY]
+    found = {}
+    for index, kind in enumerate(PARITY_WORDS):
+        octets = parity[_WORD_PARITY * index : _WORD_PARITY * (index + 1)]
+        found[kind] = WORD_LAYOUTS[kind].pack(
+            {"first_octet": octets[0], "iod_nav_low": issue & 3, "octets": int.from_bytes(octets[1:], "big")}
+        )
+    return found
+
+
+def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
+    """Return words 1 to 4 from any four of the words 1 to 4 and 17 to 20 of one issue.
+
+    Parameters
+    ----------
+    words
+        Word type -> word of 128 bits, each with a good checksum. Other words are not looked at.
+
+    Returns
+    -------
+    dict or None
+        Word type 1 … 4 -> word of 128 bits, those that were given unchanged. None if there are too few words, or they
+        are seen to be of several issues. A parity word has only two bits of IODnav: words that are hours apart must
+        not be mixed.
+
+    Examples
+    --------
+    >>> words = {kind: kind << 122 | 9 << 112 for kind in (1, 2, 3, 4)}
+    >>> restored_words(parity_words(words)) == words
+    True
+    """
+    known = {kind: words[kind] for kind in (*EPHEMERIS_WORDS, *PARITY_WORDS) if kind in words}
+    low_bits = {WORD_LAYOUTS[kind].read(known[kind], "iod_nav_low") for kind in PARITY_WORDS if kind in known}
+    issue = _issue(known)
+    if issue is not None:
+        low_bits.add(issue & 3)
+    elif any(kind in known for kind in EPHEMERIS_WORDS):
+        return None
+    if len(low_bits) != 1 or len(known) < len(EPHEMERIS_WORDS):
+        return None
+    octets: list[int | None] = []
+    for kind in PARITY_WORDS:
+        octets += _octets(known, kind, _WORD_PARITY)
+    octets += [1 << 2 | low_bits.pop(), None if issue is None else issue >> 2]
+    for kind in EPHEMERIS_WORDS:
+        octets += _octets(known, kind, _OCTETS)
+    backwards = octets[::-1]
+    erased = [place for place, octet in enumerate(backwards) if octet is None]
+    try:
+        message, _, _ = _codec().decode(
+            bytearray(octet or 0 for octet in backwards), erase_pos=erased, only_erasures=True
+        )
+    except reedsolo.ReedSolomonError:
+        return None
+    information = bytes(message)[::-1]
+    issue = information[1] << 2 | information[0] & 3
+    bodies = (information[2 + _OCTETS * n : 2 + _OCTETS * (n + 1)] for n in range(len(EPHEMERIS_WORDS)))
+    return {
+        kind: kind << (WORD_BITS - TYPE_BITS) | issue << _IOD_AT | int.from_bytes(body, "big")
+        for kind, body in zip(EPHEMERIS_WORDS, bodies, strict=True)
+    }
+
+
+def _issue(words: Mapping[int, int]) -> int | None:
+    """Return the IODnav of the words 1 to 4 that are there; None if there is none, or several."""
+    issues = {WORD_LAYOUTS[kind].read(words[kind], "iod_nav") for kind in EPHEMERIS_WORDS if kind in words}
+    return issues.pop() if len(issues) == 1 else None
+
+
+def _information(words: Mapping[int, int], issue: int) -> bytes:
+    """Return the 58 octets that the parity protects."""
+    bodies = (words[kind] & ((1 << _BODY_BITS) - 1) for kind in EPHEMERIS_WORDS)
+    return bytes((1 << 2 | issue & 3, issue >> 2)) + b"".join(body.to_bytes(_OCTETS, "big") for body in bodies)
+
+
+def _octets(words: Mapping[int, int], kind: int, n: int) -> list[int | None]:
+    """Return the n octets that a word has in the codeword, None if the word is missing."""
+    if kind not in words:
+        return [None] * n
+    body = list((words[kind] & ((1 << _BODY_BITS) - 1)).to_bytes(_OCTETS, "big"))
+    first = [WORD_LAYOUTS[kind].read(words[kind], "first_octet")] if kind in PARITY_WORDS else []
+    return [*first, *body]

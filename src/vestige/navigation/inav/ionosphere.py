@@ -1,0 +1,58 @@
+"""The ionosphere model in word 5: what a receiver needs for NeQuick-G [OS-ICD, 5.1.6]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vestige.navigation.inav.words import InavWord
+
+_FIELDS: Mapping[str, str] = {  # attribute -> field of word 5
+    "ai0_sfu": "ai0_sfu",
+    "ai1_sfu_per_deg": "ai1_sfu_per_deg",
+    "ai2_sfu_per_deg2": "ai2_sfu_per_deg2",
+    "disturbed_regions": "ionosphere_disturbance",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BroadcastIonosphere:
+    """Effective ionisation level and disturbance flags.
+
+    Attributes
+    ----------
+    ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
+        Coefficients of the effective ionisation level in solar flux units, over the modified dip latitude in degrees.
+        All zero: no coefficients are available, and NeQuick-G takes its default.
+    disturbed_regions
+        Five flags, 0 … 31; the most significant bit belongs to region 1, the northernmost.
+
+    Examples
+    --------
+    >>> BroadcastIonosphere(ai0_sfu=120.25).fields["ai0_sfu"]
+    120.25
+    """
+
+    ai0_sfu: float = 0.0
+    ai1_sfu_per_deg: float = 0.0
+    ai2_sfu_per_deg2: float = 0.0
+    disturbed_regions: int = 0
+
+    @classmethod
+    def from_word(cls, word: int) -> BroadcastIonosphere:
+        """Return the model in a word 5 of 128 bits."""
+        decoded = InavWord.decode(word)
+        return cls(
+            ai0_sfu=decoded.value("ai0_sfu"),
+            ai1_sfu_per_deg=decoded.value("ai1_sfu_per_deg"),
+            ai2_sfu_per_deg2=decoded.value("ai2_sfu_per_deg2"),
+            disturbed_regions=decoded.raw["ionosphere_disturbance"],
+        )
+
+    @property
+    def fields(self) -> dict[str, float]:
+        """Field of word 5 -> physical value."""
+        return {field: getattr(self, name) for name, field in _FIELDS.items()}
+
+
+NO_IONOSPHERE = BroadcastIonosphere()
