@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vestige.broadcast.sky_message import SkyMessage, make_sky_message
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
@@ -26,6 +27,7 @@ from vestige.simulated.exported_satellite import ExportedSatellite
 
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
+_MESSAGE_AFTER_S = 5.0  # of message beyond the last epoch; a counterfeit may be late by as much
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
 
 
@@ -69,11 +71,29 @@ class AcasTestCase:
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
         """Every satellite that the receiver ever sees."""
+        message = self.message
         return tuple(
             ExportedSatellite(
-                simulation=simulation, interval_s=self.scenario.interval_s, first=self.first, end=self.end
+                simulation=one,
+                interval_s=self.scenario.interval_s,
+                first=self.first,
+                end=self.end,
+                symbols=None if message is None else message.symbols(one.svid, one.start),
             )
-            for simulation in self.scenario.simulations
+            for one in self.scenario.simulations
+        )
+
+    @cached_property
+    def message(self) -> SkyMessage | None:
+        """What the satellites of a sky send on E1-B; None on a single line of sight, which has no orbit."""
+        scenario, constellation = self.scenario, self.scenario.constellation
+        if constellation is None:
+            return None
+        return make_sky_message(
+            [one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None],
+            self.simulation.osnma_operator(),
+            scenario.start_time + (self.end * scenario.interval_s + _MESSAGE_AFTER_S),
+            almanac=constellation.ephemerides(scenario.start_time),
         )
 
     @property
