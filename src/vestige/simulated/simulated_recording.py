@@ -9,7 +9,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,9 +55,11 @@ class SimulatedRecording:
         """Length in s."""
         return len(self.samples) / self.sample_rate_hz
 
-    def record(self, band: Band, *, at_most: int | None = None, noise: bool = True) -> Iterator[SampleBatch]:
+    def record(
+        self, band: Band, *, at_most: int | None = None, noise: bool = True, pool: Executor | None = None
+    ) -> Iterator[SampleBatch]:
         """Yield the samples of a band."""
-        return self._made(band, self.samples[:at_most], noise=noise)
+        return self._made(band, self.samples[:at_most], noise=noise, pool=pool)
 
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
@@ -68,7 +70,7 @@ class SimulatedRecording:
         batches = list(self._made(band, range(first, end), noise=True))
         return replace(batches[0], samples=np.concatenate([batch.samples for batch in batches]))
 
-    def _made(self, band: Band, samples: range, *, noise: bool) -> Iterator[SampleBatch]:
+    def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(
             band,
             self.sky[band],
@@ -78,6 +80,7 @@ class SimulatedRecording:
             n_samples=len(samples),
             noise_key=noise_key(self.seed, 0, _NOISE[band]) if noise else None,
             noise_power=lambda t_s: self.noise_power(band, t_s),
+            pool=pool,
         )
 
     def n_bytes(self, component: SampleType, exports: Sequence[str] = ()) -> int:
@@ -105,12 +108,13 @@ class SimulatedRecording:
         scenario_text: str,
         component: SampleType = "int8",
         exports: Sequence[str] = (),
+        workers: int = 2,
         progress: Report | None = None,
     ) -> tuple[Path, ...]:
         """Write the folder and return its files.
 
-        `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, and
-        `progress` is called with the band, the samples written, and all.
+        `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, `workers` is
+        the number of threads that make samples, and `progress` is called with the band, the samples written, and all.
 
         Raises `InputFileError` if `folder` exists. Raises `VestigeError` if the samples do not fit on the disk.
         """
@@ -120,15 +124,15 @@ class SimulatedRecording:
                 raise VestigeError(f"{folder}: found {free / 1e9:.1f} GB free, expected {needed / 1e9:.1f} GB")
             (part / "scenario.toml").write_text(scenario_text, encoding="utf-8", newline="\n")
             self.companions(part)
-            metas = self._write_samples(part, SampleFormat(component=component, layout="iq"), progress)
+            metas = self._write_samples(part, SampleFormat(component=component, layout="iq"), workers, progress)
             write_collection(part / "recording", metas)
             recording, svids = open_recording(part), sorted({one.svid for sky in self.sky.values() for one in sky})
             for name in exports:
                 export(name, recording, part, svids)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
 
-    def _write_samples(self, folder: Path, form: SampleFormat, progress: Report | None) -> list[Path]:
-        """Write both bands at once, each on a thread of its own, and return their metadata."""
+    def _write_samples(self, folder: Path, form: SampleFormat, workers: int, progress: Report | None) -> list[Path]:
+        """Write both bands at once and return their metadata; each has a thread that takes what the workers make."""
         stop = threading.Event()
 
         def written(band: Band) -> Path:
@@ -140,7 +144,7 @@ class SimulatedRecording:
                 description=self.description,
             ) as writer:
                 done = 0
-                for batch in self.record(band):
+                for batch in self.record(band, pool=makers):
                     if stop.is_set():
                         raise InterruptedError("the other band failed")
                     writer.append(batch)
@@ -149,7 +153,7 @@ class SimulatedRecording:
                         progress(f"{band.value} samples", done, len(self.samples))
             return writer.meta
 
-        with ThreadPoolExecutor(len(Band)) as pool:
+        with ThreadPoolExecutor(workers) as makers, ThreadPoolExecutor(len(Band)) as pool:
             futures = [pool.submit(written, band) for band in Band]
             try:
                 return [future.result() for future in futures]

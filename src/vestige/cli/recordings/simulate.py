@@ -33,6 +33,9 @@ _path = click.Path(path_type=Path)
     type=click.Choice(["gnss-sdr", "pocketsdr"]),
     help="Also write what this receiver reads.",
 )
+@click.option(
+    "-j", "--workers", type=click.IntRange(1, 1024), default=2, show_default=True, help="Threads that make samples."
+)
 @click.option("--max-gb", type=FiniteRange(0, 1e6), default=10.0, show_default=True, help="Refuse to write more.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
@@ -74,6 +77,7 @@ def command(scenario: Path, **options: Any) -> None:
             scenario_text=toml_text(raw),
             component=options["component"],
             exports=options["exports"],
+            workers=options["workers"],
             progress=report,
         )
     for path in files:

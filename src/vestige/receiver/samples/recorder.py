@@ -15,10 +15,14 @@ rates that belong to its middle, so that a tracking loop meets no step.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import islice
+from threading import Lock
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -36,6 +40,7 @@ from vestige.signals.rotator_kernel import BLOCK
 from vestige.time import GalileoTime
 
 STRETCH_S = 0.01
+_AHEAD = 8  # stretches that are made or wait to be taken
 _TOGETHER = 100  # stretches whose geometry is computed at once
 _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
 
@@ -110,20 +115,32 @@ def record_band(
     n_samples: int,
     noise_key: np.uint64 | None,
     noise_power: Callable[[float], float] = lambda _: 1.0,
+    pool: Executor | None = None,
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order; the receiver's noise has variance 1 a sample.
 
-    `reference` is the receiver-clock time of sample 0, a whole second. Without `noise_key` there is no noise;
-    `noise_power` is its variance with interference as white, against receiver time in s after the reference.
+    Each batch is a stretch, or the part of one that is asked for, and a pure function of its number: the same bits
+    wherever the samples are cut, and whoever makes them.
+
+    Parameters
+    ----------
+    reference
+        Receiver-clock time of sample 0, a whole second.
+    noise_key
+        Key of the noise; None for none.
+    noise_power
+        Variance of the noise with interference as white, against receiver time in s after the reference.
+    pool
+        Threads that make stretches at the same time; None to make one after the other.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")
-    length = stretch_samples(sample_rate_hz)
-    first, end = first_sample, first_sample + n_samples
+    length, end = stretch_samples(sample_rate_hz), first_sample + n_samples
     middles = _Middles(length=length, sample_rate_hz=sample_rate_hz)
-    while first < end:
-        number = first // length
-        begin, last = number * length, min(end, (number + 1) * length)
+
+    def made(number: int) -> SampleBatch:
+        begin = number * length
+        first, last = max(begin, first_sample), min(begin + length, end)
         whole, fraction = middles.time(number)
         x = np.zeros(2 * length, np.float32)
         if noise_key is not None:
@@ -132,7 +149,7 @@ def record_band(
         for satellite in sky:
             _add(x, satellite, middles.motion(satellite, number), whole, fraction, CARRIER_HZ[band], sample_rate_hz)
         start_whole, start_fraction = _seconds(first, sample_rate_hz)
-        yield SampleBatch(
+        return SampleBatch(
             band=band,
             samples=x.view(np.complex64)[first - begin : last - begin],
             sample_rate_hz=sample_rate_hz,
@@ -140,7 +157,19 @@ def record_band(
             first_sample=first,
             start=GalileoTime.normalized(reference.week, reference.second + start_whole, start_fraction),
         )
-        first = last
+
+    numbers = iter(range(first_sample // length, -(-end // length)))
+    if pool is None:
+        yield from map(made, numbers)
+        return
+    waiting = deque(pool.submit(made, number) for number in islice(numbers, _AHEAD))
+    try:
+        while waiting:
+            yield waiting.popleft().result()
+            waiting.extend(pool.submit(made, number) for number in islice(numbers, 1))
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 class _Middles:
@@ -148,7 +177,8 @@ class _Middles:
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
-        self._block, self._motion = -1, dict[int, Float[np.ndarray, "3 n"]]()
+        self._motion = dict[tuple[int, int], Float[np.ndarray, "3 n"]]()
+        self._lock = Lock()
 
     def time(self, number: int) -> tuple[int, float]:
         """Return the time of the middle of a stretch, as whole seconds and the rest."""
@@ -157,13 +187,14 @@ class _Middles:
     def motion(self, satellite: ReceivedSatellite, number: int) -> Float[np.ndarray, " 3"]:
         """Return pseudorange, rate and acceleration in the middle of a stretch."""
         block, place = divmod(number, _TOGETHER)
-        if block != self._block:
-            self._block, self._motion = block, {}
-        if id(satellite) not in self._motion:
-            t_s = np.array([sum(self.time(block * _TOGETHER + k)) for k in range(_TOGETHER)])
-            path = satellite.pseudorange
-            self._motion[id(satellite)] = np.stack([path.range_m(t_s), path.rate_mps(t_s), path.acceleration_mps2(t_s)])
-        return self._motion[id(satellite)][:, place]
+        key = block, id(satellite)
+        with self._lock:
+            if key not in self._motion:
+                self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
+                t_s = np.array([sum(self.time(block * _TOGETHER + k)) for k in range(_TOGETHER)])
+                path = satellite.pseudorange
+                self._motion[key] = np.stack([path.range_m(t_s), path.rate_mps(t_s), path.acceleration_mps2(t_s)])
+            return self._motion[key][:, place]
 
 
 def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
@@ -200,6 +231,8 @@ def _add(
     rays = held.amplitude * np.concatenate([[1.0], held.ray_amplitude]) * np.exp(2j * np.pi * (turns - np.floor(turns)))
     to_hz = -carrier_hz / SPEED_OF_LIGHT_MPS
     for delay_m, ray, doppler_hz in zip([0.0, *held.ray_delay_m], rays, dopplers_hz, strict=True):
+        if not ray:
+            continue
         add_path(
             x,
             levels,
