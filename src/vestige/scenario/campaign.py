@@ -26,6 +26,7 @@ from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.sky.meaconer_way import placed_attacks
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import ErrorModels
 from vestige.scenario.empirical import EmpiricalIonosphereTable
@@ -231,6 +232,8 @@ class CampaignScenario(Section):
         """The receiver that the scenario describes, once for each of its satellites."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
+            if any(getattr(attack, "antenna", None) is not None for attack in self.attack):
+                raise InconsistentSettingsError("attack", "the antenna of a meaconer", "a [constellation] with it")
             return (one,)
         sky = satellites_in_view(
             self.constellation,
@@ -246,6 +249,7 @@ class CampaignScenario(Section):
                 interval_s=round(self.interval_s * self.recs.every, 1),
                 truth_interval_s=self.interval_s,
                 line_of_sight=effects.path,
+                spoofer=Spoofer(attacks=placed_attacks(self.attack, effects.path, self.epochs * self.interval_s)),
                 svid=effects.path.ephemeris.svid,
                 elevation=effects,
                 cn0_dbhz=one.cn0_dbhz + effects.nominal_db,

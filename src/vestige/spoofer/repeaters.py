@@ -11,7 +11,7 @@ so without a better antenna (G = 1) a counterfeit of equal power doubles the noi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Literal
 
@@ -23,7 +23,7 @@ from vestige.records import Band
 from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, Counterfeit, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
-from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
+from vestige.spoofer.profiles import Constant, Profile, Table, as_profile, extremes
 
 BOTH = (Band.E1, Band.E6)
 RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky and a good antenna
@@ -157,6 +157,19 @@ class E1Asynchronous(CheckedAttack):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A place on the Earth: latitude and longitude in degrees, height above the ellipsoid in m."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (abs(self.latitude_deg) <= 90 and abs(self.longitude_deg) <= 360 and abs(self.height_m) <= 1e7):
+            raise ValueError(f"no place on the Earth: {self.latitude_deg}, {self.longitude_deg}, {self.height_m}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Meaconing(CheckedAttack):
     """Receives whole bands and sends them again: one delay, one power, and the noise, on every band.
 
@@ -164,6 +177,12 @@ class Meaconing(CheckedAttack):
     ----------
     delay_s
         From the fraction of a microsecond of a repeater to seconds of a recorder.
+    antenna
+        Where its receiving antenna is. Each satellite's signal is late by the way over this antenna as well, so that
+        whoever follows it finds itself at the antenna [WFO, Sec. II]. It wants a sky. Without one the delay is the same
+        for all satellites, as if the antenna stood beside the victim's.
+    way_m
+        The way over the antenna beyond the direct one of the satellite at hand; follows from `antenna`.
     power_db
         Relative to the true signal.
     bands
@@ -179,6 +198,8 @@ class Meaconing(CheckedAttack):
     bands: tuple[Band, ...] = BOTH
     reception_gain_db: float = 0.0
     acquired: bool = True
+    antenna: Place | None = None
+    way_m: Table | None = None
     kind: Literal["meaconing"] = "meaconing"
 
     def __post_init__(self) -> None:
@@ -195,7 +216,10 @@ class Meaconing(CheckedAttack):
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None
-        delay_m = self.delay_s * SPEED_OF_LIGHT_MPS
+        delay_m: Profile = self.delay_s * SPEED_OF_LIGHT_MPS
+        if self.way_m is not None:
+            own_m = self.delay_s * SPEED_OF_LIGHT_MPS
+            delay_m = replace(self.way_m, values=tuple(way_m + own_m for way_m in self.way_m.values))
         return delayed(self, band, times_s, delay_m=delay_m, power_db=self.power_db, phase=COHERENT)
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

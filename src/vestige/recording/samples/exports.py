@@ -2,7 +2,7 @@
 
 | program | what it gets |
 |---|---|
-| gnss-sdr | one configuration a band; it reads the interleaved samples of the SigMF recording as they are |
+| gnss-sdr | one configuration a band; it reads the samples of the SigMF recording as they are. A sky on E1 gives it a fix |
 | PocketSDR | samples of its own scale, I and −Q, with a tag file a band; the command lines in README.txt |
 
 What goes wrong otherwise: gnss-sdr finds E6 by E6-B alone, and tracks E6-B while E6-C is encrypted. Without
@@ -59,8 +59,15 @@ Channels_{signal}.count={count}
 Observables.implementation=Hybrid_Observables
 PVT.implementation=RTKLIB_PVT
 PVT.positioning_mode=Single
-PVT.output_enabled=false
-PVT.rinex_output_enabled=false
+PVT.output_rate_ms=100
+PVT.display_rate_ms=1000
+; vestige's sky has no troposphere and no ionosphere but the errors of the scenario
+PVT.iono_model=OFF
+PVT.trop_model=OFF
+PVT.output_enabled={fix}
+PVT.rinex_output_enabled={fix}
+PVT.rinex_version=3
+PVT.nmea_output_file_enabled={fix}
 PVT.gpx_output_enabled=false
 PVT.geojson_output_enabled=false
 PVT.kml_output_enabled=false
@@ -156,6 +163,7 @@ def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) ->
             signal=signal,
             count=len(satellites),
             channels=channels.rstrip(),
+            fix="true" if band is Band.E1 else "false",
         )
         paths.append(folder / f"{band.value.lower()}.conf")
         paths[-1].write_text(common + settings, encoding="ascii", newline="\n")

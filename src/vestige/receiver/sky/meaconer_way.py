@@ -1,0 +1,62 @@
+"""The way over a meaconer's antenna: by how much later each satellite's signal comes than the direct one.
+
+A meaconer at a place r_a sends on what it receives there, so the victim at r gets the signal of satellite s
+
+    |s − r_a| + |r_a − r| − |s − r|
+
+later than the direct one. The second term and the repeater's own delay are common to all satellites and go into the
+victim's clock; the rest moves its position to r_a.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vestige.receiver.sky.elevation import SatelliteRange
+from vestige.receiver.sky.trajectory import StaticTrajectory
+from vestige.spoofer.attack import Attack
+from vestige.spoofer.profiles import Table
+from vestige.spoofer.repeaters import Meaconing, Place
+
+# Straight lines between times so far apart leave 0.2 mm a km of distance for who stands, 5 mm for 4 m/s².
+_STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
+_AROUND_S = 20.0  # before and after the run
+
+
+def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: float) -> tuple[Attack, ...]:
+    """Return attacks as they meet one satellite: a meaconer with an antenna delays it by the way over that antenna.
+
+    Parameters
+    ----------
+    attacks
+        As a scenario names them.
+    path
+        The satellite and the victim.
+    duration_s
+        Length of the run.
+    """
+    return tuple(
+        replace(one, antenna=None, way_m=_way_over(one.antenna, path, duration_s))
+        if isinstance(one, Meaconing) and one.antenna is not None
+        else one
+        for one in attacks
+    )
+
+
+def _way_over(antenna: Place, path: SatelliteRange, duration_s: float) -> Table:
+    """Return by how much longer the way over an antenna is than the direct one, in m."""
+    fixed = StaticTrajectory(
+        latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
+    )
+    step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
+    around_s = _AROUND_S if isinstance(path.trajectory, StaticTrajectory) else 0.0
+    n_times = math.ceil((duration_s + 2 * around_s) / step_s) + 1
+    times_s = np.linspace(-around_s, duration_s + around_s, n_times)
+    to_antenna_m = replace(path, trajectory=fixed).range_m(times_s)
+    onward_m = np.linalg.norm(fixed.motion(times_s).position_m - path.trajectory.motion(times_s).position_m, axis=1)
+    way_m = to_antenna_m + onward_m - path.range_m(times_s)
+    return Table(time_s=tuple(times_s.tolist()), values=tuple(way_m.tolist()))
