@@ -9,6 +9,7 @@ import numpy as np
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParameters
 from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
@@ -105,7 +106,7 @@ def received_batch(
         band,
         tuple(one[band] for one in satellites),
         reference=START,
-        sample_rate_hz=rate_hz,
+        front_end=FrontEnd(sample_rate_hz=rate_hz),
         n_samples=int(duration_s * rate_hz),
         noise_key=noise_key(seed, 0, 1),
     )

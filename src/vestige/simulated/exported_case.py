@@ -18,6 +18,7 @@ from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.samples.spoofer_interference import SpooferInterference
 from vestige.receiver.simulation import Simulation
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.observations.observation_epoch import ObservationEpoch
@@ -49,16 +50,6 @@ class AcasTestCase:
         if not 0 <= self.first < self.end <= self.scenario.epochs:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: expected first:end within the scenario's 0:{self.scenario.epochs}"
-            )
-        if any(effects.jammers for one in self.satellites for effects in (one.truth.e1_attack, one.truth.e6)):
-            raise VestigeError(
-                "attack: found a jamming waveform, expected counterfeits and white noise in a test case; waveforms are "
-                "simulated epoch by epoch, by vestige run (--set attack=none)"
-            )
-        if not self.simulation.front_end.transparent:
-            raise VestigeError(
-                "receiver.front_end: found a filter or a quantiser, expected none in a test case, which is what the "
-                "antenna delivers (--set receiver.front_end=none)"
             )
         for one in self.satellites:
             _check_motion(one, f"epochs {self.first}:{self.end}")
@@ -107,10 +98,13 @@ class AcasTestCase:
         """Return all that a band receives, counterfeits included."""
         return tuple(signal for one in self.satellites for signal in one.received(band))
 
-    def noise_power(self, band: Band, t_s: float) -> float:
-        """Return the variance of the noise at a time, the receiver's own being 1."""
+    @property
+    def interference(self) -> dict[Band, SpooferInterference]:
+        """Noise and jamming of the attacks; nothing without any."""
         simulation = self.simulation
-        return 1.0 + float(simulation.spoofer.effects(band, simulation.svid, np.array([t_s])).white[0])
+        if not simulation.spoofer.attacks:
+            return {}
+        return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
     def observations(self) -> tuple[ObservationEpoch, ...]:
         """Return what E1 tracking says while the chips of each epoch arrive; epochs without any satellite are not."""

@@ -31,13 +31,13 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
     return SimulatedRecording(
         sky={band: case.sky(band) for band in Band},
         reference=simulation.start,
-        sample_rate_hz=simulation.front_end.sample_rate_hz,
+        front_end=simulation.front_end,
         samples=case.samples,
         seed=simulation.seed,
         time_uncertainty_s=simulation.time_uncertainty_s,
         description="simulated by vestige, encrypted E6-C",
         companions=lambda folder: write_companions(case, folder),
-        noise_power=case.noise_power,
+        interference=case.interference,
     )
 
 

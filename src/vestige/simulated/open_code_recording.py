@@ -9,6 +9,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.simulated_chain import make_chain
+from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, straight
 from vestige.records import Band
 from vestige.scenario.recording import RecordingScenario, SatelliteSection
@@ -25,7 +26,7 @@ def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
     return SimulatedRecording(
         sky={band: tuple(_received(scenario, band, satellite) for satellite in scenario.satellites) for band in Band},
         reference=scenario.start_time,
-        sample_rate_hz=receiver.sample_rate_hz,
+        front_end=FrontEnd(sample_rate_hz=receiver.sample_rate_hz),
         samples=range(round(scenario.duration_s * receiver.sample_rate_hz)),
         seed=scenario.seed,
         time_uncertainty_s=receiver.time_uncertainty_s,

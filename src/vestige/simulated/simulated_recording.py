@@ -10,14 +10,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from vestige.errors import VestigeError
 from vestige.output import new_folder
-from vestige.receiver.samples.recorder import ReceivedSatellite, record_band
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
 from vestige.recording.samples.sample_format import SampleFormat, SampleType
@@ -41,14 +42,18 @@ class SimulatedRecording:
 
     sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # what each band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
-    sample_rate_hz: float
+    front_end: FrontEnd  # of each band, with the sampling rate
     samples: range  # numbers of the samples
     seed: int  # seed of the noise
     time_uncertainty_s: float  # what the receiver believes of its clock
     description: str  # one line for a person
     companions: Callable[[Path], None]  # writes all other files of the folder
-    # variance of the noise in a band at a time in s after the reference, the receiver's own being 1
-    noise_power: Callable[[Band, float], float] = lambda _band, _t_s: 1.0
+    interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, where there is any
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Sampling rate of both bands."""
+        return self.front_end.sample_rate_hz
 
     @property
     def duration_s(self) -> float:
@@ -75,11 +80,11 @@ class SimulatedRecording:
             band,
             self.sky[band],
             reference=self.reference,
-            sample_rate_hz=self.sample_rate_hz,
+            front_end=self.front_end,
             first_sample=samples.start,
             n_samples=len(samples),
             noise_key=noise_key(self.seed, 0, _NOISE[band]) if noise else None,
-            noise_power=lambda t_s: self.noise_power(band, t_s),
+            interference=self.interference.get(band),
             pool=pool,
         )
 
@@ -139,7 +144,8 @@ class SimulatedRecording:
             with SigmfWriter(
                 folder / band.value.lower(),
                 form=form,
-                scale=SCALES[form.component],
+                scale=SCALES[form.component] if self.front_end.bits is None else 1.0,
+                bandwidth_hz=self.front_end.bandwidth_hz,
                 time_uncertainty_s=self.time_uncertainty_s,
                 description=self.description,
             ) as writer:

@@ -52,13 +52,15 @@ class Wideband:
         """Return C(Δ) for J/N = 1, in units of N0/T."""
         return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
 
-    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+    def add(
+        self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
+    ) -> None:
         """Add the waveform to samples.
 
         Noise in the samples has variance 1, the waveform the mean power `power`; `key` is that of its randomness
-        (`noise_key`).
+        (`noise_key`). `first` is the number of the first sample: pieces of one waveform fit together.
         """
-        _add_noise(x, power, key)
+        _add_noise(x, power, key, first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,13 +84,15 @@ class ContinuousWave:
         turns = self.offset_hz * lag_chips / signal.chip_rate_hz
         return noise_bandwidth_hz * density * np.exp(2j * pi * turns)
 
-    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+    def add(
+        self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
+    ) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         step = 2j * pi * self.offset_hz / sample_rate_hz
         piece = np.exp(step * np.arange(min(_PIECE, x.size))).astype(np.complex64)
-        for first in range(0, x.size, _PIECE):
-            turn = np.complex64(np.sqrt(power) * np.exp(step * first + 2j * pi * _uniform(key)))
-            x[first : first + _PIECE] += turn * piece[: x.size - first]
+        for place in range(0, x.size, _PIECE):
+            turn = np.complex64(np.sqrt(power) * np.exp(step * (first + place) + 2j * pi * _uniform(key)))
+            x[place : place + _PIECE] += turn * piece[: x.size - place]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,17 +122,19 @@ class Chirp:
         )
         return noise_bandwidth_hz / self.bandwidth_hz * passed + 0j
 
-    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+    def add(
+        self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
+    ) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         n = max(2, round(self.sweep_s * sample_rate_hz))
         t = np.arange(n) / sample_rate_hz - self.sweep_s / 2
         sweep = np.exp(1j * pi * self.bandwidth_hz / self.sweep_s * t**2)
         turn = np.exp(2j * pi * _uniform(key))
-        start = int(_other_uniform(key) * n)
+        start = (int(_other_uniform(key) * n) + first) % n
         sweep = np.roll(np.sqrt(power) * turn * sweep, -start).astype(np.complex64)
         piece = np.tile(sweep, -(-_PIECE // n))
-        for first in range(0, x.size, piece.size):
-            x[first : first + piece.size] += piece[: x.size - first]
+        for place in range(0, x.size, piece.size):
+            x[place : place + piece.size] += piece[: x.size - place]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,15 +157,17 @@ class Pulsed:
         """Return C(Δ) for J/N = 1, in units of N0/T."""
         return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
 
-    def add(self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64) -> None:
+    def add(
+        self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
+    ) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         period = self.period_s * sample_rate_hz
-        first = -_uniform(key) * period
-        for k in range(int((x.size - first) / period) + 1):
-            begin, end = round(first + k * period), round(first + (k + self.duty) * period)
-            begin, end = max(begin, 0), min(end, x.size)
+        edge = -_uniform(key) * period  # of a pulse
+        for k in range(int((first - edge) / period), int((first + x.size - edge) / period) + 1):
+            begin, end = round(edge + k * period), round(edge + (k + self.duty) * period)
+            begin, end = max(begin, first), min(end, first + x.size)
             if begin < end:
-                _add_noise(x[begin:end], power / self.duty, key, first=begin)
+                _add_noise(x[begin - first : end - first], power / self.duty, key, begin)
 
 
 WIDEBAND = Wideband()
@@ -191,7 +199,7 @@ def _other_uniform(key: np.uint64) -> float:
     return (int(key) & 0xFFFFFFFF) / 2.0**32
 
 
-def _add_noise(x: Complex64[np.ndarray, " n"], power: float, key: np.uint64, first: int = 0) -> None:
+def _add_noise(x: Complex64[np.ndarray, " n"], power: float, key: np.uint64, first: int) -> None:
     noise = np.empty(2 * x.size, np.float32)
     fill_normals(key, np.int64(first), np.float32(np.sqrt(power / 2)), noise)
     x += noise.view(np.complex64)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from builders import START
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite, record_band, straight, stretch_samples
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component
@@ -41,7 +43,13 @@ def satellite(
 def recorded(band: Band, sky: list[ReceivedSatellite], first: int, n: int, fs: float, key: object = None) -> np.ndarray:
     batches = list(
         record_band(
-            band, tuple(sky), reference=START, sample_rate_hz=fs, first_sample=first, n_samples=n, noise_key=key
+            band,
+            tuple(sky),
+            reference=START,
+            front_end=FrontEnd(sample_rate_hz=fs),
+            first_sample=first,
+            n_samples=n,
+            noise_key=key,
         )
     )
     assert [batch.first_sample for batch in batches[1:]] == [
@@ -163,6 +171,53 @@ def test_the_reference_is_a_whole_second() -> None:
     with pytest.raises(ValueError, match="whole second"):
         next(
             record_band(
-                Band.E6, (one,), reference=GalileoTime(1, 2, 0.5), sample_rate_hz=5e6, n_samples=10, noise_key=None
+                Band.E6,
+                (one,),
+                reference=GalileoTime(1, 2, 0.5),
+                front_end=FrontEnd(sample_rate_hz=5e6),
+                n_samples=10,
+                noise_key=None,
             )
         )
+
+
+FRONT_ENDS = (
+    FrontEnd(sample_rate_hz=6.2e6, bandwidth_hz=5e6),
+    FrontEnd(sample_rate_hz=6.2e6, bandwidth_hz=5e6, oversampling=2),
+    FrontEnd(sample_rate_hz=6.2e6, bits=2),
+    FrontEnd(sample_rate_hz=6.2e6, bandwidth_hz=4e6, bits=3, oversampling=2),
+)
+
+
+@pytest.mark.parametrize("front_end", FRONT_ENDS)
+def test_a_front_end_filters_once_what_all_satellites_make(front_end: FrontEnd) -> None:
+    """The stretch as it would be at once: samples at the input's rate, and the front end over them."""
+    sky = (satellite(Band.E6), satellite(Band.E6, replace(PATH, s0_m=2.6e7, v_mps=-400.0), svid=3))
+    length, key = stretch_samples(front_end.sample_rate_hz), noise_key(1, 0, 61)
+    options = {"reference": START, "noise_key": key}
+    found = next(iter(record_band(Band.E6, sky, front_end=front_end, n_samples=length, **options)))
+    at_antenna = FrontEnd(sample_rate_hz=front_end.input_rate_hz)
+    margin, begin = front_end.margin_samples, 0
+    n = front_end.input_samples(length)
+    before = n - margin  # a recording may begin before its reference: the filter needs it
+    parts = list(record_band(Band.E6, sky, front_end=at_antenna, first_sample=begin - margin, n_samples=n, **options))
+    x = np.concatenate([part.samples for part in parts])
+    assert x.size == before + margin
+    expected, _ = front_end.process(x)
+    if front_end.bits is None:
+        assert found.samples == pytest.approx(expected, abs=3e-4)  # another stretch: other rounding
+    else:
+        assert np.mean(found.samples != expected) < 1e-3
+
+
+def test_a_front_end_gives_the_same_bits_wherever_it_is_cut() -> None:
+    front_end, key = FRONT_ENDS[3], noise_key(1, 0, 61)
+    options = {"reference": START, "noise_key": key, "front_end": front_end}
+    sky = (satellite(Band.E6),)
+    n = 150_000
+    whole = np.concatenate([b.samples for b in record_band(Band.E6, sky, n_samples=n, **options)])
+    part = record_band(Band.E6, sky, first_sample=40_001, n_samples=n - 40_001, **options)
+    assert np.array_equal(np.concatenate([b.samples for b in part]), whole[40_001:])
+    with ThreadPoolExecutor(3) as pool:
+        threads = record_band(Band.E6, sky, n_samples=n, pool=pool, **options)
+        assert np.array_equal(np.concatenate([b.samples for b in threads]), whole)

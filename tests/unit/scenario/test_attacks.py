@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vestige.errors import InputFileError, VestigeError
@@ -13,6 +14,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
 from vestige.scenario.warnings import scenario_warnings
 from vestige.simulated.exported_case import AcasTestCase, with_default_range
+from vestige.simulated.exported_case_folder import simulated
 from vestige.spoofer.jammers import Chirp
 from vestige.spoofer.profiles import Ramp, Table, extremes
 from vestige.spoofer.repeaters import LiftOff, Nulling
@@ -183,8 +185,17 @@ def test_what_the_model_of_correlators_does_not_know(tmp_path: Path, settings: l
     _with(tmp_path, text, 'fidelity="samples"', *settings)
 
 
-def test_a_test_case_has_no_jamming_waveform(tmp_path: Path) -> None:
-    scenario = _with(tmp_path, 'kind = "jamming"\nj_over_n_db = 3\nwaveform = {kind = "cw"}\n', 'fidelity="samples"')
+def test_a_jamming_waveform_is_in_a_test_case(tmp_path: Path) -> None:
+    """A wave of J/N 20 dB in its band, from 1 s on, on E1 alone; its phase has no break within 50 ms."""
+    text = (
+        'kind = "jamming"\nj_over_n_db = 20\nstart_s = 1\nbands = ["E1"]\nwaveform = {kind = "cw", offset_hz = 1e5}\n'
+    )
+    scenario = _with(tmp_path, text, 'fidelity="samples"', "receiver.sample_rate_hz=5e6")
     assert isinstance(scenario, CampaignScenario)
-    with pytest.raises(VestigeError, match="attack: found a jamming waveform"):
-        AcasTestCase(scenario=with_default_range(scenario), first=0, end=2)
+    one = simulated(AcasTestCase(scenario=with_default_range(scenario), first=0, end=3))
+    for band in Band:
+        quiet, loud = (one.window(band, t, t + 0.05).samples for t in (0.5, 1.5))
+        line = np.abs(np.mean(loud * np.exp(-2j * np.pi * 1e5 * np.arange(loud.size) / 5e6))) ** 2
+        over = np.mean(np.abs(loud) ** 2) - np.mean(np.abs(quiet) ** 2)
+        assert line == pytest.approx(over if band is Band.E1 else 0.0, rel=0.01, abs=1e-3)
+        assert (over > 1) == (band is Band.E1)

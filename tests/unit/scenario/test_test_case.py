@@ -129,6 +129,9 @@ def test_a_satellite_that_cannot_be(setting: str, found: str) -> None:
         case(0, 1, f"line_of_sight.{setting}")
 
 
-def test_a_front_end_is_not_in_a_test_case() -> None:
-    with pytest.raises(VestigeError, match=r"receiver\.front_end"):
-        case(0, 1, "receiver.front_end.bits=2")
+def test_the_front_end_of_the_scenario_is_that_of_the_recording() -> None:
+    """Both bands, through one filter and one quantiser each."""
+    one = simulated(case(0, 1, "receiver.front_end.bits=2", "receiver.front_end.bandwidth_hz=5e6"))
+    for band in Band:
+        levels = np.unique(next(iter(one.record(band, at_most=10_000))).samples.view(np.float32))
+        assert levels.tolist() == [-3.0, -1.0, 1.0, 3.0]

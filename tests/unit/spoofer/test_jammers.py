@@ -117,3 +117,16 @@ def test_phase_and_place_of_a_sweep_know_nothing_of_each_other() -> None:
 def test_how_far_a_waveform_goes_from_the_carrier() -> None:
     found = [jammer.reach_hz for jammer in (Wideband(), ContinuousWave(offset_hz=-2e6), Chirp(), Pulsed())]
     assert found == [0.0, 2e6, 5e6, 0.0]
+
+
+@pytest.mark.parametrize("jammer", [Wideband(), ContinuousWave(offset_hz=1.3e6), Chirp(), Pulsed()])
+def test_pieces_of_a_waveform_fit_together(jammer: AnyJammer) -> None:
+    """As one stretch of a recording follows another; a day later, too."""
+    for begin in (0, 12_500_000 * 86_400 + 7):
+        whole = np.zeros(60_000, np.complex64)
+        jammer.add(whole, 2.0, FS, noise_key(4, 0, 16), begin)
+        parts = np.zeros(60_000, np.complex64)
+        for first, last in ((0, 1), (1, 20_011), (20_011, 60_000)):
+            jammer.add(parts[first:last], 2.0, FS, noise_key(4, 0, 16), begin + first)
+        assert parts == pytest.approx(whole, abs=3e-4)  # float64 counts the turns of a day to 1e-4 rad
+        assert np.mean(np.abs(whole) ** 2) == pytest.approx(2.0, rel=0.1)

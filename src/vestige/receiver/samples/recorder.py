@@ -26,9 +26,10 @@ from threading import Lock
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.front_end import FrontEnd
 from vestige.records import Band, SampleBatch
 from vestige.signal_generator.levels import BandModulation
 from vestige.signal_generator.noise_kernel import fill_normals
@@ -84,6 +85,18 @@ def straight(delay_m: float = 0.0) -> Propagation:
     )
 
 
+class Interference(Protocol):
+    """Noise and jamming in one band, against receiver time in s after the reference."""
+
+    def white(self, t_s: float) -> float:
+        """Return the density of white noise that is added, over the receiver's own."""
+        ...
+
+    def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
+        """Add what waveforms are on the air about a time to samples, whose first one has this number."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReceivedSatellite:
     """One satellite in one band."""
@@ -110,14 +123,17 @@ def record_band(
     sky: tuple[ReceivedSatellite, ...],
     *,
     reference: GalileoTime,
-    sample_rate_hz: float,
+    front_end: FrontEnd,
     first_sample: int = 0,
     n_samples: int,
     noise_key: np.uint64 | None,
-    noise_power: Callable[[float], float] = lambda _: 1.0,
+    interference: Interference | None = None,
     pool: Executor | None = None,
 ) -> Iterator[SampleBatch]:
-    """Yield the samples of one band as batches in time order; the receiver's noise has variance 1 a sample.
+    """Yield the samples of one band as batches in time order.
+
+    Everything is summed at the antenna, where the receiver's noise has variance 1 a sample, and goes through one front
+    end: filter, gain control over a stretch, quantiser, whose integer levels are the samples then.
 
     Each batch is a stretch, or the part of one that is asked for, and a pure function of its number: the same bits
     wherever the samples are cut, and whoever makes them.
@@ -126,32 +142,43 @@ def record_band(
     ----------
     reference
         Receiver-clock time of sample 0, a whole second.
+    front_end
+        The front end with its sampling rate; a filter or an oversampling costs time.
     noise_key
         Key of the noise; None for none.
-    noise_power
-        Variance of the noise with interference as white, against receiver time in s after the reference.
+    interference
+        Noise and jamming; None for none.
     pool
         Threads that make stretches at the same time; None to make one after the other.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")
+    sample_rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     length, end = stretch_samples(sample_rate_hz), first_sample + n_samples
     middles = _Middles(length=length, sample_rate_hz=sample_rate_hz)
+    n_input = front_end.input_samples(length)
 
     def made(number: int) -> SampleBatch:
         begin = number * length
         first, last = max(begin, first_sample), min(begin + length, end)
         whole, fraction = middles.time(number)
-        x = np.zeros(2 * length, np.float32)
+        first_input = begin * front_end.oversampling - front_end.margin_samples
+        middle = (begin + length // 2) * front_end.oversampling - first_input  # of the stretch, in the input
+        x = np.zeros(2 * n_input, np.float32)
         if noise_key is not None:
-            sigma = SIGMA * np.float32(np.sqrt(noise_power(whole + fraction)))
-            fill_normals(noise_key, np.int64(begin), sigma, x)
+            white = 0.0 if interference is None else interference.white(whole + fraction)
+            fill_normals(noise_key, np.int64(first_input), SIGMA * np.float32(np.sqrt(1.0 + white)), x)
         for satellite in sky:
-            _add(x, satellite, middles.motion(satellite, number), whole, fraction, CARRIER_HZ[band], sample_rate_hz)
+            motion = middles.motion(satellite, number)
+            _add(x, middle, satellite, motion, whole, fraction, CARRIER_HZ[band], input_hz)
+        at_antenna = x.view(np.complex64)
+        if interference is not None:
+            interference.jam(at_antenna, whole + fraction, first_input, input_hz)
+        samples, _ = front_end.process(at_antenna)
         start_whole, start_fraction = _seconds(first, sample_rate_hz)
         return SampleBatch(
             band=band,
-            samples=x.view(np.complex64)[first - begin : last - begin],
+            samples=samples[first - begin : last - begin],
             sample_rate_hz=sample_rate_hz,
             center_frequency_hz=CARRIER_HZ[band],
             first_sample=first,
@@ -206,6 +233,7 @@ def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
 
 def _add(
     x: Float[np.ndarray, " n"],
+    middle: int,
     satellite: ReceivedSatellite,
     motion: Float[np.ndarray, " 3"],
     whole: int,
@@ -213,15 +241,15 @@ def _add(
     carrier_hz: float,
     sample_rate_hz: float,
 ) -> None:
-    """Add a satellite with its rays to a stretch, whose middle is at t_m = `whole` + `fraction`."""
+    """Add a satellite with its rays to a stretch, whose sample number `middle` is at t_m = `whole` + `fraction`."""
     range_m, rate_mps, acceleration_mps2 = (float(value) for value in motion)
     held = satellite.propagation(whole + fraction)
     if not held.amplitude:
         return
-    modulation, middle = satellite.modulation, x.size // 4
+    modulation, before = satellite.modulation, max(middle, x.size // 2 - middle)
     rate_hz, dt_s = modulation.rate_hz, 1.0 / sample_rate_hz
     sent_s = fraction - (range_m + held.delay_m) / SPEED_OF_LIGHT_MPS  # after the whole second
-    lead = int(np.ceil((middle * dt_s + _MARGIN_S) * modulation.chip_rate_hz))
+    lead = int(np.ceil((before * dt_s + _MARGIN_S) * modulation.chip_rate_hz))
     first_chip = int(np.floor(sent_s * modulation.chip_rate_hz)) - lead
     levels = modulation.levels(first_chip + whole * round(modulation.chip_rate_hz), 2 * lead)
     cycles = carrier_hz / SPEED_OF_LIGHT_MPS * range_m

@@ -2,7 +2,7 @@
 
 | program | what it gets |
 |---|---|
-| gnss-sdr | one configuration a band; it reads the samples of the SigMF recording as they are. A sky on E1 gives it a fix |
+| gnss-sdr | a configuration a band; it reads the SigMF samples as they are, and finds its place from E1 of a sky |
 | PocketSDR | samples of its own scale, I and −Q, with a tag file a band; the command lines in README.txt |
 
 What goes wrong otherwise: gnss-sdr finds E6 by E6-B alone, and tracks E6-B while E6-C is encrypted. Without
