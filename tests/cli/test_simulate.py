@@ -91,7 +91,7 @@ def test_the_campaign_says_the_same_of_the_same_epochs(folder: Path) -> None:
 def test_the_group_delay_is_in_the_signal(tmp_path: Path) -> None:
     """Whoever drops it is wrong by (γ − 1) c · BGD, whoever has its sign wrong by twice that.
 
-    Without rays, which bend the flanks, and with little noise.
+    Without rays, which bend the flanks, and with little noise; E6-B leaves a tenth of a metre.
     """
     alone = ("--set", "receiver.multipath=none", "--set", "receiver.cn0_dbhz=70.0")
     _written(simulate, QUICK, "-o", tmp_path / "case", "--epochs", "5:8", *SETTINGS, *alone)
@@ -106,7 +106,7 @@ def test_the_group_delay_is_in_the_signal(tmp_path: Path) -> None:
         data[92:94] = value.to_bytes(2, "little", signed=True)
         bgd.write_bytes(data)
         moved = np.subtract([one["range_offset_m"] for one in _verdicts(tmp_path / "case")], right)
-        assert moved == pytest.approx([wrong * delay_m] * 3, rel=0.1)
+        assert moved == pytest.approx([wrong * delay_m] * 3, rel=0.2)
 
 
 def test_with_e1_out_of_the_samples(folder: Path, tmp_path: Path) -> None:

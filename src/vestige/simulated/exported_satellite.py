@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from vestige.broadcast.cnav import cnav_symbols
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
 from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest_s
@@ -121,7 +122,8 @@ class ExportedSatellite:
     def _components(self, band: Band) -> tuple[Component, ...]:
         seed, start, svid = self.simulation.seed, self.simulation.start, self.svid
         if band is Band.E6:
-            return open_component(E6B, svid, seed=seed), encrypted_component(encryption_key(seed), svid, start)
+            data = coded_component(E6B, svid, cnav_symbols(seed, svid, start))
+            return data, encrypted_component(encryption_key(seed), svid, start)
         data = (
             open_component(E1B, svid, seed=seed) if self.symbols is None else coded_component(E1B, svid, self.symbols)
         )

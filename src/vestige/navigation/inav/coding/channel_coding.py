@@ -25,7 +25,7 @@ PAGE_SYMBOLS = 2 * HALF_SYMBOLS
 
 _GENERATORS = (0o171, 0o133)  # the most significant bit is the tap of the newest bit [OS-ICD, 4.1.4.1]
 _MEMORY = 6
-_COLUMNS, _ROWS = 30, 8  # of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
+_ROWS = 8  # of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:
@@ -39,30 +39,30 @@ def _register_signs() -> Float[np.ndarray, "128 2"]:
 _SIGNS = _register_signs()
 
 
-def interleaved(symbols: UInt8[np.ndarray, "*n 240"]) -> UInt8[np.ndarray, "*n 240"]:
-    """Return the 240 symbols of each half-page in the order of transmission.
+def interleaved(symbols: UInt8[np.ndarray, "*n k"]) -> UInt8[np.ndarray, "*n k"]:
+    """Return the symbols of each block in the order of transmission: 240 of an I/NAV half-page, 984 of a C/NAV page.
 
     Parameters
     ----------
     symbols
         In the order of the encoder.
     """
-    return symbols.reshape(*symbols.shape[:-1], _COLUMNS, _ROWS).swapaxes(-1, -2).reshape(symbols.shape)
+    return symbols.reshape(*symbols.shape[:-1], -1, _ROWS).swapaxes(-1, -2).reshape(symbols.shape)
 
 
-def deinterleaved(symbols: Float[np.ndarray, "*n 240"]) -> Float[np.ndarray, "*n 240"]:
-    """Return the 240 soft symbols of each half-page in the order of the encoder; the reverse of `interleaved`.
+def deinterleaved(symbols: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
+    """Return the soft symbols of each block in the order of the encoder; the reverse of `interleaved`.
 
     Parameters
     ----------
     symbols
         In the order of transmission.
     """
-    return symbols.reshape(*symbols.shape[:-1], _ROWS, _COLUMNS).swapaxes(-1, -2).reshape(symbols.shape)
+    return symbols.reshape(*symbols.shape[:-1], _ROWS, -1).swapaxes(-1, -2).reshape(symbols.shape)
 
 
-def convolved(bits: UInt8[np.ndarray, "*n 120"]) -> UInt8[np.ndarray, "*n 240"]:
-    """Return the 240 symbols of the convolutional code of each half-page, two for each bit.
+def convolved(bits: UInt8[np.ndarray, "*n bits"]) -> UInt8[np.ndarray, "*n symbols"]:
+    """Return the symbols of the convolutional code of each block, two for each bit.
 
     Parameters
     ----------

@@ -1,0 +1,90 @@
+"""C/NAV on E6-B: dummy pages of the High Accuracy Service [HAS-ICD, 3], one a second.
+
+| field | bits |
+|---|---|
+| reserved | 14 |
+| HAS page header, `AF3BC3` for a dummy page | 24 |
+| HAS message, here of random bits | 424 |
+| CRC-24Q over all of these | 24 |
+| tail | 6, zero |
+
+The page passes the convolutional code and the interleaver of I/NAV, here of 123 columns and 8 rows, and follows 16
+synchronisation symbols: 1000 symbols/s, one a period of the E6-B code. A page begins with each second of GST.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Int8, Int64, UInt8
+
+from vestige.navigation.inav.coding.channel_coding import convolved, interleaved
+from vestige.navigation.inav.crc import crc_24q
+from vestige.streams import stream_key
+from vestige.time import GalileoTime
+
+SYNC_PATTERN = (1, 0, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0)  # [HAS-ICD, 3.1]
+PAGE_SYMBOLS = 1000
+PAGE_BITS = 492
+DUMMY_HEADER = 0xAF3BC3  # [HAS-ICD, 3.2]
+_RESERVED_BITS, _HEADER_BITS, _MESSAGE_BITS, _CRC_BITS = 14, 24, 424, 24
+_PAGES_KEPT = 64
+
+
+def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
+    """Return the bits of a dummy page, tail included.
+
+    Parameters
+    ----------
+    message
+        What stands in the place of a message, 424 bits.
+
+    Raises
+    ------
+    ValueError
+        If it has more bits.
+    """
+    if not 0 <= message < 1 << _MESSAGE_BITS:
+        raise ValueError(f"a HAS message has {_MESSAGE_BITS} bits, found {message.bit_length()}")
+    body = DUMMY_HEADER << _MESSAGE_BITS | message
+    checked = body.to_bytes((_RESERVED_BITS + _HEADER_BITS + _MESSAGE_BITS + 7) // 8, "big")
+    page = (body << _CRC_BITS | crc_24q(checked)) << PAGE_BITS - 486
+    bits = np.unpackbits(np.frombuffer(page.to_bytes(62, "big"), np.uint8))
+    return bits[-PAGE_BITS:]
+
+
+def page_symbols(bits: UInt8[np.ndarray, " 492"]) -> UInt8[np.ndarray, " 1000"]:
+    """Return the symbols of a page in the order of transmission, 0 or 1."""
+    return np.concatenate([np.array(SYNC_PATTERN, np.uint8), interleaved(convolved(bits))])
+
+
+def cnav_symbols(
+    seed: int, svid: int, reference: GalileoTime
+) -> Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]:
+    """Return the symbols of a satellite as ±1 against their number after a whole second; logic 0 is +1.
+
+    Parameters
+    ----------
+    seed, svid
+        The dummy messages of satellites and seconds differ, and follow from these.
+    reference
+        A whole second.
+
+    The numbers of a call are ascending.
+    """
+
+    @lru_cache(maxsize=_PAGES_KEPT)
+    def page(second: int) -> Int8[np.ndarray, " 1000"]:
+        message = int.from_bytes(stream_key(seed, "C/NAV", svid, second) * 2, "big") >> 512 - _MESSAGE_BITS
+        return np.int8(1) - np.int8(2) * page_symbols(dummy_page(message)).astype(np.int8)
+
+    def symbol(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
+        if not index.size:
+            return np.empty(0, np.int8)
+        number, place = np.divmod(index + reference.gst_seconds * PAGE_SYMBOLS, PAGE_SYMBOLS)
+        first = int(number[0])
+        return np.stack([page(one) for one in range(first, int(number[-1]) + 1)])[number - first, place]
+
+    return symbol
