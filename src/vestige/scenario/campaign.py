@@ -49,6 +49,7 @@ from vestige.scenario.toml.toml_file import OWN, InconsistentSettingsError, Sect
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import Attack
+from vestige.spoofer.repeaters import Meaconing
 from vestige.spoofer.spoofer import Attacks, Spoofer
 from vestige.time import GalileoTime
 
@@ -213,6 +214,11 @@ class CampaignScenario(Section):
                 )
             if self.recs.every != 1:
                 raise InconsistentSettingsError("recs.every", self.recs.every, "1 on a single line of sight")
+            for number, attack in enumerate(self.attack):
+                if isinstance(attack, Meaconing) and attack.antenna is not None:
+                    raise InconsistentSettingsError(
+                        f"attack.{number}.antenna", "no constellation beside it", "[constellation]"
+                    )
             return self
         if self.trajectory is None:
             raise InconsistentSettingsError("trajectory", "nothing", "where the receiver is, beside [constellation]")
@@ -232,8 +238,6 @@ class CampaignScenario(Section):
         """The receiver that the scenario describes, once for each of its satellites."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
-            if any(getattr(attack, "antenna", None) is not None for attack in self.attack):
-                raise InconsistentSettingsError("attack", "the antenna of a meaconer", "a [constellation] with it")
             return (one,)
         sky = satellites_in_view(
             self.constellation,

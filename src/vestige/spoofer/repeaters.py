@@ -11,7 +11,7 @@ so without a better antenna (G = 1) a counterfeit of equal power doubles the noi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from typing import Literal
 
@@ -23,7 +23,7 @@ from vestige.records import Band
 from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, Counterfeit, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
-from vestige.spoofer.profiles import Constant, Profile, Table, as_profile, extremes
+from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
 BOTH = (Band.E1, Band.E6)
 RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky and a good antenna
@@ -181,8 +181,6 @@ class Meaconing(CheckedAttack):
         Where its receiving antenna is. Each satellite's signal is late by the way over this antenna as well, so that
         whoever follows it finds itself at the antenna [WFO, Sec. II]. It wants a sky. Without one the delay is the same
         for all satellites, as if the antenna stood beside the victim's.
-    way_m
-        The way over the antenna beyond the direct one of the satellite at hand; follows from `antenna`.
     power_db
         Relative to the true signal.
     bands
@@ -199,7 +197,6 @@ class Meaconing(CheckedAttack):
     reception_gain_db: float = 0.0
     acquired: bool = True
     antenna: Place | None = None
-    way_m: Table | None = None
     kind: Literal["meaconing"] = "meaconing"
 
     def __post_init__(self) -> None:
@@ -216,11 +213,12 @@ class Meaconing(CheckedAttack):
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None
-        delay_m: Profile = self.delay_s * SPEED_OF_LIGHT_MPS
-        if self.way_m is not None:
-            own_m = self.delay_s * SPEED_OF_LIGHT_MPS
-            delay_m = replace(self.way_m, values=tuple(way_m + own_m for way_m in self.way_m.values))
-        return delayed(self, band, times_s, delay_m=delay_m, power_db=self.power_db, phase=COHERENT)
+        return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT)
+
+    @property
+    def delay_m(self) -> Profile:
+        """Delay against the true signal in m; of a satellite at hand, an antenna's way is in it."""
+        return self.delay_s * SPEED_OF_LIGHT_MPS
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the repeated noise."""

@@ -12,14 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.sky.elevation import SatelliteRange
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.spoofer.attack import Attack
-from vestige.spoofer.profiles import Table
+from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
 # Straight lines between times so far apart leave 0.2 mm a km of distance for who stands, 5 mm for 4 m/s².
@@ -40,11 +41,29 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
         Length of the run.
     """
     return tuple(
-        replace(one, antenna=None, way_m=_way_over(one.antenna, path, duration_s))
+        _placed(one, one.antenna, path, duration_s)
         if isinstance(one, Meaconing) and one.antenna is not None
         else one
         for one in attacks
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedMeaconing(Meaconing):
+    """A meaconer with an antenna, as it meets one satellite."""
+
+    way_m: Table  # over its antenna, beyond the direct one
+
+    @property
+    def delay_m(self) -> Profile:
+        """Delay against the true signal in m."""
+        own_m = self.delay_s * SPEED_OF_LIGHT_MPS
+        return replace(self.way_m, values=tuple(way_m + own_m for way_m in self.way_m.values))
+
+
+def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s: float) -> PlacedMeaconing:
+    given = {one.name: getattr(attack, one.name) for one in fields(attack)}
+    return PlacedMeaconing(**given, way_m=_way_over(antenna, path, duration_s))
 
 
 def _way_over(antenna: Place, path: SatelliteRange, duration_s: float) -> Table:
