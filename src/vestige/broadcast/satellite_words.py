@@ -110,6 +110,11 @@ class SatelliteWords:
         self._almanac = [one.words() for one in system.almanac]
         self._reduced: tuple[GalileoTime, ReducedCed | None] | None = None
 
+    @property
+    def issues(self) -> tuple[EphemerisIssue, ...]:
+        """Its ephemerides in the order in which they are issued."""
+        return tuple(self._issues)
+
     def ephemeris(self, time: GalileoTime) -> Ephemeris:
         """Return the ephemeris that is sent in the subframe of a time.
 

@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 
 from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
+from vestige.recording.samples.test_vector_csv import write_test_vector
 from vestige.records import Band
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.simulated.simulated_recording import SimulatedRecording
@@ -16,12 +18,17 @@ _README = """\
 ACAS test case, written by vestige. docs/test_cases.md of vestige explains every file.
 
   recording.sigmf-collection, e1.sigmf-*, e6.sigmf-*   {seconds:.3f} s of I,Q samples at {rate:.10g} Hz
-{observations}  assistance/                                          RECS, group delays, OSNMA keys and their public key
+{observed}  assistance/                                          RECS, group delays, OSNMA keys and who signs them
   scenario.toml                                        how it was made
   truth.csv                                            what a receiver must not know
 
 {satellites}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
 Check it: vestige inspect FOLDER; vestige process FOLDER
+"""
+
+_MESSAGE = """\
+  rinex/navigation.rnx                                 ephemerides, as they are broadcast
+  inav_pages.csv                                       I/NAV pages of E1-B, a line a satellite, as official test vectors
 """
 
 
@@ -43,14 +50,19 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
 
 def write_companions(case: AcasTestCase, folder: Path) -> None:
     """Write observations, assistance, truth and README.txt."""
-    epochs = case.observations()
+    epochs, rinex = case.observations(), folder / "rinex"
+    if epochs or case.message is not None:
+        rinex.mkdir()
     if epochs:
         write_csv_observations(folder / "observations.csv", epochs)
-        rinex = folder / "rinex"  # a recording has one file of observations; CSV loses no digit
-        rinex.mkdir()
+        # in a folder of its own, because a recording has one file of observations; CSV loses no digit
         write_rinex_observations(rinex / "observations.rnx", epochs)
     write_assistance(folder / "assistance", case.assistance(), roots=case.operator.roots)
     case.operator.write_files(folder / "assistance")
+    if case.message is not None:
+        issued = [issue.ephemeris for one in case.message.transmissions.values() for issue in one.words.issues]
+        write_rinex_navigation(folder / "rinex" / "navigation.rnx", issued)
+        write_test_vector(folder / "inav_pages.csv", case.message.pages)
     table = case.truth_table()
     rows = [",".join(row) for row in zip(*table.values(), strict=True)]
     (folder / "truth.csv").write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")
@@ -64,7 +76,7 @@ def _readme(case: AcasTestCase) -> str:
         seconds=len(case.samples) / simulation.front_end.sample_rate_hz,
         rate=simulation.front_end.sample_rate_hz,
         satellites=" ".join(f"E{one.svid:02d}" for one in case.satellites),
-        observations=observed if case.observations() else "",
+        observed=(observed if case.observations() else "") + (_MESSAGE if case.message is not None else ""),
         first=case.first,
         last=case.end - 1,
         seed=simulation.seed,

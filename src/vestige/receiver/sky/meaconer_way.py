@@ -41,9 +41,7 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
         Length of the run.
     """
     return tuple(
-        _placed(one, one.antenna, path, duration_s)
-        if isinstance(one, Meaconing) and one.antenna is not None
-        else one
+        _placed(one, one.antenna, path, duration_s) if isinstance(one, Meaconing) and one.antenna is not None else one
         for one in attacks
     )
 

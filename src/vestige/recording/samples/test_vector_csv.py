@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from vestige.constants import MAX_SVID, SECONDS_PER_WEEK
@@ -42,6 +42,31 @@ def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[I
             page = data[PAGE_BYTES * index : PAGE_BYTES * (index + 1)]
             if page:
                 yield InavPage(svid=svid, time=time, data=page)
+
+
+def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> None:
+    """Write the pages of some satellites; all begin with the same page and miss none.
+
+    Parameters
+    ----------
+    path
+        The file, which is written over.
+    pages
+        Of each satellite, by SVID, in the order of time.
+
+    Raises
+    ------
+    ValueError
+        If a page is missing, or the satellites do not begin at the same time.
+    """
+    start = min(of_one[0].time for of_one in pages.values())
+    lines = [HEADER]
+    for svid, of_one in sorted(pages.items()):
+        if any(page.time != start + PAGE_S * number for number, page in enumerate(of_one)):
+            raise ValueError(f"E{svid:02d}: its pages do not follow each other from {start} on")
+        data = b"".join(page.data for page in of_one)
+        lines.append(f"{svid:02d},{8 * len(data)},{data.hex().upper()}")
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
 
 
 def _read_lines(path: Path) -> dict[int, bytes]:
