@@ -1,0 +1,159 @@
+"""A recorded second of a whole sky in both bands, against the straightforward numpy version, in one run.
+
+E1-B, E1-C, E6-B and encrypted E6-C of each satellite with noise, quantised to int8: what `vestige simulate` makes but
+for the disk. The straightforward version is the definition (`waveform.Component.received`): complex128, component by
+component, a floor, a look-up and an `np.exp` each, over a few milliseconds. Both are checked to give the same samples
+without noise before anything is timed.
+
+`work` is CPU time a recorded second on one thread; `wall` is with two threads, which says something on an idle machine.
+
+    python benchmarks/sky.py [--satellites 8] [--rate 12.5e6] [--seconds 4] [--json FILE]
+
+Exit status 1 if a bar is missed.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import argparse
+import json
+import platform
+import resource
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.recorder import ReceivedSatellite, record_band
+from vestige.recording.samples.sample_format import SampleFormat, encode
+from vestige.records import Band
+from vestige.scenario.campaign import CampaignScenario
+from vestige.scenario.load import load_scenario
+from vestige.signal_generator.noise_kernel import noise_key
+from vestige.signal_generator.synthesis import amplitude
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.simulated.exported_case import AcasTestCase
+
+NIGHT = Path(__file__).parents[1] / "scenarios" / "night.toml"
+BARS = {"ratio": 25.0, "wall_s": 1.0, "memory_mb": 400.0}
+FORM = SampleFormat(component="int8", layout="iq")
+_PLAIN_SAMPLES = 20_000
+
+
+def plain(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int) -> np.ndarray:
+    """Return n samples about 0.5 s after the start, as one writes it first."""
+    t = (round(rate_hz / 2) + np.arange(n)) / rate_hz
+    x = np.zeros(n, complex)
+    for one in sky:
+        held, p = one.propagation(0.5), one.pseudorange.range_m(t)
+        p_code = p + held.delay_m
+        turn = np.exp(2j * np.pi * CARRIER_HZ[band] / 299_792_458.0 * (p_code - p))
+        for component in one.components:
+            x += (
+                held.amplitude
+                * amplitude(one.cn0_dbhz, rate_hz)
+                * turn
+                * component.received(t, p_code, CARRIER_HZ[band])
+            )
+    return x
+
+
+def recorded(
+    sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int, pool: ThreadPoolExecutor | None
+) -> int:
+    """Make n samples as they are stored, and return how many bytes they were."""
+    batches = record_band(
+        band,
+        sky,
+        reference=START,
+        front_end=FrontEnd(sample_rate_hz=rate_hz),
+        n_samples=n,
+        noise_key=noise_key(1, 0, 61),
+        pool=pool,
+    )
+    return sum(encode(batch.samples, FORM, scale=20.0).nbytes for batch in batches)
+
+
+def quiet(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, first: int, n: int) -> np.ndarray:
+    """Return n samples without noise."""
+    batches = record_band(
+        band,
+        sky,
+        reference=START,
+        front_end=FrontEnd(sample_rate_hz=rate_hz),
+        first_sample=first,
+        n_samples=n,
+        noise_key=None,
+    )
+    return np.concatenate([batch.samples for batch in batches])
+
+
+START = load_scenario(NIGHT, ()).start_time
+
+
+def main() -> None:
+    """Measure, print, and say whether the bars are met."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--satellites", type=int, default=8)
+    parser.add_argument("--rate", type=float, default=12.5e6)
+    parser.add_argument("--seconds", type=int, default=4)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    every = ["constellation.mask_deg=0.0"] if options.satellites > 8 else []
+    scenario = load_scenario(NIGHT, (f"receiver.sample_rate_hz={options.rate}", *every))
+    assert isinstance(scenario, CampaignScenario)
+    case = AcasTestCase(scenario=scenario, first=0, end=options.seconds + 1)
+    skies = {band: case.sky(band) for band in Band}
+    while len(skies[Band.E1]) < options.satellites:  # below the horizon there are no more: some come twice
+        skies = {band: sky + sky[: options.satellites - len(sky)] for band, sky in skies.items()}
+    skies = {band: sky[: options.satellites] for band, sky in skies.items()}
+
+    n, at = _PLAIN_SAMPLES, round(options.rate / 2)
+    straightforward_s = 0.0
+    for band, sky in skies.items():
+        fast = quiet(sky, band, options.rate, at, n)
+        before = time.process_time()
+        slow = plain(sky, band, options.rate, n)
+        noise = np.random.default_rng(1).normal(size=(2, n)) * np.sqrt(0.5)
+        np.clip(np.rint(20 * (slow + noise[0] + 1j * noise[1]).view(float)), -128, 127).astype(np.int8)
+        straightforward_s += (time.process_time() - before) * options.rate / n
+        error = np.abs(fast - slow) / amplitude(sky[0].cn0_dbhz, options.rate)
+        assert np.quantile(error, 0.999) < 5e-3, error.max()
+    samples = round(options.seconds * options.rate)
+    before = time.process_time()
+    for band, sky in skies.items():
+        recorded(sky, band, options.rate, samples, None)
+    work_s = (time.process_time() - before) / options.seconds
+    started = time.perf_counter()
+    with ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(2) as bands:
+        made = [bands.submit(recorded, sky, band, options.rate, samples, pool) for band, sky in skies.items()]
+        assert sum(one.result() for one in made) == 4 * samples
+    wall_s = (time.perf_counter() - started) / options.seconds
+    found = {
+        "satellites": options.satellites,
+        "rate_hz": options.rate,
+        "work_s": work_s,
+        "wall_s": wall_s,
+        "straightforward_s": straightforward_s,
+        "ratio": straightforward_s / work_s,
+        "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    for name, value in found.items():
+        print(f"{name:18} {value:12.4g}")
+    if options.json:
+        options.json.write_text(json.dumps(found | {"machine": platform.processor()}))
+    standard = options.satellites == 8 and options.rate == 12.5e6
+    missed = standard and (
+        found["ratio"] < BARS["ratio"] or wall_s > BARS["wall_s"] or found["memory_mb"] > BARS["memory_mb"]
+    )
+    sys.exit(int(missed))
+
+
+if __name__ == "__main__":
+    main()
