@@ -56,7 +56,7 @@ class Antenna:
     # by how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
     fall_db: float = 0.0
 
-    def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the expected C/N0; NaN where the elevation matters and is not known."""
         if not self.fall_db:
             return np.full(elevation_rad.shape, zenith_dbhz)

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the highest elevation of
-                  the run, and the line of sight has √ of the loss as its amplitude
+    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
+                  line of sight has √ of the later gain as its amplitude
     rays          relative amplitude of `acas_processor.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `acas_processor.elevation_model`
 
@@ -107,14 +107,14 @@ class ElevationEffects:
 
     path: SatelliteRange
     mask_deg: float  # lowest elevation at which it is received
-    highest_rad: float  # elevation at which its C/N0 is the nominal one
+    first_rad: float  # elevation at the first epoch, at which its C/N0 is the nominal one
     antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
     ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
 
     @property
     def nominal_db(self) -> float:
         """Nominal C/N0 over that at the zenith."""
-        return float(self.antenna.cn0_dbhz(np.array([self.highest_rad]))[0]) - self.antenna.zenith_dbhz
+        return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
         """Return how the satellite is seen at epochs on the receiver's clock, which is wrong by `clock_m`."""
