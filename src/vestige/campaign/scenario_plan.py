@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.measure import detect
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
@@ -47,7 +46,6 @@ from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
-from vestige.theory.thresholds import threshold
 
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
@@ -145,7 +143,7 @@ class ScenarioPlan:
             "scenario_digest": hashlib.sha256(text.encode()).hexdigest(),
             "seed": self.scenario.seed,
             "p_fa": processor.p_fa,
-            "threshold_sigma": float(threshold(processor.p_fa)),
+            "threshold_sigma": self._judged.processor.detection_threshold,
             "signal": receiver.signal,
             **({"cn0_dbhz": receiver.cn0_dbhz} if receiver.signal else {}),
             "integration_s": self.scenario.recs.integration_s,
@@ -233,7 +231,7 @@ class ScenarioPlan:
         """Return what each detector says of the banks."""
         correlated = measured.availability == Availability.CORRELATED
         found = [
-            detect(replace(self._judged.processor, detector=detector()), measured.banks, correlated)
+            replace(self._judged.processor, detector=detector()).detect(measured.banks, correlated)
             for detector in self.scenario.processor.detectors.values()
         ]
         return {

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
+from vestige.acas_processor.measurement import exceeds_threshold
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E6C
 
@@ -193,10 +194,8 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
 
 def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
     """Return how many taps exceed the threshold, of how many that are not NaN."""
-    sigma = np.sqrt(block["noise_power"].values.astype(np.float64) / 2)[..., None]
-    magnitude_sigma = np.abs(taps.astype(np.complex128)) / sigma
-    exceeding = np.count_nonzero(magnitude_sigma > float(block.attrs["threshold_sigma"]))
-    return int(exceeding), int(np.count_nonzero(~np.isnan(magnitude_sigma)))
+    exceeding, correlated = exceeds_threshold(taps, block["noise_power"].values, float(block.attrs["threshold_sigma"]))
+    return int(np.count_nonzero(exceeding)), int(np.count_nonzero(correlated))
 
 
 def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:

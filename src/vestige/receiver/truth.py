@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
 from vestige.own_parts import require_numbers
 from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
 from vestige.receiver.errors.error_process import (

@@ -18,9 +18,9 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
+from vestige.constants import DAY_S
 from vestige.output import replacement
 from vestige.threats.matrix import SceneCell
 from vestige.threats.scenes import LEVELS

@@ -29,8 +29,8 @@ from jaxtyping import Complex128, Float
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, MeasurementBlock, spread
-from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation

@@ -27,12 +27,12 @@ from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.records import Band
 from vestige.records.checks import CheckName
+from vestige.theory.search_budget import SEARCH_P_FA
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
 _CLOCK = (CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE)
-SEARCH_P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,6 @@ from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Sn
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.stored import StoredScenario
-from vestige.theory.thresholds import threshold
 from vestige.time import GalileoTime
 
 Columns = Mapping[str, np.ndarray]
@@ -278,5 +277,5 @@ def _detected(of: Judged, columns: Columns) -> DetectedBlock:
         magnitude_sigma=_double(columns["magnitude_sigma"][place]),
         phase_rad=_double(columns["phase_rad"][place]),
         range_offset_m=_double(columns["range_offset_m"][place]),
-        threshold_sigma=float(threshold(of.processor.p_fa)),
+        threshold_sigma=of.processor.detection_threshold,
     )

@@ -11,9 +11,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.statistics import Proportion
 from vestige.cli.campaigns.campaign_report import as_json
+from vestige.constants import DAY_S
 from vestige.threats.matrix import SceneCell
 from vestige.threats.scene_outcome import Agreement, SceneOutcome
 from vestige.threats.scenes import LEVELS, Threat

@@ -4,8 +4,8 @@ Theory of operation
 -------------------
     strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
                   line of sight has √ of the later gain as its amplitude
-    rays          relative amplitude of `acas_processor.elevation_model`
-    ionosphere    obliquity M(e)/M(17.5°) of `acas_processor.elevation_model`
+    rays          relative amplitude of `navigation.elevation_model`
+    ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
 The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
 Gauss-Markov process and ρ the common share of the variance,

@@ -1,0 +1,50 @@
+"""Only the processor judges: the import contracts hold for type annotations too, and name what they forbid."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CONTRACTS = {
+    one["name"]: one
+    for one in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+}
+JUDGE_NOTHING = CONTRACTS["campaigns, threats, plots and reports judge nothing"]
+NO_PROCESSOR = CONTRACTS["the simulated receiver imports no processor"]
+
+
+def imports(path: Path) -> set[str]:
+    """Return the modules of vestige that a file imports, for its types alone too."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("vestige."):
+            found |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
+        if isinstance(node, ast.Import):
+            found |= {one.name for one in node.names}
+    return found
+
+
+@pytest.mark.parametrize("contract", [JUDGE_NOTHING, NO_PROCESSOR], ids=["judges nothing", "no processor"])
+def test_a_room_imports_nothing_that_is_forbidden(contract: dict[str, list[str]]) -> None:
+    allowed = {tuple(one.split(" -> ")) for one in contract.get("ignore_imports", [])}
+    wrong = []
+    for room in contract["source_modules"]:
+        for path in sorted((ROOT / "src" / Path(*room.split("."))).rglob("*.py")):
+            module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+            for name in imports(path):
+                for forbidden in contract["forbidden_modules"]:
+                    inside = name == forbidden or name.startswith(f"{forbidden}.")
+                    if inside and (module, forbidden) not in allowed:
+                        wrong.append(f"{module} imports {name}")
+    assert not wrong
+
+
+def test_the_contract_names_every_room_that_computes_a_verdict() -> None:
+    parts = {"assess", "checks", "measure", "searches", "evidence", "monitoring.alarm_budget", "monitoring.baseline"}
+    assert {f"vestige.acas_processor.{one}" for one in parts} <= set(JUDGE_NOTHING["forbidden_modules"])
+    assert "vestige.theory.thresholds" in JUDGE_NOTHING["forbidden_modules"]
+    assert NO_PROCESSOR["forbidden_modules"] == ["vestige.acas_processor"]
