@@ -16,8 +16,7 @@ The others allow for more than is always there, a front end that drifts or a C/N
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,7 +24,7 @@ import numpy as np
 
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
-from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
+from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
 from vestige.constants import DAY_S
 from vestige.records.checks import AlarmShare, CheckName
 from vestige.theory.thresholds import probability_of_detection
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from vestige.acas_processor.verdict_block import VerdictBlock
 
 SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
-EXACT = frozenset({CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE, CheckName.RAIM})
 ALARMS_A_DAY = 1.0  # for what can be chosen
 
 
@@ -67,31 +65,24 @@ def false_alarm_budget(
     alarms_a_day: float = ALARMS_A_DAY,
     kappa: float = KAPPA,
     pd: float = MIN_PD,
-    further: Mapping[CheckSpec, float] | None = None,
+    further: Sequence[CheckSpec] = (),
 ) -> dict[CheckName | str, AlarmShare]:
     """Return the share of each check of a level, by name.
 
     `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
-    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote, with the
-    false-alarm probability of one test of each.
+    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote.
     """
-    further = {} if further is None else further
-    own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {
-        "E6 power": 1 - pd,
-        CheckName.E1_E6_RANGE: math.erfc(kappa / math.sqrt(2)),
-        "power-distortion": 0.006,  # [WESSON18]
-        "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
-    }
-    free = sum(row.name not in own for row in LEVELS[level])
+    assumed = DetectionAssumptions(kappa=kappa, pd=pd)
+    free = sum(row.own_p_fa is None for row in LEVELS[level])
     shares: dict[CheckName | str, AlarmShare] = {}
     for row in (*LEVELS[level], *further):
         tests = cadence.tests_a_day(row)
-        p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)
+        p_fa = alarms_a_day / max(free, 1) / tests if row.own_p_fa is None else row.own_p_fa(assumed)
         shares[row.name] = AlarmShare(
             p_fa=p_fa,
             alarms_a_day=p_fa**row.confirm * tests,
-            chosen=row.name not in own,
-            exact=row.name in EXACT,
+            chosen=row.own_p_fa is None,
+            exact=row.exact,
         )
     return shares
 
@@ -104,7 +95,7 @@ def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName |
         alarms_a_day=processor.monitoring.alarms_a_day,
         kappa=processor.kappa,
         pd=_mean_pd(processor, block),
-        further={one.spec: one.p_fa for one in processor.own_of_level},
+        further=[one.spec for one in processor.own_of_level],
     )
 
 
