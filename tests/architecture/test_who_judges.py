@@ -48,3 +48,28 @@ def test_the_contract_names_every_room_that_computes_a_verdict() -> None:
     assert {f"vestige.acas_processor.{one}" for one in parts} <= set(JUDGE_NOTHING["forbidden_modules"])
     assert "vestige.theory.thresholds" in JUDGE_NOTHING["forbidden_modules"]
     assert NO_PROCESSOR["forbidden_modules"] == ["vestige.acas_processor"]
+
+
+def test_sources_are_not_told_apart_by_their_class() -> None:
+    """A block answers `correlate` and both searches; nobody asks which class it is, but one guard."""
+    sources = {
+        "CorrelatableSamples",
+        "DrawnE6",
+        "DrawnSearches",
+        "KnownSearches",
+        "SampledSearches",
+        "SimulatedE6Samples",
+    }
+    asked = set()
+    for path in sorted((ROOT / "src" / "vestige").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
+                named = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
+                if named & sources:
+                    asked.add(path.relative_to(ROOT / "src" / "vestige").as_posix())
+    assert asked == {"receiver/snapshots/assistance.py"}  # refuses snapshots that are not of its own receiver
+
+
+def test_records_of_blocks_have_types() -> None:
+    text = (ROOT / "src" / "vestige" / "records" / "snapshot_block.py").read_text(encoding="utf-8")
+    assert "Any" not in {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
@@ -31,16 +31,18 @@ from vestige.acas_processor.levels import MINIMUM, POSITION, combine, confirmed,
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
-from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.range_in_use import ranges_in_use
+from vestige.acas_processor.searches.block_searches import ProcessorSearches
 from vestige.acas_processor.searches.searches import SearchResults, search_due
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.records import Status
+from vestige.records import Assistance, Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import SearchRequest
+from vestige.records.time_uncertainty import FIXED_S, TimeUncertainty
 from vestige.time import GalileoTime
 
 if TYPE_CHECKING:
@@ -227,8 +229,8 @@ class _Assessment:
             uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
-            assistance=self._assistance,
-            processor=self._processor,
+            # only a recording is searched in samples, and its assistance has the RECS as downloaded
+            in_samples=ProcessorSearches(processor=self._processor, assistance=cast("Assistance", self._assistance)),
         )
 
     def _search_e1(self) -> SearchResults:

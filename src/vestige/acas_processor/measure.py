@@ -18,7 +18,13 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Float
 
 from vestige.acas_processor.detectors import Detector
-from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock, magnitudes_sigma, spread
+from vestige.acas_processor.measurement import (
+    Availability,
+    DetectedBlock,
+    MeasurementBlock,
+    normalised_magnitudes,
+    spread,
+)
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -94,7 +100,7 @@ def detect_block(
     `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
     dimension.
     """
-    magnitudes = magnitudes_sigma(taps, noise_power)
+    magnitudes = normalised_magnitudes(taps, noise_power)
     tap = detector.detect(magnitudes, threshold_sigma)
     found = tap >= 0
     rows, columns = np.arange(tap.size), np.where(found, tap, 0)

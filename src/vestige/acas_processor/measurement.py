@@ -180,7 +180,7 @@ _WHY = {
 }
 
 
-def magnitudes_sigma(
+def normalised_magnitudes(
     taps: Complex[np.ndarray, "*n k"], noise_power: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n k"]:
     """Return the magnitudes of correlators in standard deviations of the noise per dimension."""
@@ -191,5 +191,5 @@ def exceeds_threshold(
     taps: Complex[np.ndarray, "*n k"], noise_power: Float[np.ndarray, "*n"], threshold_sigma: float
 ) -> tuple[Bool[np.ndarray, "*n k"], Bool[np.ndarray, "*n k"]]:
     """Return which single correlators exceed the threshold of the detection, and which were correlated at all."""
-    magnitude_sigma = magnitudes_sigma(taps.astype(np.complex128), noise_power.astype(np.float64))
+    magnitude_sigma = normalised_magnitudes(taps.astype(np.complex128), noise_power.astype(np.float64))
     return magnitude_sigma > threshold_sigma, ~np.isnan(magnitude_sigma)

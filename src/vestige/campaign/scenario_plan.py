@@ -37,7 +37,6 @@ from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation
-from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
@@ -206,7 +205,7 @@ class ScenarioPlan:
                 ]
             )
         if self._receiver.with_taps:
-            columns |= e1_columns(snapshots)
+            columns |= e1_columns(snapshots, self._receiver.searches(of).finds)
         if self.scenario.constellation:
             columns |= osnma_columns(snapshots, OsnmaReception(of=of).pages(self.scenario.interval_s))
             columns |= view_columns(truths)
@@ -244,7 +243,7 @@ class ScenarioPlan:
     def _front_end(self, snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
         """Return what the front end of E6 said around the RECS; without samples it is ideal, and only checks ask."""
         unknown = np.full(len(snapshots.time), np.nan)
-        sampled = isinstance(snapshots.e6, SimulatedE6Samples)
+        sampled = self.scenario.fidelity == "samples"
         if not sampled and not self._receiver.with_taps:
             return {"e6_total_power_db": unknown, "e6_agc_gain_db": unknown, "e6_saturated": np.full(unknown.size, -1)}
         said: FrontEndBlock = snapshots.front_end[Band.E6]

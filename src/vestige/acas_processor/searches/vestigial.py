@@ -20,12 +20,11 @@ from itertools import pairwise
 
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import ReceptionProof
-from vestige.records import Assistance, ChipSequence
+from vestige.records import Assistance, ChipSequence, SampleSource
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
 from vestige.sample_processor.search.peak import Peak, separated
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 

@@ -47,10 +47,10 @@ from vestige.signals.definitions import E1C, E6C
 from vestige.signals.pulse import BOC11, BPSK, autocorrelation, band_limited_autocorrelation
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
 from vestige.theory.thresholds import amplitude, probability_of_detection, threshold
 
-P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
 WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
@@ -143,7 +143,7 @@ def search_outcome(
     seed: int,
     svid: int,
     first: int,
-    p_fa: float = P_FA,
+    p_fa: float = SEARCH_P_FA,
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
@@ -172,8 +172,8 @@ def outcome(
     *,
     shift_m: Float[np.ndarray, " n"],
     integration_s: float,
-    e1_p_fa: float = P_FA,
-    exhaustive_p_fa: float = P_FA,
+    e1_p_fa: float = SEARCH_P_FA,
+    exhaustive_p_fa: float = SEARCH_P_FA,
     window_s: float = WINDOW_S,
     periods: int = MAX_STRETCHES,
 ) -> SearchOutcome:

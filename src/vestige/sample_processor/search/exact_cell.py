@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex128, Float64
 
-from vestige.records import ChipSequence, Handover
+from vestige.records import ChipSequence, Handover, SampleSource
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, peak_at
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 

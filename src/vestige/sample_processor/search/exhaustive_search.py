@@ -29,13 +29,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64, Int16
 
-from vestige.records import ChipSequence
+from vestige.records import ChipSequence, SampleSource
 from vestige.sample_processor.search.engines.choice import EngineName, make_engine
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA, Engine
 from vestige.sample_processor.search.exact_cell import Cell, exact_peak
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, separated, shortened
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 

@@ -29,10 +29,9 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from vestige.constants import E1_CODE_PERIOD_S
-from vestige.records import ChipSequence, Handover
+from vestige.records import ChipSequence, Handover, SampleSource
 from vestige.sample_processor.search.peak import Peak, peak_at, separated
 from vestige.sample_processor.search.row_kernel import OFFSETS_AT_ONCE, row_products, time_of
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 

@@ -12,12 +12,12 @@ from tests.sky_builder import CLEAN, sky_scenario
 
 import vestige.receiver.simulation as simulation_module
 from vestige.acas_processor.detectors import MaximumDetector
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band
 from vestige.records.snapshot_block import SearchRequest, SnapshotBlock
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
