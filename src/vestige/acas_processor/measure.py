@@ -23,7 +23,7 @@ from vestige.acas_processor.measurement import (
     DetectedBlock,
     MeasurementBlock,
     normalised_magnitudes,
-    spread,
+    spread_over_block,
 )
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
@@ -79,10 +79,10 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
     )
     shape = correlated.shape
     return DetectedBlock(
-        tap=spread(found.tap, correlated, shape, -1),
-        magnitude_sigma=spread(found.magnitude_sigma, correlated, shape),
-        phase_rad=spread(found.phase_rad, correlated, shape),
-        range_offset_m=spread(found.range_offset_m, correlated, shape),
+        tap=spread_over_block(found.tap, correlated, shape, -1),
+        magnitude_sigma=spread_over_block(found.magnitude_sigma, correlated, shape),
+        phase_rad=spread_over_block(found.phase_rad, correlated, shape),
+        range_offset_m=spread_over_block(found.range_offset_m, correlated, shape),
         threshold_sigma=limit,
     )
 

@@ -159,7 +159,9 @@ class MeasurementBlock:
         )
 
 
-def spread(values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan) -> np.ndarray:
+def spread_over_block(
+    values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan
+) -> np.ndarray:
     """Return values of some places, rows or a mask, among all of a shape, with nothing in the others."""
     found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
     found[where] = values

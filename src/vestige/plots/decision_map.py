@@ -15,7 +15,12 @@ from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_si
 from vestige.records.checks import SignalClass
 
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
-COLOURS = {SignalClass.CLEAN: GREEN, SignalClass.MULTIPATH: BLUE, SignalClass.SPOOFED: RED, SignalClass.JAMMED: ORANGE}
+CLASS_COLOURS = {
+    SignalClass.CLEAN: GREEN,
+    SignalClass.MULTIPATH: BLUE,
+    SignalClass.SPOOFED: RED,
+    SignalClass.JAMMED: ORANGE,
+}
 
 
 class Regions(Protocol):
@@ -50,10 +55,10 @@ def decision_map(
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)
-    colours = ListedColormap([COLOURS[one] for one in SignalClass])
+    colours = ListedColormap([CLASS_COLOURS[one] for one in SignalClass])
     ax.pcolormesh(x, y, regions.classes.T, cmap=colours, vmin=-0.5, vmax=3.5, alpha=_LIGHT, rasterized=True)
     handles: list[Patch | Line2D] = [
-        Patch(color=COLOURS[one], alpha=_LIGHT, label=one.name.lower()) for one in SignalClass
+        Patch(color=CLASS_COLOURS[one], alpha=_LIGHT, label=one.name.lower()) for one in SignalClass
     ]
     if power_db is not None and distortion is not None:
         known = np.isfinite(power_db) & np.isfinite(distortion)

@@ -59,7 +59,7 @@ def test_a_receiver_under_a_sky_knows_antenna_orbits_and_cadence() -> None:
 def test_the_receiver_counts_the_satellites_of_the_first_epoch() -> None:
     """Eight satellites are above the mask at the start; two remain after half a day."""
     scenario = sky_scenario("epochs=721", "interval_s=60.0", "recs.every=1")
-    views = [one.truth().advance(0, 721).view.in_view for one in scenario.simulations]
+    views = [one.truth().advance(0, 721).geometry.in_view for one in scenario.simulations]
     in_view = np.sum(views, axis=0)
     assert (in_view[0], in_view[-1]) == (8, 2)
     settings = processor_of(scenario).monitoring
@@ -72,7 +72,7 @@ def test_the_receiver_counts_the_satellites_of_the_first_epoch() -> None:
 def test_without_a_satellite_in_view_one_at_the_mask_is_expected() -> None:
     """SVID 2 is below the horizon at the start, and rises within the 20 hours of the run."""
     scenario = sky_scenario("constellation.svids=[2]", "epochs=1200", "interval_s=60.0", "recs.every=1")
-    assert not scenario.simulations[0].truth().advance(0, 1).view.in_view[0]
+    assert not scenario.simulations[0].truth().advance(0, 1).geometry.in_view[0]
     settings = processor_of(scenario).monitoring
     assert settings.cadence.satellites == 1
     at_mask_dbhz = 45 - 9 * (1 - math.sin(math.radians(5)))

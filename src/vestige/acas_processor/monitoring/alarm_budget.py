@@ -25,7 +25,7 @@ import numpy as np
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
-from vestige.constants import DAY_S
+from vestige.constants import DAY_S, SUBFRAME_S
 from vestige.records.checks import AlarmShare, CheckName
 from vestige.theory.thresholds import probability_of_detection
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.verdict_block import VerdictBlock
 
-SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
 ALARMS_A_DAY = 1.0  # for what can be chosen
 
 

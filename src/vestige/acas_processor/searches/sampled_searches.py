@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.searches.handover import assisted_delay_m
 from vestige.acas_processor.searches.vestigial import (
-    E1_WINDOW_S,
     VestigialDecision,
     arrival_window,
     decide_vestigial,
@@ -34,6 +33,7 @@ from vestige.records import Assistance, ChipSequence, SampleBatch, SampleSource,
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak

@@ -146,7 +146,7 @@ class LmsLiteMultipath:
 
 
 # by the name that a scenario file gives
-PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
+MULTIPATH_PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
     {"elevation-5-30": LmsLiteMultipath.elevation_5_30, "open-sky": LmsLiteMultipath.open_sky}
 )
 

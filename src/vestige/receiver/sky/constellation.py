@@ -23,7 +23,7 @@ from vestige.time import GalileoTime
 
 # Reference constellation of 2016-11-21T00:00:00 UTC [GSC-ORBITS]
 REFERENCE_EPOCH = GalileoTime.parse("2016-11-21T00:00:00 UTC")
-SEMI_MAJOR_AXIS_M = 29_599_800.0
+ORBIT_SEMI_MAJOR_AXIS_M = 29_599_800.0
 INCLINATION_DEG = 56.0
 NODE_DEG = {"A": 317.632, "B": 77.632, "C": 197.632}  # right ascension of the ascending node
 LATITUDE_DEG = {"A": 180.153, "B": 195.153, "C": 210.153}  # argument of latitude of slot 1
@@ -38,7 +38,7 @@ _REFERENCE_DAYS = 6168.5  # of REFERENCE_EPOCH after 2000-01-01T12:00, UTC
 def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
     """Return the 24 satellites of the reference constellation with orbits given at `toe`, clocks without error."""
     elapsed_s = toe - REFERENCE_EPOCH
-    axis = SEMI_MAJOR_AXIS_M
+    axis = ORBIT_SEMI_MAJOR_AXIS_M
     node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / DAY_S
     latitude_rate = np.radians(LATITUDE_RATE_DEG_PER_DAY) / DAY_S
     # the message gives the node's longitude as if the Earth had stood at the start of the week

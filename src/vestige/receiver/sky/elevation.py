@@ -57,9 +57,9 @@ class SatelliteGeometry:
 
 
 class SatelliteMotion(NamedTuple):
-    """A view, with range, range rate and range acceleration."""
+    """How a satellite is seen, with range, range rate and range acceleration."""
 
-    view: SatelliteGeometry
+    geometry: SatelliteGeometry
     range_m: Float[np.ndarray, " n"]
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
@@ -121,7 +121,7 @@ class ElevationEffects:
         clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
         sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
-        view = SatelliteGeometry(
+        geometry = SatelliteGeometry(
             clock_offset_s=clock_offset_s,
             amplitude=10 ** (gain_db / 20),
             azimuth_rad=sight.azimuth_rad,
@@ -129,7 +129,7 @@ class ElevationEffects:
             in_view=sight.elevation_rad >= np.radians(self.mask_deg),
         )
         return SatelliteMotion(
-            view,
+            geometry,
             sight.range_m - sight.satellite_clock_m,
             sight.rate_mps - sight.satellite_clock_mps,
             sight.acceleration_mps2,
