@@ -43,11 +43,11 @@ from vestige.recording.recording import open_recording
 from vestige.records import Band, ChipSequence, SampleBatch
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.engines.choice import EngineName, choose_engine, make_engine
-from vestige.sample_processor.search.engines.engine import GRIDS, SIGMA, EngineUnavailableError
+from vestige.sample_processor.search.engines.engine import CHIP_SIGMA, GRIDS, EngineUnavailableError
 from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
-from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, handover_positions, search_handover
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -145,7 +145,7 @@ def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
     n = 20_460
     code = chips.chips[None, :n]
     fast, plain = SegmentEngine(code), FftEngine(code)
-    noise = np.rint(SIGMA * rng.standard_normal((2, 2, n + fast.block))).clip(-100, 100).astype(np.int16)
+    noise = np.rint(CHIP_SIGMA * rng.standard_normal((2, 2, n + fast.block))).clip(-100, 100).astype(np.int16)
     text_code = chips.chips[np.arange(40_960) * n // 40_960].astype(complex)
     text_samples = rng.standard_normal((81_920, 2)) @ [1, 1j]
     bins = GRIDS[n].bins_hz.size
@@ -158,7 +158,7 @@ def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
     line = CandidateEpochs(svid=11, chips=chips, anchor=START + 0.1, period_s=4e-3, doppler_hz=800.0)
     assert len(search_handover(once, line, START, START + KEPT_S, 6.0, taps=1)) == 1
     source = Repeated(once.batch)
-    assert abs(positions(source, line, START, START + SEARCHED_S).size - PLACES) <= 1
+    assert abs(handover_positions(source, line, START, START + SEARCHED_S).size - PLACES) <= 1
 
     def handed_over(taps: int) -> float:
         return seconds(lambda: search_handover(source, line, START, START + SEARCHED_S, NEVER, taps=taps))
@@ -180,7 +180,7 @@ def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
     }
     if engine == "cuda":
         gpu = make_engine("cuda", code)
-        more = np.rint(SIGMA * rng.standard_normal((2, 2, n + gpu.block))).clip(-100, 100).astype(np.int16)
+        more = np.rint(CHIP_SIGMA * rng.standard_normal((2, 2, n + gpu.block))).clip(-100, 100).astype(np.int16)
         jobs["cuda"] = lambda: 2 * bins * gpu.block / wall_seconds(lambda: gpu.powers(more, gpu.block))
     for job in jobs.values():
         job()

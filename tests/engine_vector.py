@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS
 
 MILLISECONDS = (1, 2, 4, 8, 16)
 N_OFFSETS = 600  # more than one vector block, and not a multiple of it
@@ -16,9 +16,9 @@ def engine_vector(ms: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     n = 5115 * ms
     codes = (1 - 2 * rng.integers(0, 2, (2, n))).astype(np.int8)
-    x = SIGMA * rng.standard_normal((2, 2, n + N_OFFSETS))
+    x = CHIP_SIGMA * rng.standard_normal((2, 2, n + N_OFFSETS))
     f = GRIDS[n].bins_hz[1] + 0.1 / (n / CHIP_RATE_HZ)
-    signal = 12 * SIGMA * np.sqrt(2 / n) * codes[1] * np.exp(2j * np.pi * f * np.arange(n) / CHIP_RATE_HZ + 1j)
+    signal = 12 * CHIP_SIGMA * np.sqrt(2 / n) * codes[1] * np.exp(2j * np.pi * f * np.arange(n) / CHIP_RATE_HZ + 1j)
     x[1, 0, 333 : 333 + n] += signal.real
     x[1, 1, 333 : 333 + n] += signal.imag
     return codes, np.clip(np.rint(x), -CLIP, CLIP).astype(np.int16)

@@ -13,7 +13,7 @@ import vestige as vs
 from vestige.campaign.columns.judged_columns import judged_columns
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.scenes import Scene, Threat, read_threats, scenario_of
+from vestige.threats.scenes import Scene, Threat, read_threats, scene_scenario
 
 SVIDS = (6, 7, 12, 13, 24)  # of eight: enough for RAIM, and some of those that are attacked
 
@@ -42,7 +42,7 @@ def short_scene(
     every
         Time between two RECS in s.
     """
-    whole = scenario_of(threat, scene, seed)
+    whole = scene_scenario(threat, scene, seed)
     starts_s = [one.start_s for one in whole.attack]
     late_s = max(0.0, min(starts_s, default=0.0) - before_s)
     attack = tuple(replace(one, start_s=one.start_s - late_s) for one in whole.attack)

@@ -42,7 +42,7 @@ def e1_of(scenario: CampaignScenario) -> dict[str, np.ndarray]:
     block, truth = whole_block(scenario)
     assert block.e1.taps is not None
     strengths = [
-        one.cn0_e1_dbhz + 20 * np.log10(own.view.amplitude)
+        one.cn0_e1_dbhz + 20 * np.log10(own.geometry.amplitude)
         for one, own in zip(scenario.simulations, truth, strict=True)
     ]
     return {

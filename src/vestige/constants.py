@@ -10,6 +10,9 @@ E6_CARRIER_HZ = 125 * FUNDAMENTAL_FREQUENCY_HZ  # [E6-CODES]
 GAMMA_E1_E6 = (154 / 125) ** 2  # (f1/f6)^2 = 1.517824 exactly; dispersive delays on E6 are this much larger than on E1
 
 SECONDS_PER_WEEK = 604_800
+DAY_S = 86_400
 SUBFRAME_S = 30  # one I/NAV subframe, and so one OSNMA key interval [OSNMA-ICD]
+PAGES_A_SUBFRAME = 15  # I/NAV pages of 2 s [OS-ICD, 4.3]
 E1_CODE_PERIOD_S = 4e-3  # 4092 chips at 1.023 Mcps [OS-ICD, 2.3.3]
+SECONDARY_PERIOD_S = 0.1  # 25 code periods of E1-C [OS-ICD, 2.3.3]
 MAX_SVID = 36  # Galileo space vehicle identifiers run from 1 to 36 [OS-ICD, 5.1.9.1]

@@ -108,7 +108,7 @@ def test_formats(store: Path, tmp_path: Path, suffix: str) -> None:
 
 
 def test_formats_are_those_of_the_library() -> None:
-    assert FORMATS == figure.FORMATS
+    assert FORMATS == figure.FIGURE_FORMATS
 
 
 def _drawn(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:

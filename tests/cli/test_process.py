@@ -276,9 +276,9 @@ def test_keys_of_another_chain_are_refused(folder: Path, tmp_path: Path) -> None
 
 def test_what_was_taken_on_the_folders_word_is_said(folder: Path) -> None:
     own = _json(process, folder)
-    assert any("own public key" in line for line in own["cautions"])
+    assert any("own public key" in line for line in own["warnings"])
     named = _json(process, folder, "--public-key", folder / "osnma" / "public_key.pem")
-    assert named["cautions"] == []
+    assert named["warnings"] == []
     assert {one["status"] for one in named["verdicts"]} == {"AUTHENTIC"}
 
 

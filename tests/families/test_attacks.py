@@ -164,7 +164,7 @@ def test_outside_assumption_2(attack: Attack, off: dict[str, float]) -> None:
     """Only what nulls E6, or comes before the true signal on E6, is beyond the paper's attacker."""
     beyond = {CASES["nulling of both"][0], CASES["early lift-off"][0]}
     assert bool(attack.outside_assumption_2) == (attack in beyond)
-    assert len(Spoofer(attacks=(attack, attack)).cautions()) == 2 * (attack in beyond)
+    assert len(Spoofer(attacks=(attack, attack)).warnings()) == 2 * (attack in beyond)
 
 
 def test_attacks_combine() -> None:

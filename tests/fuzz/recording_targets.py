@@ -18,7 +18,7 @@ from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline, Quantity
 from vestige.acas_processor.monitoring.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
-from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.errors import VestigeError
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias, read_ionosphere
@@ -39,6 +39,7 @@ from vestige.recording.samples.sample_stream import SampleStream
 from vestige.recording.search_log import SearchLog
 from vestige.records import Band, E1Observation, Status
 from vestige.records.checks import CheckName
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.search.exhaustive_search import SearchState
 from vestige.sample_processor.search.peak import Peak
 

@@ -29,7 +29,7 @@ from vestige.campaign.store.store_skeleton import PROGRESS, WORK, work_digest
 from vestige.campaign.sweep.sweep import _check_folder as check_folder
 from vestige.campaign.sweep.sweep_axes import grid, parse_axis, store_name
 from vestige.plots.curves.sweep import read_sweep
-from vestige.receiver.errors.empirical_ionosphere import COLUMN, read_residuals
+from vestige.receiver.errors.empirical_ionosphere import IONOSPHERE_COLUMN, read_residuals
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.numeric_csv import WAYPOINTS
@@ -64,7 +64,7 @@ def _scenarios() -> Sequence[Files]:
     return [*found, liftoff | sky | {"waypoints.csv": waypoints} | _RESIDUALS | _PROFILE]
 
 
-_RESIDUALS = {"residuals.csv": f"{COLUMN}\n1.5\n-0.25\n0.75\n".encode()}
+_RESIDUALS = {"residuals.csv": f"{IONOSPHERE_COLUMN}\n1.5\n-0.25\n0.75\n".encode()}
 _PROFILE = {"profile.csv": b"time_s,value\n# a remark\n0,1.5\n10,2e1\n"}
 
 
@@ -104,7 +104,7 @@ def _read_scenario(folder: Path) -> None:
     if isinstance(scenario, CampaignScenario) and any(
         len(line.splitlines()) != 1 for line in scenario_warnings(scenario)
     ):
-        raise WrongAcceptanceError("a caution that is not one line")
+        raise WrongAcceptanceError("a warning that is not one line")
 
 
 def _tables() -> Sequence[Files]:

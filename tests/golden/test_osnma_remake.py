@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from vestige.crypto.keys.public_key_file import load_public_keys
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, NmaHeader, parse_kroot
+from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, NmaHeader, parse_kroot
 from vestige.crypto.osnma.messages.mac_lookup import slots
 from vestige.crypto.osnma.messages.navigation_data import NavigationWords
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, SatelliteSubframe, SubframeAssembler
@@ -90,7 +90,7 @@ def test_every_root_key_message_is_remade(received: Received) -> None:
         assert root.kroot is not None
         data = root.kroot.serialise()
         assert parse_kroot(data) == root.kroot
-        assert len(data) == root.kroot.n_blocks * BLOCK_BYTES
+        assert len(data) == root.kroot.n_blocks * DSM_BLOCK_BYTES
         assert root.kroot.expected_padding(root.header) == root.kroot.padding
 
 

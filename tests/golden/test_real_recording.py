@@ -161,7 +161,7 @@ class _Noted:
     """E6 that notes what it is asked for."""
 
     def __init__(self, e6: Correlatable) -> None:
-        self.e6, self.received_until = e6, e6.received_until
+        self.e6, self.received_from, self.received_until, self.searched = e6, e6.received_from, e6.received_until, None
         self.handovers: list[Handover] = []
 
     def correlate(self, handover: Handover, offsets_m: np.ndarray) -> CorrelatorBank | None:

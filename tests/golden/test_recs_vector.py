@@ -11,7 +11,7 @@ import pytest
 from builders import validated_key
 from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
-from vestige.crypto.recs.recs_file import FileKind, RecsFile
+from vestige.crypto.recs.recs_file import RecsFile, RecsFileKind
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import ChipSequence, EncryptedSegment
 from vestige.time import GalileoTime
@@ -100,7 +100,8 @@ def test_unitary_file(segment: EncryptedSegment, tmp_path: Path) -> None:
 
 def test_aggregated_file(segment: EncryptedSegment, tmp_path: Path) -> None:
     file = RecsFile(
-        kind=FileKind.AGGREGATED, provider="GSCX", start=EPOCH, svid=SVID, key_delay=0, random_offset=0, n_chip_code=4,
+        kind=RecsFileKind.AGGREGATED, provider="GSCX", start=EPOCH, svid=SVID, key_delay=0, random_offset=0,
+        n_chip_code=4,
         body=10 * segment.cipher, duration_ds=3000, period_ds=300,
     )  # fmt: skip
     data = recs_file.serialize(file)

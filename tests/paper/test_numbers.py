@@ -9,7 +9,7 @@ import pytest
 from vestige.theory.marcum_q import marcum_q
 from vestige.theory.paper_numbers import NOT_COMPUTED, PaperNumber, PaperQuantity, paper_numbers
 from vestige.theory.thresholds import (
-    amplitude,
+    correlator_amplitude,
     miss_probability,
     overall_pfa,
     probability_of_detection,
@@ -231,7 +231,7 @@ def test_further_numbers_of_the_detection_model() -> None:
     ("tap_m", "strength", "fires"), [(0, "10.06", "1"), (15, "7.48", "0.97"), (45, "2.34", "7e-4")]
 )
 def test_how_often_a_tap_on_the_flank_fires_at_35_dbhz(tap_m: float, strength: str, fires: str) -> None:
-    a = amplitude(35.0, 16e-3) * (1 - tap_m / 58.6105)
+    a = correlator_amplitude(35.0, 16e-3) * (1 - tap_m / 58.6105)
     assert rounds_to(a, strength)
     assert rounds_to(marcum_q(a, threshold(1e-7)), fires)
 

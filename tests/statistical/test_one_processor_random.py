@@ -13,11 +13,11 @@ from tests.sky_builder import sky_scenario
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.scenes import scenario_of
+from vestige.threats.scenes import scene_scenario
 
 EPOCHS = 18
 ATTACKS = {
-    name: scenario_of(threat, scene, 1).attack for name, (threat, scene) in threat_scenes().items() if scene.attack
+    name: scene_scenario(threat, scene, 1).attack for name, (threat, scene) in threat_scenes().items() if scene.attack
 }
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
@@ -27,20 +27,22 @@ from jaxtyping import Bool, Float, Int64
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import POSITION, combine, confirmed, is_alarm
+from vestige.acas_processor.levels import MINIMUM, POSITION, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
-from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState, SearchMemory, TimeUncertainty
+from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.range_in_use import ranges_in_use
+from vestige.acas_processor.searches.block_searches import ProcessorSearches
 from vestige.acas_processor.searches.searches import SearchResults, search_due
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.records import Status
+from vestige.records import Assistance, Status
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import SearchRequest
+from vestige.records.time_uncertainty import FIXED_S, TimeUncertainty
 from vestige.time import GalileoTime
 
 if TYPE_CHECKING:
@@ -49,16 +51,6 @@ if TYPE_CHECKING:
 FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more
 TRAVEL_TIME_SPREAD_S = 0.07  # of any satellite to any receiver on Earth
 POSITION_SATELLITES = 4
-_NEED_REFERENCES = frozenset(
-    {
-        CheckName.E1_RECEIVED_POWER,
-        CheckName.E6_RECEIVED_POWER,
-        CheckName.E1_CN0,
-        CheckName.E6_CN0,
-        CheckName.NOISE_FLOOR,
-        CheckName.POWER_DISTORTION,
-    }
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,10 +102,7 @@ class _Assessment:
         self._observed = Observed(measured=measured)
         self._subframes, self._osnma = subframes(snapshots.osnma, snapshots.svids, state.osnma)
         self._checks = checks_of(processor, self._p_fa)
-        self._own = {one.spec.name for one in processor.own_of_level}
-        self._needs_references = {name for name in self._checks if name in _NEED_REFERENCES or name in self._own}
-        if processor.monitoring.second_signal_filtered:
-            self._checks.pop(CheckName.E6_SECOND_SIGNAL, None)
+        self._needs_references = {name for name in self._checks if self._specs[name].needs_references}
         evidence = self._evidence({})
         self._fixed = {
             name: check.series(evidence) for name, check in self._checks.items() if name not in self._needs_references
@@ -240,8 +229,8 @@ class _Assessment:
             uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
-            assistance=self._assistance,
-            processor=self._processor,
+            # only a recording is searched in samples, and its assistance has the RECS as downloaded
+            in_samples=ProcessorSearches(processor=self._processor, assistance=cast("Assistance", self._assistance)),
         )
 
     def _search_e1(self) -> SearchResults:
@@ -315,7 +304,8 @@ class _Assessment:
         position = self._positions_m[-1]
         known = bool(np.isfinite(position[0]))
         evidence = self._evidence({})
-        further = self._processor.level > 1 or bool(self._own)
+        further = len(self._specs) > len(MINIMUM)
+        remembers_rates = any(spec.remembers_rates for spec in self._specs.values())
         return replace(
             state,
             last=snapshots.time.at(len(snapshots.time) - 1),
@@ -324,7 +314,7 @@ class _Assessment:
             position_m=(float(position[0]), float(position[1]), float(position[2])) if known else None,
             clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),
             osnma=self._osnma,
-            rates=remembered_rates(evidence) if CheckName.INERTIAL_RANGE_RATE in self._specs else None,
+            rates=remembered_rates(evidence) if remembers_rates else None,
             search=self._search_after if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs else state.search,
             streaks=self._streaks(),
             alarm=self._alarm_after,

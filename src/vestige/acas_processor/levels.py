@@ -20,21 +20,36 @@ its copy of a weak satellite may hide the true signal. Of several failures the g
 is no evidence: without steps 1 and 2 nothing follows (NOT_AVAILABLE); of the others the reason of the verdict says
 which are missing. Between two RECS only the monitors speak.
 
+A row says everything that the processor needs to know of a check: how it is made from the settings, whether it compares
+with reference levels, and where its false-alarm probability comes from. So a new check is a file in `checks/`, a row
+here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`.
+
 A check that is known to err by itself now and then (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in
 a row. What a receiver shows its user is steadier still: `alarm.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int, Int8, Int64
 
+from vestige.acas_processor.checks.check import Check
+from vestige.acas_processor.checks.clock import ClockCheck
+from vestige.acas_processor.checks.e1_e6_range import KAPPA, RangeCheck
+from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor
+from vestige.acas_processor.checks.power.e6_power import MIN_PD, E6PowerCheck
+from vestige.acas_processor.checks.raim import RaimMonitor
+from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.records import Status
 from vestige.records.checks import CheckName
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
 
 
 class Scope(Enum):
@@ -55,72 +70,205 @@ class TestCadence(Enum):
     SEARCH = "search"  # as `searches.search_due` says
 
 
+class DetectionAssumptions(NamedTuple):
+    """What the false-alarm probability of steps 1 and 2 follows from: it is not chosen."""
+
+    kappa: float = KAPPA  # factor of the range check
+    pd: float = MIN_PD  # probability that E6 is detected
+
+
+# Makes a check from the processor's settings and the false-alarm probability of one test.
+# None if the settings do not allow the check.
+CheckMaker = Callable[["AcasProcessor", float], Check | None]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """One check of a level."""
+    """One check of a level: all that the processor needs to know of it."""
 
     step: int  # its number in [WFO, Sec. IV].
     name: CheckName | str  # the check; a text of one that a user wrote
     failure: Status  # status that follows if it fails
+    # how it is made; None of the searches, which `assess` makes, and of checks that a user wrote
+    make: CheckMaker | None = None
     # what one test looks at, and when it is made
     scope: Scope = Scope.SATELLITE
     cadence: TestCadence = TestCadence.OBSERVATION
     confirm: int = 1
     # whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all
     suspects_all_satellites: bool = False
+    # its own false-alarm probability of one test; None if it has a share of the level's budget
+    own_p_fa: Callable[[DetectionAssumptions], float] | None = None
+    exact: bool = False  # whether it fails as often as its probability says; otherwise that is an upper limit
+    one_of: int = 1  # how many checks are the tests of one monitor, and share its probability
+    needs_references: bool = False  # whether it compares with reference levels
+    remembers_rates: bool = False  # whether it compares with the range rates of the RECS before
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
+_SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 _MINIMUM = (
-    CheckSpec(step=1, name=CheckName.E6_POWER, failure=Status.NOT_DETECTED, cadence=_RECS),
-    CheckSpec(step=2, name=CheckName.E1_E6_RANGE, failure=Status.SPOOFED, cadence=_RECS),
-)
-_POWER = (
-    CheckSpec(step=3, name=CheckName.E1_RECEIVED_POWER, failure=Status.SUSPECT, scope=_RECEIVER),
-    CheckSpec(step=3, name=CheckName.E6_RECEIVED_POWER, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_RECS),
-    CheckSpec(step=3, name=CheckName.E1_CN0, failure=Status.SUSPECT),
-    CheckSpec(step=3, name=CheckName.E6_CN0, failure=Status.SUSPECT, cadence=_RECS),
-    CheckSpec(step=3, name=CheckName.NOISE_FLOOR, failure=Status.SUSPECT, cadence=_RECS),
-)
-_HANDOVER_SEARCH = (
-    CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=Status.SPOOFED, cadence=_RECS),
     CheckSpec(
-        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=Status.SPOOFED, cadence=_RECS, suspects_all_satellites=True
+        step=1,
+        name=CheckName.E6_POWER,
+        failure=Status.NOT_DETECTED,
+        make=lambda processor, _: E6PowerCheck(min_pd=processor.min_pd),
+        cadence=_RECS,
+        own_p_fa=lambda assumed: 1 - assumed.pd,
+    ),
+    CheckSpec(
+        step=2,
+        name=CheckName.E1_E6_RANGE,
+        failure=_SPOOFED,
+        make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
+        cadence=_RECS,
+        own_p_fa=lambda assumed: RangeCheck(kappa=assumed.kappa).p_fa,
     ),
 )
-_FIX = tuple(
-    CheckSpec(step=5, name=name, failure=Status.SUSPECT, scope=_RECEIVER)
-    for name in (
-        CheckName.CLOCK_INNOVATION,
-        CheckName.CLOCK_CONSISTENCY,
-        CheckName.CLOCK_SLOPE,
-        CheckName.RAIM,
-        CheckName.SOLUTION_SEPARATION,
+_POWER = (
+    CheckSpec(
+        step=3,
+        name=CheckName.E1_RECEIVED_POWER,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.e1_power, p_fa=p_fa),
+        scope=_RECEIVER,
+        needs_references=True,
+    ),
+    CheckSpec(
+        step=3,
+        name=CheckName.E6_RECEIVED_POWER,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.e6_power, p_fa=p_fa),
+        scope=_RECEIVER,
+        cadence=_RECS,
+        needs_references=True,
+    ),
+    CheckSpec(
+        step=3,
+        name=CheckName.E1_CN0,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.e1_cn0, p_fa=p_fa),
+        needs_references=True,
+    ),
+    CheckSpec(
+        step=3,
+        name=CheckName.E6_CN0,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.e6_cn0, p_fa=p_fa),
+        cadence=_RECS,
+        needs_references=True,
+    ),
+    CheckSpec(
+        step=3,
+        name=CheckName.NOISE_FLOOR,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.noise_floor, p_fa=p_fa),
+        cadence=_RECS,
+        needs_references=True,
+    ),
+)
+
+
+def _second_signal(processor: AcasProcessor, p_fa: float) -> Check | None:
+    """Return the check for a second signal, unless a filter of the front end makes two signals look like one."""
+    settings = processor.monitoring
+    return None if settings.second_signal_filtered else replace(settings.second_signal, p_fa=p_fa)
+
+
+_HANDOVER_SEARCH = (
+    CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=_SPOOFED, make=_second_signal, cadence=_RECS),
+    CheckSpec(
+        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=_SPOOFED, cadence=_RECS, suspects_all_satellites=True
+    ),
+)
+
+
+def _clock(name: CheckName) -> CheckSpec:
+    """Return the row of one of the three tests of the receiver clock."""
+    return CheckSpec(
+        step=5,
+        name=name,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: ClockCheck(name=name, monitor=replace(processor.monitoring.clock, p_fa=3 * p_fa)),
+        scope=_RECEIVER,
+        exact=True,
+        one_of=3,
     )
+
+
+_FIX = (
+    _clock(CheckName.CLOCK_INNOVATION),
+    _clock(CheckName.CLOCK_CONSISTENCY),
+    _clock(CheckName.CLOCK_SLOPE),
+    CheckSpec(
+        step=5,
+        name=CheckName.RAIM,
+        failure=_SUSPECT,
+        make=lambda _, p_fa: RaimMonitor(p_fa=p_fa),
+        scope=_RECEIVER,
+        exact=True,
+    ),
+    CheckSpec(
+        step=5,
+        name=CheckName.SOLUTION_SEPARATION,
+        failure=_SUSPECT,
+        make=lambda _, p_fa: SolutionSeparationMonitor.of_budget(p_fa),
+        scope=_RECEIVER,
+    ),
 )
 _SECOND_CHANNEL = (
-    CheckSpec(step=4, name=CheckName.OSNMA_AVAILABILITY, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_SUBFRAME),
-    CheckSpec(step=4, name=CheckName.OSNMA_RECEPTION, failure=Status.SUSPECT, scope=_RECEIVER, cadence=_SUBFRAME),
+    CheckSpec(
+        step=4,
+        name=CheckName.OSNMA_AVAILABILITY,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.osnma_availability, p_fa=p_fa),
+        scope=_RECEIVER,
+        cadence=_SUBFRAME,
+    ),
+    CheckSpec(
+        step=4,
+        name=CheckName.OSNMA_RECEPTION,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.osnma_reception, p_fa=p_fa),
+        scope=_RECEIVER,
+        cadence=_SUBFRAME,
+    ),
     CheckSpec(
         step=4,
         name=CheckName.OSNMA_AGREEMENT,
-        failure=Status.SPOOFED,
+        failure=_SPOOFED,
+        make=lambda _processor, _p_fa: OsnmaAgreementMonitor(),
         scope=_RECEIVER,
         cadence=_SUBFRAME,
+        own_p_fa=lambda _: 2.0**-24,  # CRC-24 passes a damaged page
     ),
 )
 _EXHAUSTIVE_SEARCH = (
     CheckSpec(
         step=5,
         name=CheckName.E6_EXHAUSTIVE_SEARCH,
-        failure=Status.SPOOFED,
+        failure=_SPOOFED,
         cadence=TestCadence.SEARCH,
         suspects_all_satellites=True,
     ),
 )
 _BRIDGING = (
-    CheckSpec(step=7, name=CheckName.POWER_DISTORTION, failure=Status.SUSPECT, confirm=3),
-    CheckSpec(step=7, name=CheckName.INERTIAL_RANGE_RATE, failure=Status.SUSPECT),
+    CheckSpec(
+        step=7,
+        name=CheckName.POWER_DISTORTION,
+        failure=_SUSPECT,
+        make=lambda processor, _: processor.monitoring.power_distortion,
+        confirm=3,
+        own_p_fa=lambda _: 0.006,  # [WESSON18]
+        needs_references=True,
+    ),
+    CheckSpec(
+        step=7,
+        name=CheckName.INERTIAL_RANGE_RATE,
+        failure=_SUSPECT,
+        make=lambda processor, p_fa: replace(processor.monitoring.inertial, p_fa=p_fa),
+        remembers_rates=True,
+    ),
 )
 
 LEVELS: dict[int, tuple[CheckSpec, ...]] = {

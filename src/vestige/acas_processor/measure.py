@@ -18,7 +18,13 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Float
 
 from vestige.acas_processor.detectors import Detector
-from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock, spread
+from vestige.acas_processor.measurement import (
+    Availability,
+    DetectedBlock,
+    MeasurementBlock,
+    normalised_magnitudes,
+    spread_over_block,
+)
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -28,7 +34,7 @@ from vestige.records import Handover
 from vestige.records.recs_block import AssistanceData, RecsBlock, RecsLookup
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 from vestige.theory.range_offset import range_offset_m
-from vestige.theory.thresholds import probability_of_detection, threshold
+from vestige.theory.thresholds import probability_of_detection
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
@@ -63,7 +69,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
 
 def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
     """Return what the processor's detector says of banks."""
-    limit = float(threshold(processor.p_fa))
+    limit = processor.detection_threshold
     found = detect_block(
         banks.taps[correlated],
         banks.noise_power[correlated],
@@ -73,10 +79,10 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
     )
     shape = correlated.shape
     return DetectedBlock(
-        tap=spread(found.tap, correlated, shape, -1),
-        magnitude_sigma=spread(found.magnitude_sigma, correlated, shape),
-        phase_rad=spread(found.phase_rad, correlated, shape),
-        range_offset_m=spread(found.range_offset_m, correlated, shape),
+        tap=spread_over_block(found.tap, correlated, shape, -1),
+        magnitude_sigma=spread_over_block(found.magnitude_sigma, correlated, shape),
+        phase_rad=spread_over_block(found.phase_rad, correlated, shape),
+        range_offset_m=spread_over_block(found.range_offset_m, correlated, shape),
         threshold_sigma=limit,
     )
 
@@ -94,7 +100,7 @@ def detect_block(
     `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
     dimension.
     """
-    magnitudes = np.abs(taps) / np.sqrt(noise_power / 2)[:, None]
+    magnitudes = normalised_magnitudes(taps, noise_power)
     tap = detector.detect(magnitudes, threshold_sigma)
     found = tap >= 0
     rows, columns = np.arange(tap.size), np.where(found, tap, 0)

@@ -10,14 +10,14 @@ A check has no memory. What it says of an epoch may depend on that epoch, and on
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
+from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
 from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, require_members
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
@@ -36,6 +36,17 @@ class OwnCheckProtocol(Protocol):
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnProbability:
+    """The false-alarm probability of a check of the user's: whatever is assumed of vestige's, it stays."""
+
+    p_fa: float
+
+    def __call__(self, assumed: DetectionAssumptions) -> float:  # noqa: ARG002
+        """Return it."""
+        return self.p_fa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +101,7 @@ class OwnCheck:
             check_budget(p_fa)
         except ValueError as error:
             raise OwnPartError(kind, f"p_fa = {p_fa}", "a number between 0 and 1") from error
+        spec = replace(spec, own_p_fa=OwnProbability(p_fa), needs_references=True)
         level = attribute("level", min(LEVELS), lambda one: type(one) is int and one in LEVELS, "1, 2 or 3")
         return cls(kind=kind, check=check, level=level, spec=spec)
 

@@ -7,21 +7,22 @@ the epochs are cut into blocks changes no bit of what it says.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from vestige.acas_processor.assess import assess
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.levels import LEVELS, CheckSpec
-from vestige.acas_processor.measure import measure
-from vestige.acas_processor.measurement import MeasurementBlock
+from vestige.acas_processor.measure import detect, measure
+from vestige.acas_processor.measurement import DetectedBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.alarm import StateChange
+from vestige.acas_processor.monitoring.alarm_budget import budget_of
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.own_check import OwnCheck
@@ -32,9 +33,11 @@ from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import Verdict
+from vestige.records.checks import AlarmShare, CheckName
 from vestige.records.recs_block import AssistanceData
-from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 from vestige.source import Source
+from vestige.theory.thresholds import threshold
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +136,11 @@ class AcasProcessor:
         """Offsets of the correlators from the prediction in m."""
         return (np.arange(self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m
 
+    @property
+    def detection_threshold(self) -> float:
+        """Threshold of the E6 detection in standard deviations of the noise per dimension."""
+        return float(threshold(self.p_fa))
+
     def run(self, source: Source) -> Iterator[Verdict]:
         """Yield the verdicts of every snapshot of a source."""
         for step in self.steps(source, assistance=source.assistance):
@@ -155,6 +163,14 @@ class AcasProcessor:
     def measure(self, block: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
         """Return what can be measured of a block: pure, and independent of the cut."""
         return measure(self, block, assistance)
+
+    def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
+        """Return what the detector says of banks; `correlated` says which of them hold correlations."""
+        return detect(self, banks, correlated)
+
+    def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
+        """Return how many false alarms each check of the level may raise, for the satellites that a block shows."""
+        return budget_of(self, block)
 
     def assess(
         self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData

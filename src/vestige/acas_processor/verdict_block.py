@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int8, Int64
 
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
-from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock, spread
+from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock, spread_over_block
 from vestige.acas_processor.monitoring.alarm import AlarmState, StateChange, state_changes
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.records import Status, Verdict
@@ -33,12 +33,12 @@ class PositionBlock:
     def position_m(self) -> Float[np.ndarray, "n 3"]:
         """ECEF positions, NaN where there is none."""
         position_m = np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan)
-        return spread(position_m, self.rows, self.used.shape[:1])
+        return spread_over_block(position_m, self.rows, self.used.shape[:1])
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
         """Their covariances."""
-        return spread(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
+        return spread_over_block(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

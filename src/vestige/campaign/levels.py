@@ -21,7 +21,6 @@ from jaxtyping import Bool, Float, Int8
 
 from vestige.acas_processor.levels import GRAVITY, LEVELS, POSITION, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
-from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Share, false_alarm_budget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.columns.measured_columns import (
@@ -37,10 +36,9 @@ from vestige.campaign.store.results import attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status
-from vestige.records.checks import CheckName, CheckSeries
+from vestige.records.checks import AlarmShare, CheckName, CheckSeries
 from vestige.scenario.scenario_processor import Overhead, receiver_processor
 from vestige.scenario.stored import StoredScenario
-from vestige.theory.thresholds import probability_of_detection
 
 if TYPE_CHECKING:
     import xarray
@@ -53,7 +51,7 @@ class LevelVerdicts(VerdictBlock):
     """What a level says of a campaign of n epochs and m satellites, and the error of its ranges."""
 
     processor: AcasProcessor
-    budget: Mapping[CheckName | str, Share]
+    budget: Mapping[CheckName | str, AlarmShare]
     seen: Bool[np.ndarray, "n m"]  # where a satellite is in view
     # error that the attack makes of the range in use, the largest since the RECS before; NaN where none is
     range_error_m: Float[np.ndarray, "n m"]
@@ -108,18 +106,20 @@ class LevelVerdicts(VerdictBlock):
 
 
 def level_verdicts(
-    results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_a_day: float = ALARMS_A_DAY
+    results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_a_day: float | None = None
 ) -> tuple[LevelVerdicts, ...]:
     """Return what mitigation levels make of a campaign.
 
     The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_a_day` is
-    for all checks together whose probability can be chosen.
+    for all checks together whose probability can be chosen; by default it is the processor's own.
 
     Raises `VestigeError` if the results hold too little for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
-    monitoring = replace(processor.monitoring, alarms_a_day=alarms_a_day)
+    monitoring = processor.monitoring
+    if alarms_a_day is not None:
+        monitoring = replace(monitoring, alarms_a_day=alarms_a_day)
     return tuple(
         _verdicts(results, replace(processor, level=level, monitoring=monitoring), measured) for level in levels
     )
@@ -185,35 +185,13 @@ def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
 
 def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: MeasurementBlock) -> LevelVerdicts:
     block, _ = processor.assess(None, measured, Assistance())
-    budget = false_alarm_budget(
-        processor.level,
-        processor.monitoring.cadence,
-        alarms_a_day=processor.monitoring.alarms_a_day,
-        kappa=processor.kappa,
-        pd=_mean_pd(processor, block),
-        further={one.spec: one.p_fa for one in processor.own_of_level},
-    )
     return LevelVerdicts(
         **{one.name: getattr(block, one.name) for one in fields(block)},
         processor=processor,
-        budget=budget,
+        budget=processor.false_alarm_budget(block),
         seen=_seen(results),
         range_error_m=_range_error_m(results, block),
     )
-
-
-def _mean_pd(processor: AcasProcessor, block: VerdictBlock) -> float:
-    """Return the mean probability that E6 is detected, at the C/N0 that the antenna has at each elevation."""
-    antenna, banks = processor.monitoring.levels.antenna, block.measured.banks
-    if antenna is None:
-        raise ValueError("the processor of a campaign knows its antenna")
-    expected_dbhz = antenna.expected_dbhz(antenna.e6_dbhz, block.evidence.elevation_rad)
-    known = np.isfinite(banks.integration_s) & np.isfinite(expected_dbhz)
-    if not known.any():
-        return 1.0
-    levels_dbhz, counts = np.unique(np.round(expected_dbhz[known], 2), return_counts=True)
-    detection = probability_of_detection(levels_dbhz, float(banks.integration_s[known][0]), processor.p_fa)
-    return float(np.average(detection, weights=counts))
 
 
 def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.ndarray, "n m"]:

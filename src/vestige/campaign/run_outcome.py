@@ -17,7 +17,7 @@ Of a run is said, and more than one may be true,
 **False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound,
 and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
 single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
-gives them; of those among them that are exact (`alarm_budget.EXACT`), on both sides; and of the range check, against
+gives them; of those among them that are exact (`AlarmShare.exact`), on both sides; and of the range check, against
 its bound.
 """
 
@@ -32,9 +32,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.levels import POSITION, is_alarm
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S, EXACT, RANGE
 from vestige.campaign.columns.sky_columns import true_place_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.constants import DAY_S
 from vestige.records import Status
 from vestige.records.checks import CheckName
 from vestige.scenario.campaign import CampaignScenario
@@ -118,9 +118,9 @@ def run_outcome(
     duration_s = here.size * float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
     chosen = {name for name, share in found.budget.items() if share.chosen}
     failures, budget_failures = _failures(found, attacked, chosen)
-    exact_failures, budget_exact = _failures(found, attacked, chosen & EXACT)
-    range_failures, budget_range = _failures(found, attacked, {RANGE})
-    range_share = found.budget.get(RANGE)
+    exact_failures, budget_exact = _failures(found, attacked, {name for name in chosen if found.budget[name].exact})
+    range_failures, budget_range = _failures(found, attacked, {CheckName.E1_E6_RANGE})
+    range_share = found.budget.get(CheckName.E1_E6_RANGE)
     protected = not harmful[-last:].any()
     return RunOutcome(
         duration_s=duration_s,

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.measure import detect
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
@@ -38,7 +37,6 @@ from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation
-from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
@@ -47,7 +45,6 @@ from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
-from vestige.theory.thresholds import threshold
 
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
@@ -145,7 +142,7 @@ class ScenarioPlan:
             "scenario_digest": hashlib.sha256(text.encode()).hexdigest(),
             "seed": self.scenario.seed,
             "p_fa": processor.p_fa,
-            "threshold_sigma": float(threshold(processor.p_fa)),
+            "threshold_sigma": self._judged.processor.detection_threshold,
             "signal": receiver.signal,
             **({"cn0_dbhz": receiver.cn0_dbhz} if receiver.signal else {}),
             "integration_s": self.scenario.recs.integration_s,
@@ -208,7 +205,7 @@ class ScenarioPlan:
                 ]
             )
         if self._receiver.with_taps:
-            columns |= e1_columns(snapshots)
+            columns |= e1_columns(snapshots, self._receiver.searches(of).finds)
         if self.scenario.constellation:
             columns |= osnma_columns(snapshots, OsnmaReception(of=of).pages(self.scenario.interval_s))
             columns |= view_columns(truths)
@@ -233,7 +230,7 @@ class ScenarioPlan:
         """Return what each detector says of the banks."""
         correlated = measured.availability == Availability.CORRELATED
         found = [
-            detect(replace(self._judged.processor, detector=detector()), measured.banks, correlated)
+            replace(self._judged.processor, detector=detector()).detect(measured.banks, correlated)
             for detector in self.scenario.processor.detectors.values()
         ]
         return {
@@ -246,7 +243,7 @@ class ScenarioPlan:
     def _front_end(self, snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
         """Return what the front end of E6 said around the RECS; without samples it is ideal, and only checks ask."""
         unknown = np.full(len(snapshots.time), np.nan)
-        sampled = isinstance(snapshots.e6, SimulatedE6Samples)
+        sampled = self.scenario.fidelity == "samples"
         if not sampled and not self._receiver.with_taps:
             return {"e6_total_power_db": unknown, "e6_agc_gain_db": unknown, "e6_saturated": np.full(unknown.size, -1)}
         said: FrontEndBlock = snapshots.front_end[Band.E6]

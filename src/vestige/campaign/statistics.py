@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
+from vestige.acas_processor.measurement import exceeds_threshold
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E6C
 
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m about the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
 PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # those that [WFO, Sec. VI-A] gives, and their mirrors
-CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-BLOCK_EPOCHS = 10_000  # read at once, so that memory does not grow with the length of the campaign
+E6_CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
+READ_EPOCHS = 10_000  # read at once, so that memory does not grow with the length of the campaign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,10 +194,8 @@ def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) 
 
 def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
     """Return how many taps exceed the threshold, of how many that are not NaN."""
-    sigma = np.sqrt(block["noise_power"].values.astype(np.float64) / 2)[..., None]
-    magnitude_sigma = np.abs(taps.astype(np.complex128)) / sigma
-    exceeding = np.count_nonzero(magnitude_sigma > float(block.attrs["threshold_sigma"]))
-    return int(exceeding), int(np.count_nonzero(~np.isnan(magnitude_sigma)))
+    exceeding, correlated = exceeds_threshold(taps, block["noise_power"].values, float(block.attrs["threshold_sigma"]))
+    return int(np.count_nonzero(exceeding)), int(np.count_nonzero(correlated))
 
 
 def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
@@ -207,14 +206,14 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
     taps more than a chip before the line of sight and any counterfeit are counted: they hold none of them, nor rays,
     which come later.
     """
-    apart = CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
+    apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
     offset_m = independent["tap_offset_m"].values
     exceeding = trials = 0
     for block in _blocks(independent):
         taps = block["taps"].values
         if results.attrs["signal"]:
-            taps = np.where(offset_m < _first_arrival_m(block)[..., None] - CHIP_M, taps, np.nan)
+            taps = np.where(offset_m < _first_arrival_m(block)[..., None] - E6_CHIP_M, taps, np.nan)
         one = _exceedances(block, taps)
         exceeding, trials = exceeding + one[0], trials + one[1]
     return proportion(exceeding, trials, confidence=confidence)
@@ -239,8 +238,8 @@ def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satelli
 
 
 def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:
-    for first in range(0, results.sizes["epoch"], BLOCK_EPOCHS):
-        yield results.isel(epoch=slice(first, first + BLOCK_EPOCHS))
+    for first in range(0, results.sizes["epoch"], READ_EPOCHS):
+        yield results.isel(epoch=slice(first, first + READ_EPOCHS))
 
 
 def _check_counts(successes: int, trials: int) -> None:

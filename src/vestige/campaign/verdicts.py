@@ -14,10 +14,10 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import POSITION, is_alarm
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import scenario_of
+from vestige.constants import DAY_S
 from vestige.records import Status
 
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 LINE_EVERY_S = 60.0  # of a campaign, where there is no terminal
 REDRAWS_PER_S = 4.0
 
-Report = Callable[[str, int, int], None]
+ProgressReport = Callable[[str, int, int], None]
 
 
 @contextmanager
-def progress() -> Iterator[Report]:
+def progress() -> Iterator[ProgressReport]:
     """Yield `report(step, done, total)`, to be called as often as one likes while the work goes on."""
     if sys.stderr.isatty():
         yield from _bar()
@@ -29,7 +29,7 @@ def progress() -> Iterator[Report]:
         yield from _lines()
 
 
-def _lines() -> Iterator[Report]:
+def _lines() -> Iterator[ProgressReport]:
     seen: set[str] = set()
 
     def report(step: str, _done: int, _total: int) -> None:
@@ -40,7 +40,7 @@ def _lines() -> Iterator[Report]:
     yield report
 
 
-def _bar() -> Iterator[Report]:
+def _bar() -> Iterator[ProgressReport]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int8
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
@@ -14,15 +14,33 @@ from matplotlib.patches import Patch
 from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
 from vestige.records.checks import SignalClass
 
-if TYPE_CHECKING:
-    from vestige.acas_processor.checks.power.decision_map import DecisionMap
-
 _LIGHT = 0.35  # of the colours, so that dots are seen on them
-COLOURS = {SignalClass.CLEAN: GREEN, SignalClass.MULTIPATH: BLUE, SignalClass.SPOOFED: RED, SignalClass.JAMMED: ORANGE}
+CLASS_COLOURS = {
+    SignalClass.CLEAN: GREEN,
+    SignalClass.MULTIPATH: BLUE,
+    SignalClass.SPOOFED: RED,
+    SignalClass.JAMMED: ORANGE,
+}
+
+
+class Regions(Protocol):
+    """Which class each cell of the plane is taken for, as the processor's check has it."""
+
+    @property
+    def power_edges_db(self) -> Float[np.ndarray, " k"]:
+        """Edges of the cells along the rise of the power in dB."""
+
+    @property
+    def distortion_edges(self) -> Float[np.ndarray, " l"]:
+        """Edges of the cells along the distortion."""
+
+    @property
+    def classes(self) -> Int8[np.ndarray, "a b"]:
+        """`SignalClass` of each cell."""
 
 
 def decision_map(
-    regions: DecisionMap,
+    regions: Regions,
     *,
     title: str,
     power_db: Float[np.ndarray, " n"] | None = None,
@@ -37,10 +55,10 @@ def decision_map(
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)
-    colours = ListedColormap([COLOURS[one] for one in SignalClass])
+    colours = ListedColormap([CLASS_COLOURS[one] for one in SignalClass])
     ax.pcolormesh(x, y, regions.classes.T, cmap=colours, vmin=-0.5, vmax=3.5, alpha=_LIGHT, rasterized=True)
     handles: list[Patch | Line2D] = [
-        Patch(color=COLOURS[one], alpha=_LIGHT, label=one.name.lower()) for one in SignalClass
+        Patch(color=CLASS_COLOURS[one], alpha=_LIGHT, label=one.name.lower()) for one in SignalClass
     ]
     if power_db is not None and distortion is not None:
         known = np.isfinite(power_db) & np.isfinite(distortion)

@@ -38,7 +38,7 @@ _LONG_S = 10_000.0
 ORANGE, BLUE, RED, GREEN, BLACK, GREY = "#E69F00", "#0072B2", "#D55E00", "#009E73", "#000000", "#767676"
 COLOUR_MAP = "cividis"  # the same lightness for every kind of colour vision
 
-FORMATS = ("png", "pdf", "svg")
+FIGURE_FORMATS = ("png", "pdf", "svg")
 
 
 def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projection: str | None = None) -> Axes:
@@ -111,8 +111,8 @@ def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
         If the file cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower().lstrip(".") not in FORMATS:
-        raise ValueError(f"{path}: the suffix of a figure is one of {', '.join(FORMATS)}")
+    if path.suffix.lower().lstrip(".") not in FIGURE_FORMATS:
+        raise ValueError(f"{path}: the suffix of a figure is one of {', '.join(FIGURE_FORMATS)}")
     figure = figure_of(ax)
     if width_cm is not None:
         width_inches, height_inches = figure.get_size_inches()

@@ -10,7 +10,7 @@ from vestige.plots.epochs import attribute, column, is_detected, is_missed, magn
 from vestige.plots.figure import BLACK, BLUE, RED, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 from vestige.theory.marcum_q import marcum_q
-from vestige.theory.thresholds import amplitude
+from vestige.theory.thresholds import correlator_amplitude
 
 BIN_SIGMA = 0.25
 _BELOW_LEGEND = 0.84  # of the height of the axes
@@ -66,7 +66,7 @@ def magnitude_histogram(
         )  # fmt: skip
     cn0_dbhz, integration_s = attribute(shown, "cn0_dbhz"), attribute(shown, "integration_s")
     if cn0_dbhz is not None and integration_s is not None:
-        signal = float(amplitude(cn0_dbhz, integration_s))
+        signal = float(correlator_amplitude(cn0_dbhz, integration_s))
         expected = -np.diff(marcum_q(np.full(edges.shape, signal), edges)) * (magnitude.size + strongest.size)
         ax.plot((edges[:-1] + edges[1:]) / 2, expected, color=BLACK, linewidth=0.8, label=f"Rice, A = {signal:.2f} σ")
     if log:

@@ -10,20 +10,20 @@ import numpy as np
 
 DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
-def drawn_rows(first: int, n: int, draw: Callable[[int], T]) -> T:
+def drawn_rows(first: int, n: int, draw: Callable[[int], _T]) -> _T:
     """Return n rows of draws from row `first` on: of an array, or of a record of arrays.
 
     `draw` gives the `DRAW_BLOCK` rows of a block by its number.
     """
     begin = first // DRAW_BLOCK
     drawn = [draw(block) for block in range(begin, max((first + n - 1) // DRAW_BLOCK, begin) + 1)]
-    return rows_of(joined(drawn), slice(first % DRAW_BLOCK, first % DRAW_BLOCK + n))
+    return rows_of(joined_blocks(drawn), slice(first % DRAW_BLOCK, first % DRAW_BLOCK + n))
 
 
-def joined(parts: Sequence[T]) -> T:
+def joined_blocks(parts: Sequence[_T]) -> _T:
     """Return arrays, or records of arrays, one after the other."""
     arrays: Sequence[Any] = parts
     if isinstance(parts[0], np.ndarray):
@@ -31,7 +31,7 @@ def joined(parts: Sequence[T]) -> T:
     return _changed(parts[0], lambda name: np.concatenate([getattr(part, name) for part in arrays]))
 
 
-def rows_of(value: T, rows: slice) -> T:
+def rows_of(value: _T, rows: slice) -> _T:
     """Return some rows of an array, or of a record of arrays and of the records in it."""
     if isinstance(value, np.ndarray):
         return value[rows]  # type: ignore[return-value]

@@ -27,12 +27,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int16, Int64
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
 from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
 from vestige.receiver.errors.error_process import TrackingModel
 from vestige.streams import stream
 
-PAGES = SUBFRAME_S // PAGE_S  # of a subframe
 KEY_PAGES = range(10, 15)  # with the bits of a key of 128 bits [OSNMA-ICD]
 TAG_PAGES = range(2)  # with the tag of a satellite's own data, 40 bits at the start of MACK [OSNMA-ICD]
 
@@ -71,20 +70,20 @@ def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.nd
     When epochs are 30 s apart or more, those of the last subframe that has ended.
     """
     now = np.round(_DECI * week_s).astype(np.int64)[:, None]
-    place = np.arange(PAGES)
+    place = np.arange(PAGES_A_SUBFRAME)
     first_end, page_length = _DECI * (FIRST_PAGE_OFFSET_S + PAGE_S), _DECI * PAGE_S
     if interval_s >= SUBFRAME_S:
         ended = (now - _DECI * FIRST_PAGE_OFFSET_S) // (_DECI * SUBFRAME_S) - 1
-        return ended * PAGES + place
+        return ended * PAGES_A_SUBFRAME + place
     last = (now - first_end) // page_length
-    page = last - (last - place) % PAGES
+    page = last - (last - place) % PAGES_A_SUBFRAME
     return np.where(first_end + page_length * page > now - round(_DECI * interval_s), page, -1)
 
 
 def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 5"]:
     """Return the pages that hold the key of a RECS that is sent at each epoch; parameters as elsewhere."""
     subframe = np.round(_DECI * week_s).astype(np.int64) // (_DECI * SUBFRAME_S) + key_delay
-    return subframe[:, None] * PAGES + np.array(KEY_PAGES)
+    return subframe[:, None] * PAGES_A_SUBFRAME + np.array(KEY_PAGES)
 
 
 def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
@@ -92,8 +91,14 @@ def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndar
 
     The key of subframe k belongs to the tags of subframe k − 1, which are over the data of k − 2 [OSNMA-ICD].
     """
-    of_key = key_pages(week_s, key_delay)[:, :1] // PAGES
-    return np.concatenate([(of_key - 2) * PAGES + np.arange(PAGES), (of_key - 1) * PAGES + np.array(TAG_PAGES)], axis=1)
+    of_key = key_pages(week_s, key_delay)[:, :1] // PAGES_A_SUBFRAME
+    return np.concatenate(
+        [
+            (of_key - 2) * PAGES_A_SUBFRAME + np.arange(PAGES_A_SUBFRAME),
+            (of_key - 1) * PAGES_A_SUBFRAME + np.array(TAG_PAGES),
+        ],
+        axis=1,
+    )
 
 
 def demodulated(
@@ -114,9 +119,9 @@ def demodulated(
 
 def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
     """Return the places of a subframe as bits, the first page as bit 0."""
-    return (places @ (1 << np.arange(PAGES))).astype(np.int16)
+    return (places @ (1 << np.arange(PAGES_A_SUBFRAME))).astype(np.int16)
 
 
 def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
     """Return the places of a subframe from their bits."""
-    return (mask[..., None].astype(np.int64) >> np.arange(PAGES) & 1).astype(bool)
+    return (mask[..., None].astype(np.int64) >> np.arange(PAGES_A_SUBFRAME) & 1).astype(bool)

@@ -167,7 +167,7 @@ class Simulation:
         strength = np.concatenate([np.ones_like(error_m), truth.rays.amplitude, attack.amplitude], axis=1)
         relative_hz = np.concatenate([np.zeros_like(error_m), truth.rays.doppler_hz, attack.doppler_hz], axis=1)
         doppler_hz = los_doppler_hz + relative_hz
-        phasor = (truth.view.amplitude * arrived.carrier)[:, None]
+        phasor = (truth.geometry.amplitude * arrived.carrier)[:, None]
         forged_chips = np.concatenate([np.zeros(1 + truth.rays.delay_m.shape[1], bool), attack.forged_chips])
         taps = np.empty((n, len(model.offsets_m)), np.complex128)
         noise_power = np.empty(n)
@@ -195,7 +195,7 @@ class Simulation:
         `row` is the place of the RECS in `truth`.
         """
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
-        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.view.amplitude[row])
+        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.geometry.amplitude[row])
         signal = received_signal(self._chips(sent), self.line_of_sight, truth, row, amplitude=strength)
         taken = window(signal.start_s + float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS, self.n_chips, self.front_end)
         where = (self.svid, sent, self.line_of_sight, truth, row, taken)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
 from vestige.own_parts import require_numbers
 from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
 from vestige.receiver.errors.error_process import (
@@ -73,7 +73,7 @@ class TruthBlock:
     e1_attack: BandEffects  # what it adds to E1
     e6: BandEffects  # what it adds to E6
     rays: RayBlock
-    view: SatelliteGeometry
+    geometry: SatelliteGeometry
 
 
 class TruthProcess:
@@ -107,7 +107,7 @@ class TruthProcess:
         clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
         elevation, path = self._of.elevation, self._of.line_of_sight
         seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
-        view = seen.view
+        geometry = seen.geometry
         code_m, carrier_m, doppler_hz = (
             _advanced(models.e1_tracking, self._tracking, times_s, 3) if self._tracking else (zero, zero, zero)
         )
@@ -118,10 +118,10 @@ class TruthProcess:
             _advanced(models.multipath, self._multipath, times_s) if self._multipath else _no_rays(count, models.n_rays)
         )
         if elevation:
-            code_m, doppler_hz = self._weaker(view, code_m, doppler_hz)
-            carrier_m = carrier_m / view.amplitude
-            iono_diff_m = iono_diff_m * obliquity(view.elevation_rad)
-            scale = relative_ray_amplitude(view.elevation_rad)[:, None]
+            code_m, doppler_hz = self._weaker(geometry, code_m, doppler_hz)
+            carrier_m = carrier_m / geometry.amplitude
+            iono_diff_m = iono_diff_m * obliquity(geometry.elevation_rad)
+            scale = relative_ray_amplitude(geometry.elevation_rad)[:, None]
             rays = replace(rays, amplitude=rays.amplitude * scale, amplitude_e1=rays.amplitude_e1 * scale)
         return TruthBlock(
             time_s=times_s,
@@ -139,16 +139,18 @@ class TruthProcess:
             e1_attack=self._of.spoofer.effects(Band.E1, self._of.svid, times_s),
             e6=self._of.spoofer.effects(Band.E6, self._of.svid, times_s),
             rays=rays,
-            view=view,
+            geometry=geometry,
         )
 
     def _weaker(
-        self, view: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
+        self, geometry: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
         if self._of.models.e1_tracking is None:
             return code_m, doppler_hz
-        code, doppler = noise_growth(self._of.models.e1_tracking, self._of.cn0_e1_dbhz, 20 * np.log10(view.amplitude))
+        code, doppler = noise_growth(
+            self._of.models.e1_tracking, self._of.cn0_e1_dbhz, 20 * np.log10(geometry.amplitude)
+        )
         return code_m * code, doppler_hz * doppler
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import scipy.fft
 from jaxtyping import Complex64
 
-from vestige.recording.description import CARRIER_HZ
 from vestige.recording.samples.sample_file import SampleReader
+from vestige.signals.definitions import CARRIER_HZ
 
 LOOKED_AT = 1 << 20  # samples
 SEGMENT = 1024  # samples of one spectrum

@@ -18,18 +18,16 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.errors import InputFileError
 from vestige.recording.exact_time import later
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.records import Band
+from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-CARRIER_HZ = {Band.E1: E1_CARRIER_HZ, Band.E6: E6_CARRIER_HZ}
-
 # What a value in a description may be; beyond it is a slip of the pen, not a receiver.
-SAMPLE_RATE_HZ = (1e5, 1e10)
+SAMPLE_RATE_RANGE_HZ = (1e5, 1e10)
 FIRST_SAMPLE = (0, 1 << 53)  # 28 years at 10 MHz
 TIME_UNCERTAINTY_S = (0.0, 1e6)
 

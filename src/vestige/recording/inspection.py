@@ -19,12 +19,12 @@ from vestige.crypto.osnma.disclosure import provably_before_disclosure
 from vestige.recording.adc_statistics import AdcStatistics, adc_statistics
 from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
-from vestige.recording.description import CARRIER_HZ, RecordingDescription, redated
-from vestige.recording.observations.observation_file import ObservationFile, kind_of, open_observations
+from vestige.recording.description import RecordingDescription, redated
+from vestige.recording.observations.observation_file import ObservationFile, observation_kind, open_observations
 from vestige.recording.recording import describe_recording, find_observations, find_recording
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.records import Assistance, Band, EncryptedSegment
-from vestige.signals.definitions import E6C
+from vestige.signals.definitions import CARRIER_HZ, E6C
 from vestige.time import GalileoTime
 
 FEW_VALUES = 16  # distinct values of a front end of at most 4 bits, whose outermost values are no clipping
@@ -125,7 +125,7 @@ def inspect_recording(
 
 def _find(path: Path) -> tuple[RecordingDescription | None, Path | None]:
     """Return the recording and the observation file at a path, one of which may be None."""
-    if path.is_file() and kind_of(path) is not None:
+    if path.is_file() and observation_kind(path) is not None:
         return None, path
     if path.is_dir() and find_recording(path) is None:
         return None, find_observations(path)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.description import RecordingDescription, redated
-from vestige.recording.observations.observation_file import ObservationFile, kind_of, open_observations
+from vestige.recording.observations.observation_file import ObservationFile, observation_kind, open_observations
 from vestige.recording.recording_toml import NAME, read_recording_toml
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.recording.samples.sigmf_file import ARCHIVE, COLLECTION, DATA, META, read_collection, read_sigmf
@@ -129,7 +129,9 @@ def find_observations(folder: Path) -> Path | None:
 
     Raises `InputFileError` if there are several.
     """
-    paths = [path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and kind_of(path)]
+    paths = [
+        path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and observation_kind(path)
+    ]
     if len(paths) > 1:
         expected = "one file of E1 observations"
         raise InputFileError(folder, "observations", " and ".join(path.name for path in paths), expected)

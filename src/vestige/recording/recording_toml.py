@@ -39,7 +39,7 @@ from vestige.crypto.file_toml import read_toml_file
 from vestige.errors import InputFileError
 from vestige.recording.description import (
     FIRST_SAMPLE,
-    SAMPLE_RATE_HZ,
+    SAMPLE_RATE_RANGE_HZ,
     TIME_UNCERTAINTY_S,
     BandFile,
     RecordingDescription,
@@ -56,7 +56,7 @@ NAME = "recording.toml"
 STANDARD_INPUT = Path("-")
 MAX_BYTES = 1 << 20
 
-SampleRate = Annotated[float, Field(ge=SAMPLE_RATE_HZ[0], le=SAMPLE_RATE_HZ[1])]
+SampleRate = Annotated[float, Field(ge=SAMPLE_RATE_RANGE_HZ[0], le=SAMPLE_RATE_RANGE_HZ[1])]
 
 
 class _Table(BaseModel):

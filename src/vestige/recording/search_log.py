@@ -18,7 +18,7 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
-EXPECTED = "what an exhaustive search has kept"
+EXPECTED_LOG = "what an exhaustive search has kept"
 MAX_BYTES = 1 << 26  # a search keeps some kB
 
 
@@ -49,13 +49,13 @@ class SearchLog:
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"]))[:80] or "content"
-            raise InputFileError(path, place, first["input"], f"{EXPECTED}: {first['msg']}") from error
+            raise InputFileError(path, place, first["input"], f"{EXPECTED_LOG}: {first['msg']}") from error
         except (ValueError, RecursionError) as error:
-            raise InputFileError(path, "content", str(error), EXPECTED) from error
+            raise InputFileError(path, "content", str(error), EXPECTED_LOG) from error
         for name, state in content.states.items():
             if not (state.blocks >= 0 and 0 <= state.done <= state.total):
                 found = f"{state.blocks} blocks, {state.done} of {state.total} hypotheses"
-                raise InputFileError(path, f"states.{name[:80]}", found, EXPECTED)
+                raise InputFileError(path, f"states.{name[:80]}", found, EXPECTED_LOG)
         for key in {**of, **content.of}:
             if content.of.get(key) != of.get(key):
                 raise InputFileError(path, f"search of another {key}", content.of.get(key), of.get(key))

@@ -23,12 +23,11 @@ from vestige.recording.samples.sample_file import SampleReader
 from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.sample_processor.correlator import CorrelatableSamples
-from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, NOISE_FLOOR
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-E1_WINDOW_S = 0.1  # one period of the secondary code
 MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
@@ -198,7 +197,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
     return reader.read(min(max(wish, reader.first_sample), reader.end_sample - count), count)
 
 
-def satellites_in_view(
+def svids_in_view(
     recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
     """Return what E1 says of `svids` at the start of a recording; {} if there is no E1 in it."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
 
-LONGEST = 1 << 16  # bytes; a RINEX line with every Galileo signal has under 1000
+LONGEST_LINE = 1 << 16  # bytes; a RINEX line with every Galileo signal has under 1000
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -23,10 +23,12 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
     with open_file(path) as stream:
         try:
             number = 0
-            while raw := stream.readline(LONGEST):
+            while raw := stream.readline(LONGEST_LINE):
                 number += 1
                 if not raw.endswith(b"\n"):
-                    found = "no line end" + (f" in {LONGEST} bytes" if len(raw) == LONGEST else ", end of the file")
+                    found = "no line end" + (
+                        f" in {LONGEST_LINE} bytes" if len(raw) == LONGEST_LINE else ", end of the file"
+                    )
                     raise InputFileError(path, f"line {number}", found, "a whole line")
                 if number == 1:
                     raw = raw.removeprefix(BYTE_ORDER_MARK)
@@ -64,14 +66,14 @@ class GrowingLines:
             try:
                 size = os.fstat(stream.fileno()).st_size
                 stream.seek(self._offset)
-                data = stream.read(LONGEST)
+                data = stream.read(LONGEST_LINE)
             except OSError as error:
                 raise InputFileError(self._path, "file", error.strerror or "an error", "a readable file") from error
         if size < self._offset:
             raise InputFileError(self._path, "length", f"{size} bytes", f"{self._offset} bytes, as before, or more")
         *lines, rest = data.split(b"\n")
-        if len(rest) == LONGEST:
+        if len(rest) == LONGEST_LINE:
             place = f"line {self._number + 1}"
-            raise InputFileError(self._path, place, f"no line end in {LONGEST} bytes", "a whole line")
+            raise InputFileError(self._path, place, f"no line end in {LONGEST_LINE} bytes", "a whole line")
         self._lines.extend(lines)
         self._offset += len(data) - len(rest)

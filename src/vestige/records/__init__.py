@@ -170,8 +170,31 @@ class CorrelatorBank:
 
 
 @runtime_checkable
+class SampleSource(Protocol):
+    """Samples of one band, read in pieces by the counter that both bands share."""
+
+    @property
+    def first_sample(self) -> int:
+        """Number of the first sample."""
+        ...
+
+    @property
+    def end_sample(self) -> int:
+        """Number after that of the last sample."""
+        ...
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return `count` samples from number `first` on, all of which are there."""
+        ...
+
+
+@runtime_checkable
 class Correlatable(Protocol):
     """E6 as the processor knows it: something that can be correlated, be it samples or a model of them."""
+
+    @property
+    def received_from(self) -> GalileoTime:
+        """Time tag of the beginning of what can be correlated."""
 
     @property
     def received_until(self) -> GalileoTime:
@@ -179,6 +202,10 @@ class Correlatable(Protocol):
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
         """Return the bank of correlators at `offsets_m` around the hand-over, or None if it lies outside."""
+
+    @property
+    def searched(self) -> SampleSource | None:
+        """The samples in which a search looks for a RECS; None of a model in place of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

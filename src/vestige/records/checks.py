@@ -103,3 +103,13 @@ class CheckSeries:
             unit=self.unit,
             reason=self.explain(epoch, satellite) if failed or not run else "",
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmShare:
+    """How many false alarms one check of a level may raise."""
+
+    p_fa: float  # false-alarm probability of one test, before confirmation
+    alarms_a_day: float  # at most, after confirmation
+    chosen: bool  # whether p_fa is a share of the level's budget, or the check's own
+    exact: bool = False  # whether failures come as often as p_fa says; otherwise it is an upper limit

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int8, Int64
 
-from vestige.records import Band, E1Observation, Handover
+from vestige.records import Band, E1Observation, Handover, Snapshot
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.records.times import GalileoTimes
 
 OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid")
@@ -129,13 +130,21 @@ class SearchRequest:
     """Which epochs are to be searched, and what is known of the clock in each."""
 
     epoch: Int64[np.ndarray, " k"]  # rows of the block
-    uncertainty: tuple[Any, ...]  # what is known of the clock before each epoch: a `TimeUncertainty`
+    uncertainty: tuple[TimeUncertainty, ...]  # what is known of the clock before each epoch
     p_fa: float  # false-alarm probability of one search
     # when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not
     expected_s: Float[np.ndarray, "k m"]
-    # to decrypt and to hand over, with the settings of the searches
-    assistance: Any = None
-    processor: Any = None
+    in_samples: SampleSearches | None = None  # how samples are searched; a model needs no such thing
+
+
+class SampleSearches(Protocol):
+    """Both searches in the samples of one snapshot, with the settings and the assistance of the processor that asks."""
+
+    def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
+        """Return what the search of E1 with hand-over to E6 finds of some satellites."""
+
+    def exhaustive(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
+        """Return what the exhaustive search of E6 finds of some satellites."""
 
 
 @runtime_checkable

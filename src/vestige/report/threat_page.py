@@ -10,7 +10,7 @@ from vestige.report.page import Page
 from vestige.report.threat_table import TableCell, ThreatTable, read_threat_table
 from vestige.threats.scenes import read_threats
 
-OWN = "–"  # what stands for the threat of a scenario of the user's
+OWN_SCENARIO = "–"  # what stands for the threat of a scenario of the user's
 QUESTION = "Which attack does each mitigation level detect, mitigate or miss, and is that what was expected?"
 AGREES, DIFFERS, UNDECIDED = "as expected", "differs", "undecided"
 _MARKS = {AGREES: ("agrees", "✓"), DIFFERS: ("differs", "✗"), UNDECIDED: ("undecided", "?")}
@@ -232,7 +232,7 @@ def _reproduce(found: ThreatTable, path: Path, name: str, runs: int) -> list[Htm
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     seeds = f" --seeds {runs}" if runs else ""
     rows = [row for row, _ in found.scenes()]
-    own = [row["scene"] for row in rows if row["threat"] == OWN]
+    own = [row["scene"] for row in rows if row["threat"] == OWN_SCENARIO]
     chosen = "".join(f" --attack {one}.toml" for one in own)
     threats = dict.fromkeys(row["threat"] for row in rows)
     if not own and set(threats) != {threat.id for threat in read_threats()}:

@@ -20,7 +20,7 @@ from vestige.errors import InputFileError
 
 MAX_FILE_BYTES = 1 << 26
 KEYS = ("threat", "scene")
-EXPECTED = "a table of threats, as `vestige threats -o` writes it"
+EXPECTED_TABLE = "a table of threats, as `vestige threats -o` writes it"
 _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 
@@ -86,15 +86,15 @@ def read_threat_table(path: Path) -> ThreatTable:
 
     Raises `InputFileError` if it is no such table.
     """
-    text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED)
+    text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:
         lines = list(csv.reader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:
-        raise InputFileError(path, "file", error, EXPECTED) from error
+        raise InputFileError(path, "file", error, EXPECTED_TABLE) from error
     columns = tuple(lines[0]) if lines else ()
     for key in KEYS:
         if key not in columns:
-            raise InputFileError(path, "line 1", f"no column {key}", EXPECTED)
+            raise InputFileError(path, "line 1", f"no column {key}", EXPECTED_TABLE)
     rows = []
     for number, cells in enumerate(lines[1:], start=2):
         if len(cells) != len(columns):
@@ -103,7 +103,7 @@ def read_threat_table(path: Path) -> ThreatTable:
         _check_numbers(path, number, row)
         rows.append(row)
     if not rows:
-        raise InputFileError(path, "rows", "none", EXPECTED)
+        raise InputFileError(path, "rows", "none", EXPECTED_TABLE)
     of_names = {int(match[1]) for name in columns if (match := _LEVEL.fullmatch(name))}
     of_rows = {int(row["level"]) for row in rows if "level" in columns}
     return ThreatTable(columns=columns, rows=tuple(rows), levels=tuple(sorted(of_names | of_rows)))

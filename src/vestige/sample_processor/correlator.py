@@ -27,9 +27,9 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import CorrelatorBank, Handover, SampleBatch
+from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block
-from vestige.sample_processor.search.sample_source import SampleSource
+from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -40,6 +40,16 @@ class CorrelatableSamples:
 
     batch: SampleBatch  # the samples in which the RECS is expected
     surroundings: SampleSource | None = None  # those in which a search may look for it; None for no others
+
+    @property
+    def received_from(self) -> GalileoTime:
+        """Time tag of the first sample of `batch`."""
+        return self.batch.start
+
+    @property
+    def searched(self) -> SampleSource:
+        """The samples in which a search looks for a RECS: the surroundings, or the batch alone."""
+        return self.surroundings or BatchSource(self.batch)
 
     @property
     def received_until(self) -> GalileoTime:

@@ -19,9 +19,9 @@ from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.bias import BiasResiduals
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.errors.error_process import BiasModel, ClockModel, IonosphereModel, MultipathModel, TrackingModel
-from vestige.receiver.errors.ionosphere import PRESETS as IONOSPHERES
+from vestige.receiver.errors.ionosphere import IONOSPHERE_PRESETS as IONOSPHERES
 from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.errors.multipath import PRESETS as MULTIPATHS
+from vestige.receiver.errors.multipath import MULTIPATH_PRESETS as MULTIPATHS
 from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.samples.front_end import FrontEnd

@@ -14,7 +14,7 @@ from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSett
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part, require_members
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
@@ -49,6 +49,10 @@ class ProcessorTable(Section):
     `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
     multipath at 16° that the check for a second signal allows for. None of it follows from the errors that a scenario
     gives its receiver: a better or worse oscillator has to be told to the processor, too.
+
+    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith; left out
+    they are those of `[receiver]`, since a receiver knows its antenna. `expected_satellites` is the number of
+    satellites that it expects in view; left out it is the number above the mask at the first epoch.
     """
 
     level: Literal[1, 2, 3] = 1
@@ -62,6 +66,9 @@ class ProcessorTable(Section):
     min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
     search_s: Annotated[float, Field(ge=1, le=1e7)] = 3600.0
     ray_power_db: Annotated[float, Field(ge=-60, le=10)] = -15.8
+    expected_satellites: Annotated[int, Field(ge=1, le=MAX_SVID)] | None = None
+    expected_cn0_e1_dbhz: Annotated[float, Field(ge=0, le=80)] | None = None
+    expected_cn0_e6_dbhz: Annotated[float, Field(ge=0, le=80)] | None = None
     oscillator: OscillatorTable = OscillatorTable()
     inertial: InertialTable = InertialTable()
     checks: tuple[str, ...] = ()

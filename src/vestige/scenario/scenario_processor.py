@@ -2,7 +2,9 @@
 
 It knows its antenna (C/N0 against elevation), the power of its bands without interference, its front ends, the data
 sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]`
-says of its pseudoranges. How many satellites are in view, and how strong they are on average, follows from the orbits.
+says of its pseudoranges. `[processor]` states what C/N0 and how many satellites the receiver expects. If it does not
+state the number of satellites, the receiver counts those above the mask at the first epoch: it has an almanac and a
+rough position when it is switched on. It never looks at later epochs, so a longer run begins with the same bits.
 """
 
 from __future__ import annotations
@@ -36,12 +38,10 @@ if TYPE_CHECKING:
     from vestige.scenario.stored import StoredScenario
 
 _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
-_GRID_S = 60.0  # how often the orbits are looked at
-_MOST_TIMES = 500
 
 
 class Overhead(NamedTuple):
-    """Mean number of satellites in view, and their mean C/N0 on E1."""
+    """How many satellites the receiver expects in view, and their mean C/N0 on E1."""
 
     satellites: int
     cn0_e1_dbhz: float
@@ -107,9 +107,10 @@ def receiver_processor(
 
 
 def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
+    receiver, table = scenario.receiver, scenario.processor
     return Antenna(
-        e1_dbhz=scenario.receiver.cn0_e1_dbhz,
-        e6_dbhz=scenario.receiver.cn0_dbhz,
+        e1_dbhz=receiver.cn0_e1_dbhz if table.expected_cn0_e1_dbhz is None else table.expected_cn0_e1_dbhz,
+        e6_dbhz=receiver.cn0_dbhz if table.expected_cn0_e6_dbhz is None else table.expected_cn0_e6_dbhz,
         fall_db=0.0 if scenario.constellation is None else scenario.constellation.cn0_fall_db,
     )
 
@@ -132,14 +133,15 @@ def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) ->
 
 
 def overhead_of(scenario: CampaignScenario) -> Overhead:
-    """Return what the receiver of a campaign expects to see, from the orbits."""
+    """Return what the receiver of a campaign expects to see: its settings, or the orbits at the first epoch."""
     antenna, effects = _antenna(scenario), [one.elevation for one in scenario.simulations if one.elevation is not None]
+    stated = scenario.processor.expected_satellites
     if not effects:
-        return Overhead(1, antenna.e1_dbhz)
-    duration_s = scenario.epochs * scenario.interval_s
-    times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
-    elevation_rad = np.stack([one.path.sight(times_s).elevation_rad for one in effects], axis=1)
-    in_view = elevation_rad >= np.radians([one.mask_deg for one in effects])
-    expected_dbhz = antenna.expected_dbhz(antenna.e1_dbhz, elevation_rad)
-    mean_in_view = float(np.mean(np.count_nonzero(in_view, axis=1)))
-    return Overhead(max(1, round(mean_in_view)), float(np.mean(expected_dbhz[in_view])))
+        return Overhead(1 if stated is None else stated, antenna.e1_dbhz)
+    elevation_rad = np.array([one.first_rad for one in effects])
+    mask_rad = np.radians([one.mask_deg for one in effects])
+    in_view = elevation_rad >= mask_rad
+    # if no satellite is in view yet, the receiver expects one at the mask
+    seen_rad = elevation_rad[in_view] if in_view.any() else mask_rad[:1]
+    satellites = seen_rad.size if stated is None else stated
+    return Overhead(satellites, float(np.mean(antenna.expected_dbhz(antenna.e1_dbhz, seen_rad))))

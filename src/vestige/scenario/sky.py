@@ -241,13 +241,13 @@ def satellites_in_view(
     found = []
     for ephemeris in constellation.chosen(start):
         path = SatelliteRange(ephemeris=ephemeris, start=start, trajectory=trajectory)
-        highest_rad = float(np.max(path.sight(times_s).elevation_rad))
-        if highest_rad >= np.radians(constellation.mask_deg):
+        elevation_rad = path.sight(times_s).elevation_rad
+        if np.max(elevation_rad) >= np.radians(constellation.mask_deg):
             found.append(
                 ElevationEffects(
                     path=path,
                     mask_deg=constellation.mask_deg,
-                    highest_rad=highest_rad,
+                    first_rad=float(elevation_rad[0]),
                     antenna=antenna,
                     ionosphere_common=constellation.ionosphere_common,
                 )

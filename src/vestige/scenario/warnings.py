@@ -18,7 +18,7 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
     """Return what the author of a scenario should know before it runs; nothing for most."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)
-    attacks = (*Spoofer(attacks=scenario.attack).cautions(), *_aimed_at_nobody(scenario))
+    attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
     return (*attacks, *_never(scenario), *_old_orbits(scenario), *stairs, *_round_peak(scenario))
 

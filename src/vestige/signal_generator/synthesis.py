@@ -31,7 +31,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import ChipSequence
 from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signal_generator.synthesis_kernel import add_rays
-from vestige.signals.chip_window_kernel import REACH_CHIPS, chip_windows
+from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS, chip_windows
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
@@ -126,7 +126,7 @@ def _add(
     order = np.argsort(delay_chips, kind="stable")
     windows = chip_windows(signal.chips.chips)
     while order.size:
-        near = delay_chips[order] - delay_chips[order[0]] <= 2 * REACH_CHIPS
+        near = delay_chips[order] - delay_chips[order[0]] <= 2 * WINDOW_REACH_CHIPS
         group, order = order[near], order[~near]
         add_rays(
             x,

@@ -22,7 +22,7 @@ from jaxtyping import Int8, UInt32
 from numba import njit
 
 LEAD = 16  # chips before the current one in a window
-REACH_CHIPS = 15.0  # farthest delay from the middle: LEAD ± REACH and the fraction lie within 0 … 32
+WINDOW_REACH_CHIPS = 15.0  # farthest delay from the middle: LEAD ± REACH and the fraction lie within 0 … 32
 FRACTION_BITS = 27  # of a delay; five bits are left for 32 chips
 _PHASE_BITS = 40  # fraction bits of the code phase
 _PAD = 32  # windows before the first and behind the last chip

@@ -147,7 +147,7 @@ class ExportedSatellite:
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
         multipath_m = self.simulation.e1_multipath_m(truth)
         cn0_dbhz = reported_cn0_dbhz(self.simulation, truth, multipath_m, first=self.first)
-        shown = truth.view.in_view & (np.abs(truth.e1.error_m) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
+        shown = truth.geometry.in_view & (np.abs(truth.e1.error_m) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
         return tuple(
             E1Observation(
                 svid=self.svid,

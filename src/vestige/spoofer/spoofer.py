@@ -142,15 +142,15 @@ class Spoofer:
         for attack in self.attacks:
             if attack.reacquired and (not attack.svids or svid in attack.svids):
                 counterfeit = attack.counterfeit(Band.E1, until_s)
-                heard = counterfeit is not None and counterfeit.power_db > -inf
-                anew |= (after_s < attack.start_s) & (attack.start_s <= until_s) & heard
+                is_on = counterfeit is not None and counterfeit.power_db > -inf
+                anew |= (after_s < attack.start_s) & (attack.start_s <= until_s) & is_on
         return anew
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
         """Return whether an OSNMA key that is sent between two times does not reach the receiver."""
         return any(attack.withholds_osnma(first_s, last_s) for attack in self.attacks)
 
-    def cautions(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Return one line for each attack that is beyond what [WFO] assumes."""
         return tuple(
             f"attack.{number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"

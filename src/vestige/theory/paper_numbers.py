@@ -29,7 +29,7 @@ from vestige.theory.marcum_q import marcum_q
 from vestige.theory.range_offset import range_offset_m
 from vestige.theory.thermal_noise import dll_noise_m, snapshot_noise_bound_m
 from vestige.theory.thresholds import (
-    amplitude,
+    correlator_amplitude,
     overall_pfa,
     probability_of_detection,
     required_cn0_dbhz,
@@ -261,10 +261,10 @@ def _results() -> list[PaperNumber]:
     missed, epochs = 52, 100_000
     noise_only = required_cn0_dbhz(1 - missed / epochs, RECS_S, PFA)
     recs_35, recs_34 = (
-        amplitude(required_cn0_dbhz(pd, 1.0, PFA), 1.0) ** 2 / (2 * 10 ** (cn0 / 10))
+        correlator_amplitude(required_cn0_dbhz(pd, 1.0, PFA), 1.0) ** 2 / (2 * 10 ** (cn0 / 10))
         for pd, cn0 in ((0.999995, 35.0), (0.9996, 34.0))
     )
-    flank = amplitude(CN0_DBHZ, RECS_S) * (1 - 2 * TAP_M / CHIP_M)
+    flank = correlator_amplitude(CN0_DBHZ, RECS_S) * (1 - 2 * TAP_M / CHIP_M)
     saturated = range_offset_m(np.array([[0.5, 1.0, 1.0]]), np.array([1]), 1, np.array([-45.0, -30.0, -15.0]))[0]
     return [
         _row(

@@ -16,6 +16,8 @@ from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
+# Of one search of one satellite: below the share of one search with each RECS, which suspicion may ask for.
+SEARCH_P_FA = 1e-6
 _DOPPLER_CORRELATION = 2 / np.pi  # of the noise of two bins 1/(2 T) apart: sinc(1/2)
 
 

@@ -76,7 +76,9 @@ def cfar_threshold(pfa: Reals, cells: int) -> Reals:
     return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
 
 
-def amplitude(cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1) -> Reals:
+def correlator_amplitude(
+    cn0_dbhz: Reals, integration_s: float | Float[np.ndarray, "*#k"], n_noncoherent: int = 1
+) -> Reals:
     """Return A = √(2 K (C/N0) T_I), the magnitude without noise in standard deviations of the noise per dimension."""
     return np.sqrt(2.0 * n_noncoherent * integration_s * 10.0 ** (cn0_dbhz / 10.0))
 
@@ -97,7 +99,7 @@ def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, 
     n_noncoherent
         K, number of squared magnitudes added.
     """
-    strength = amplitude(cn0_dbhz, integration_s, n_noncoherent)
+    strength = correlator_amplitude(cn0_dbhz, integration_s, n_noncoherent)
     return marcum_q(strength, threshold(pfa, n_noncoherent), n_noncoherent)
 
 
@@ -106,7 +108,7 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 
     Parameters are those of `probability_of_detection`.
     """
-    strength = amplitude(cn0_dbhz, integration_s, n_noncoherent)
+    strength = correlator_amplitude(cn0_dbhz, integration_s, n_noncoherent)
     return marcum_p(strength, threshold(pfa, n_noncoherent), n_noncoherent)
 
 
@@ -117,7 +119,7 @@ def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pf
     `probability_of_detection`; `cn0_dbhz` is the mean.
     """
     _check(pfa)
-    return pfa ** (1.0 / (1.0 + amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))
+    return pfa ** (1.0 / (1.0 + correlator_amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))
 
 
 def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:

@@ -24,7 +24,7 @@ from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
-from vestige.threats.scenes import LEVELS, Scene, Threat, scenario_of
+from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
 _IN_FLIGHT = 3  # runs for each worker
 Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
@@ -84,12 +84,12 @@ def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
 
 
 def _scenarios(threat: Threat, scene: Scene) -> Callable[[int, bool], CampaignScenario]:
-    return lambda seed, attacked: scenario_of(threat, scene, seed, attacked=attacked)
+    return lambda seed, attacked: scene_scenario(threat, scene, seed, attacked=attacked)
 
 
 def case_of(name: str, scenario: CampaignScenario) -> Case:
     """Return a scenario as a case; its seeds are those of the others."""
-    all_columns = scenario.processor.model_copy(update={"level": max(LEVELS)})
+    all_columns = scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)})
 
     def seeded(seed: int, attacked: bool) -> CampaignScenario:
         return scenario.replaced(seed=seed, processor=all_columns, **({} if attacked else {"attack": ()}))
@@ -97,12 +97,12 @@ def case_of(name: str, scenario: CampaignScenario) -> Case:
     return Case(threat="–", scene=name, scenario=seeded)
 
 
-def measure(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
+def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
 
     The scenario is of a sky, or with a processor of level 3; the window ends before its second time.
     """
-    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVELS, window_s)
+    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVEL_NUMBERS, window_s)
 
 
 def measure_threats(
@@ -138,7 +138,7 @@ def measure_threats(
 
 
 def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[SceneCell]:
-    for place, level in enumerate(LEVELS):
+    for place, level in enumerate(LEVEL_NUMBERS):
         measured = scene_outcome([run[place] for run in found[True]], [run[place] for run in found[False]])
         yield SceneCell(case=case, level=level, found=measured, attacked=attacked)
 
@@ -162,11 +162,12 @@ def _runs(
             for attacked, one in both.items():
                 digest = _digest(one, window_s)
                 keys = tuple(
-                    (case.threat, case.scene, str(seed), str(int(attacked)), str(level), digest) for level in LEVELS
+                    (case.threat, case.scene, str(seed), str(int(attacked)), str(level), digest)
+                    for level in LEVEL_NUMBERS
                 )
                 future = None
                 if not all(key in known for key in keys):
-                    future = shared.get(digest) or pool.submit(measure, one, window_s)
+                    future = shared.get(digest) or pool.submit(measure_scenes, one, window_s)
                     if not attacked:
                         shared[digest] = future
                 yield attacked, keys, future

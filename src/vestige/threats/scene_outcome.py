@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.run_outcome import HALF, OutcomeCounts, RunOutcome, outcome_word, worst_of
 from vestige.campaign.statistics import Proportion, count_interval, proportion
+from vestige.constants import DAY_S
 
 _GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
 

@@ -17,8 +17,8 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.toml.toml_file import Section, overridden, read_toml, validated
 from vestige.streams import stream
 
-TABLE = Path(__file__).with_name("threats.toml")
-LEVELS = (1, 2, 3)
+THREATS_FILE = Path(__file__).with_name("threats.toml")
+LEVEL_NUMBERS = (1, 2, 3)
 OUTCOMES = ("pass", "detect", "mitigate", "miss", "deny", "partial")
 
 _CAMPAIGN: TypeAdapter[CampaignScenario] = TypeAdapter(CampaignScenario)
@@ -82,7 +82,7 @@ class _ThreatFile(Section):
 
 @cache
 def _table() -> _ThreatFile:
-    table: _ThreatFile = validated(TypeAdapter(_ThreatFile), read_toml(TABLE), TABLE)
+    table: _ThreatFile = validated(TypeAdapter(_ThreatFile), read_toml(THREATS_FILE), THREATS_FILE)
     return table
 
 
@@ -91,7 +91,7 @@ def read_threats() -> tuple[Threat, ...]:
     return _table().threat
 
 
-def scenario_of(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
+def scene_scenario(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
     """Return the campaign of a scene with one seed, from which its draws follow too.
 
     If it is not `attacked`, it is the same campaign without its attacks.
@@ -102,7 +102,7 @@ def scenario_of(threat: Threat, scene: Scene, seed: int, *, attacked: bool = Tru
     if attacked:
         # a draw may only replace what is there
         raw = overridden(raw | {"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
-    return validated(_CAMPAIGN, raw, TABLE)
+    return validated(_CAMPAIGN, raw, THREATS_FILE)
 
 
 def _drawn(threat: Threat, scene: Scene, seed: int) -> tuple[str, ...]:

@@ -18,12 +18,12 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
+from vestige.constants import DAY_S
 from vestige.output import replacement
 from vestige.threats.matrix import SceneCell
-from vestige.threats.scenes import LEVELS
+from vestige.threats.scenes import LEVEL_NUMBERS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
 VERSION = "vestige_version"  # with which all runs were measured
@@ -31,7 +31,7 @@ _BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_e
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
-def rows_of(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
+def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
     """Return the rows of the table, one a scene, under the names of its columns."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
@@ -45,7 +45,7 @@ def rows_of(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
                 "e1": row.e1 if row else "",
                 "e6": row.e6 if row else "",
                 "source": row.source if row else "",
-                **{f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVELS},  # type: ignore[index]
+                **{f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVEL_NUMBERS},  # type: ignore[index]
                 **{f"level_{cell.level}": cell.agreement.value for cell in levels},
                 **{
                     f"{name}_level_{cell.level}": value
@@ -95,7 +95,7 @@ def _parts(found: object) -> tuple[object, ...]:
 
 def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
     """Write the table as CSV and as a store; each is there as a whole or not at all."""
-    rows = rows_of(cells)
+    rows = table_rows(cells)
     with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
         writer.writeheader()
@@ -115,7 +115,7 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
 def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
     """Return the table over scene and level."""
     scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
-    shape = (len(scenes), len(LEVELS))
+    shape = (len(scenes), len(LEVEL_NUMBERS))
     place = {scene: number for number, scene in enumerate(scenes)}
     names = statistics_of(cells[0]) if cells else {}
     columns: dict[str, np.ndarray] = {
@@ -123,7 +123,7 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
         for name, value in (names | {"expected": "", "agreement": ""}).items()
     }
     for cell in cells:
-        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        at = place[cell.case.threat, cell.case.scene], LEVEL_NUMBERS.index(cell.level)
         for name, value in (
             statistics_of(cell) | {"expected": cell.expected, "agreement": cell.agreement.value}
         ).items():
@@ -132,11 +132,11 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
         next(c.case.row.name if c.case.row else "" for c in cells if (c.case.threat, c.case.scene) == one)
         for one in scenes
     ]
-    ours = [str(row.name) for level in LEVELS for row in ROWS[level]]
+    ours = [str(row.name) for level in LEVEL_NUMBERS for row in ROWS[level]]
     checks = list(dict.fromkeys([*ours, *(one.name for cell in cells for one in cell.found.checks)]))
     failed, time_s = np.zeros((*shape, len(checks))), np.full((*shape, len(checks)), np.nan)
     for cell in cells:
-        at = place[cell.case.threat, cell.case.scene], LEVELS.index(cell.level)
+        at = place[cell.case.threat, cell.case.scene], LEVEL_NUMBERS.index(cell.level)
         for one in cell.found.checks:
             failed[(*at, checks.index(one.name))] = one.failed.successes
             time_s[(*at, checks.index(one.name))] = one.time_s
@@ -155,7 +155,7 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
             "scene": ("scene", _text([name for _, name in scenes])),
             "threat": ("scene", _text([name for name, _ in scenes])),
             "attack": ("scene", _text(attack)),
-            "level": list(LEVELS),
+            "level": list(LEVEL_NUMBERS),
         },
         attrs={VERSION: vestige_version()},
     )

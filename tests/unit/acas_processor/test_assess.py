@@ -13,12 +13,13 @@ from hypothesis import settings as hypothesis_settings
 from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.assess import TRAVEL_TIME_SPREAD_S
 from vestige.acas_processor.monitoring.baseline import ReferenceLevels
-from vestige.acas_processor.monitoring.state import FIXED_S, ReceiverState
+from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SearchBlock, SearchRequest, SnapshotBlock
+from vestige.records.time_uncertainty import FIXED_S
 from vestige.records.times import GalileoTimes
 
 N = 24

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from evidence_builder import evidence
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import (
+    BASELINE_WINDOW,
     LEARNED,
-    WINDOW,
     Antenna,
     Baseline,
     Observed,
@@ -40,7 +40,7 @@ def _plain_medians(values: list[float], teaches: list[bool], before: list[float]
     """The rule written out: the median of the last quiet values before each epoch."""
     known, found = list(before), []
     for value, teach in zip(values, teaches, strict=True):
-        found.append(float(np.median(known[-WINDOW:])) if len(known) >= LEARNED else np.nan)
+        found.append(float(np.median(known[-BASELINE_WINDOW:])) if len(known) >= LEARNED else np.nan)
         if teach and np.isfinite(value):
             known.append(value)
     return found
@@ -48,7 +48,7 @@ def _plain_medians(values: list[float], teaches: list[bool], before: list[float]
 
 @given(
     st.lists(st.tuples(st.one_of(st.floats(-50, 50), st.just(float("nan"))), st.booleans()), min_size=1, max_size=60),
-    st.integers(0, WINDOW),
+    st.integers(0, BASELINE_WINDOW),
 )
 def test_a_reference_is_the_median_of_the_last_quiet_values(steps: list[tuple[float, bool]], known: int) -> None:
     values, teaches = [value for value, _ in steps], [teach for _, teach in steps]
@@ -61,7 +61,7 @@ def test_a_reference_is_the_median_of_the_last_quiet_values(steps: list[tuple[fl
     np.testing.assert_array_equal(power.value, _plain_medians(values, teaches, before))
     after = observed.after(baseline, np.array(teaches)).of(Quantity.E1_POWER_DB, 0)
     taught = [value for value, teach in steps if teach and np.isfinite(value)]
-    assert list(after) == (before + taught)[-WINDOW:]
+    assert list(after) == (before + taught)[-BASELINE_WINDOW:]
 
 
 def test_every_quantity_is_learned_for_each_satellite() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from builders import START, batch_of, validated_key
 from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.acas_processor.searches.sampled_snapshot import block_of
@@ -29,6 +28,7 @@ from vestige.records import (
     Verdict,
 )
 from vestige.records.inertial import Accelerations
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -150,6 +150,7 @@ class _Model:
 
     def __init__(self, samples: Any, received_until: GalileoTime, **changes: Any) -> None:
         self.samples, self.received_until, self.changes = samples, received_until, changes
+        self.received_from, self.searched = samples.received_from, None
 
     def correlate(self, handover: Handover, offsets_m: np.ndarray) -> CorrelatorBank:
         return replace(self.samples.correlate(handover, offsets_m), **self.changes)

@@ -13,13 +13,13 @@ import pytest
 
 from kept_acquisitions import e1_acquired_once
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
 from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.records import Assistance, Band, E1Observation, Snapshot, Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource

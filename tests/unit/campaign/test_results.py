@@ -30,7 +30,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.scenario.stored import stored_scenario
 from vestige.threats.scenes import read_threats
-from vestige.threats.scenes import scenario_of as scenario_of_threat
+from vestige.threats.scenes import scene_scenario as scenario_of_threat
 from vestige.threats.table import STORE, read_threat_dataset, write_table
 
 PLAN = ToyPlan(n_epochs=10)

@@ -194,5 +194,5 @@ def test_counts_do_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> 
 
     whole = counts()
     for block in (1, 2):
-        monkeypatch.setattr("vestige.campaign.statistics.BLOCK_EPOCHS", block)
+        monkeypatch.setattr("vestige.campaign.statistics.READ_EPOCHS", block)
         assert counts() == whole

@@ -14,12 +14,12 @@ from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
 from vestige.campaign.store.results import open_results
-from vestige.campaign.sweep.sweep import TABLE, Row, Width, run_sweep
+from vestige.campaign.sweep.sweep import SWEEP_TABLE, Row, Width, run_sweep
 from vestige.cli.campaigns.campaign_report import sweep_table
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.theory.thresholds import probability_of_detection
-from vestige.threats.matrix import measure
+from vestige.threats.matrix import measure_scenes
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 CHUNK = 500
@@ -64,7 +64,7 @@ def test_a_row_is_what_its_campaign_says(tmp_path: Path, whole: tuple[Path, list
 
 def test_the_table_has_the_rows(whole: tuple[Path, list[Row]]) -> None:
     folder, rows = whole
-    with (folder / TABLE).open() as file:
+    with (folder / SWEEP_TABLE).open() as file:
         table = list(csv.DictReader(file))
     for row, cells in zip(rows, table, strict=True):
         assert float(cells["cn0_dbhz"]) == float(cells["receiver.cn0_dbhz"]) == row.cn0_dbhz
@@ -88,16 +88,16 @@ def test_a_row_of_an_attack_says_what_came_of_it_at_the_level(tmp_path: Path) ->
     assert (second.detected, second.missed, second.time_to_detect_s) == (True, False, 0.0)
     for (_, scenario), row in zip(campaigns, rows, strict=True):
         all_columns = scenario.processor.model_copy(update={"level": 3})
-        threat = measure(scenario.replaced(processor=all_columns), window_of(scenario))
+        threat = measure_scenes(scenario.replaced(processor=all_columns), window_of(scenario))
         assert repr(row.outcome) == repr(threat[row.level - 1])  # NaN is not equal to itself
-    with (tmp_path / TABLE).open() as file:
+    with (tmp_path / SWEEP_TABLE).open() as file:
         table = list(csv.DictReader(file))
     assert [(cells["level"], cells["word"], cells["detected"]) for cells in table] == [
         ("1", "missed", "0"), ("2", second.word, "1"),
     ]  # fmt: skip
     assert float(table[0]["worst_accepted_m"]) == first.worst_range_m
     assert table[1]["time_to_detect_s"] == "0.0"
-    text = sweep_table(rows, tmp_path / TABLE).splitlines()
+    text = sweep_table(rows, tmp_path / SWEEP_TABLE).splitlines()
     assert "what came of it" in text[0]
     assert text[1].split()[:4] == ["1", "1", "missed", "none"]
     assert "after 0 s" in text[2]
@@ -175,4 +175,4 @@ def test_without_signal_every_detection_is_a_false_alarm(tmp_path: Path) -> None
     low, high = binomial_interval(row.false_alarms.successes, 9000, confidence=1 - 1e-6)
     assert low < 0.01 < high
     assert np.isnan(row.p_d_theory)
-    assert "detections" not in (tmp_path / TABLE).read_text()
+    assert "detections" not in (tmp_path / SWEEP_TABLE).read_text()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from builders import validated_key
 from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
-from vestige.crypto.recs.recs_file import FileKind, RecsFile
+from vestige.crypto.recs.recs_file import RecsFile, RecsFileKind
 from vestige.crypto.recs.recs_name import time_of_deciseconds
 from vestige.crypto.recs.recs_segment import LENGTHS, SegmentLength
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
@@ -34,7 +34,7 @@ common = {"start": starts, "svid": st.integers(1, 36), "key_delay": flags, "rand
 def unitary_files(draw: st.DrawFn) -> RecsFile:
     return draw(
         st.builds(
-            RecsFile, kind=st.just(FileKind.UNITARY), provider=st.from_regex(r"[A-Z0-9]{4}", fullmatch=True),
+            RecsFile, kind=st.just(RecsFileKind.UNITARY), provider=st.from_regex(r"[A-Z0-9]{4}", fullmatch=True),
             n_chip_code=st.just(0), body=st.binary(min_size=640, max_size=640), reserved=st.integers(0, 15), **common,
         )
     )  # fmt: skip
@@ -47,7 +47,7 @@ def aggregated_files(draw: st.DrawFn) -> RecsFile:
     return draw(
         st.builds(
             RecsFile,
-            kind=st.just(FileKind.AGGREGATED),
+            kind=st.just(RecsFileKind.AGGREGATED),
             provider=st.from_regex(r"[A-Z0-9]{1,8}", fullmatch=True),
             n_chip_code=st.just(0),
             body=st.binary(min_size=640 * count, max_size=640 * count),
@@ -61,7 +61,7 @@ def aggregated_files(draw: st.DrawFn) -> RecsFile:
 
 files = st.one_of(unitary_files(), aggregated_files())
 UNITARY_FILE = RecsFile(
-    kind=FileKind.UNITARY,
+    kind=RecsFileKind.UNITARY,
     provider="GSCX",
     start=START,
     svid=11,
@@ -72,7 +72,7 @@ UNITARY_FILE = RecsFile(
 )
 A_UNITARY = recs_file.serialize(UNITARY_FILE)
 AN_AGGREGATE = recs_file.serialize(
-    dataclasses.replace(UNITARY_FILE, kind=FileKind.AGGREGATED, body=bytes(3 * 640), duration_ds=900, period_ds=300)
+    dataclasses.replace(UNITARY_FILE, kind=RecsFileKind.AGGREGATED, body=bytes(3 * 640), duration_ds=900, period_ds=300)
 )
 
 
@@ -88,9 +88,11 @@ def test_every_field_survives(file: RecsFile) -> None:
     assert recs_file.parse(data, Path(str(file.name)), reference=file.start) == file
 
 
-@pytest.mark.parametrize(("length", "kind", "key_delay"), list(itertools.product(LENGTHS, FileKind, (0, 1))), ids=str)
-def test_write_read_decrypt(tmp_path: Path, length: SegmentLength, kind: FileKind, key_delay: int) -> None:
-    times = [START + 30 * i for i in range(3 if kind is FileKind.AGGREGATED else 1)]
+@pytest.mark.parametrize(
+    ("length", "kind", "key_delay"), list(itertools.product(LENGTHS, RecsFileKind, (0, 1))), ids=str
+)
+def test_write_read_decrypt(tmp_path: Path, length: SegmentLength, kind: RecsFileKind, key_delay: int) -> None:
+    times = [START + 30 * i for i in range(3 if kind is RecsFileKind.AGGREGATED else 1)]
     chips = [random_chips(length, time) for time in times]
     segments = [recs.encrypt(sequence, KEY, key_delay=key_delay, random_offset=1) for sequence in chips]
     path = recs_file.write(recs_file.from_segments(segments), tmp_path)
@@ -108,7 +110,7 @@ def test_write_read_decrypt(tmp_path: Path, length: SegmentLength, kind: FileKin
 
 def test_week_rolls_over_inside_an_aggregate() -> None:
     start = time_of_deciseconds(1251, 6_048_000 - 305)  # 30.5 s before the week's end
-    file = RecsFile(kind=FileKind.AGGREGATED, provider="GSCX", start=start, svid=1, key_delay=1, random_offset=0,
+    file = RecsFile(kind=RecsFileKind.AGGREGATED, provider="GSCX", start=start, svid=1, key_delay=1, random_offset=0,
                     n_chip_code=0, body=bytes(3 * 640), duration_ds=900, period_ds=300)  # fmt: skip
     assert [(s.transmit_time, s.key_time) for s in file.segments] == [
         (GalileoTime(1251, 604_769, 0.5), GalileoTime(1251, 604_770)),
@@ -134,8 +136,8 @@ def test_name_resolves_the_twelve_bit_week(tmp_path: Path) -> None:
 
 
 def test_content_decides_not_the_suffix() -> None:
-    assert recs_file.parse(A_UNITARY, Path("a.bin")).kind is FileKind.UNITARY
-    assert recs_file.parse(AN_AGGREGATE, Path("a.RCS")).kind is FileKind.AGGREGATED
+    assert recs_file.parse(A_UNITARY, Path("a.bin")).kind is RecsFileKind.UNITARY
+    assert recs_file.parse(AN_AGGREGATE, Path("a.RCS")).kind is RecsFileKind.AGGREGATED
 
 
 @pytest.mark.parametrize(

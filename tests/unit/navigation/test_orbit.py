@@ -12,7 +12,7 @@ from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.orbit import RELATIVITY_S_PER_SQRT_M, eccentric_anomaly, satellite_state
 from vestige.receiver.sky.constellation import (
     LATITUDE_RATE_DEG_PER_DAY,
-    SEMI_MAJOR_AXIS_M,
+    ORBIT_SEMI_MAJOR_AXIS_M,
     walker_ephemerides,
 )
 from vestige.time import GalileoTime
@@ -87,7 +87,7 @@ def test_relativity_and_group_delay() -> None:
 
 def test_the_reference_constellation_repeats_its_ground_track() -> None:
     """17 revolutions in ten sidereal days [GSC-ORBITS]; the satellite is then where it was."""
-    assert pytest.approx(29_599_800) == SEMI_MAJOR_AXIS_M
+    assert pytest.approx(29_599_800) == ORBIT_SEMI_MAJOR_AXIS_M
     slot = walker_ephemerides(TOE)[10]
     node_rate = np.degrees(7.2921151467e-5) * 86400 + 0.02764398  # of the Earth against the node
     days = 17 * 360 / LATITUDE_RATE_DEG_PER_DAY

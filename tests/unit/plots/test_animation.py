@@ -25,7 +25,7 @@ def test_one_frame_an_epoch_and_each_is_another(tmp_path: Path) -> None:
     assert write_animation(campaign_results(6, spoofer=lift_off), tmp_path / "a.gif", width_cm=6.0) == 6
     frames = _frames(tmp_path / "a.gif")
     assert len(frames) == 6
-    assert frames[0].shape[1] == pytest.approx(6.0 / 2.54 * animation.DPI, abs=1)
+    assert frames[0].shape[1] == pytest.approx(6.0 / 2.54 * animation.ANIMATION_DPI, abs=1)
     for before, after in pairwise(frames):
         assert not np.array_equal(before, after)
 

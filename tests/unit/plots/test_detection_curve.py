@@ -6,7 +6,7 @@ import xarray
 from scipy.special import bdtr, bdtrc
 
 from vestige.errors import VestigeError
-from vestige.plots.curves.detection_curve import KINDS, detection_curve
+from vestige.plots.curves.detection_curve import COUNTED_EVENTS, detection_curve
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 ATTRS = {"integration_s": 0.016, "p_fa": 1e-7}
@@ -73,7 +73,7 @@ def test_without_integration_time_there_is_no_theory() -> None:
     assert ax.get_title() == "Detection"
 
 
-@pytest.mark.parametrize("count", KINDS)
+@pytest.mark.parametrize("count", COUNTED_EVENTS)
 @pytest.mark.parametrize(
     ("cn0_dbhz", "trials", "detections"),
     [([30.0], [10], [11]), ([30.0], [0], [0]), ([30.0], [10], [-1]), ([np.nan], [10], [1]), ([], [], [])],

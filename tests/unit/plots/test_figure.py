@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from vestige.plots.figure import CM_PER_INCH, DPI, FORMATS, dot_size_pt, figure_of, new_axes, time_label, write
+from vestige.plots.figure import CM_PER_INCH, DPI, FIGURE_FORMATS, dot_size_pt, figure_of, new_axes, time_label, write
 
 SOURCE = Path(__file__).resolve().parents[3] / "src" / "vestige"
 
@@ -35,7 +35,7 @@ def test_the_suffix_chooses_the_format(tmp_path: Path, suffix: str, begin: bytes
 
 @pytest.mark.parametrize("name", ["a", "a.jpeg", "png", "a.png.txt"])
 def test_other_formats_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match=", ".join(FORMATS)):
+    with pytest.raises(ValueError, match=", ".join(FIGURE_FORMATS)):
         write(new_axes(), tmp_path / name)
     assert not (tmp_path / name).exists()
 

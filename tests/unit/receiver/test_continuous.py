@@ -44,7 +44,7 @@ def truth(e1_multipath: bool = False) -> ContinuousTruth:
             amplitude_e1=1j * strength,
             doppler_hz=rng.normal(size=(4, 2)),
         ),
-        view=SatelliteGeometry.single(4),
+        geometry=SatelliteGeometry.single(4),
     )
     return ContinuousTruth(line_of_sight=PATH, truth=block, e1_multipath=e1_multipath)
 
@@ -90,8 +90,8 @@ def test_is_what_the_epoch_says_while_its_recs_arrives() -> None:
 def test_nothing_steps_between_the_epochs(band: Band, sky: bool) -> None:
     """Delays, strengths and phases change with the rates that go with them."""
     one = replace(truth(e1_multipath=True), sky=sky)
-    view = replace(one.truth.view, amplitude=np.array([1.0, 0.8, 1.1, 0.9]))
-    one = replace(one, truth=replace(one.truth, view=view))
+    geometry = replace(one.truth.geometry, amplitude=np.array([1.0, 0.8, 1.1, 0.9]))
+    one = replace(one, truth=replace(one.truth, geometry=geometry))
     held, h = one.propagation(band, 0.016), 1e-4
     for t in np.concatenate([np.linspace(2.5, 6.9, 441), one.received_s() + 0.008]):
         before, here, after = (held(float(t + shift)) for shift in (-h, 0.0, h))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.correlators.e1_multipath import REACH_CHIPS, e1_multipath_error_m
+from vestige.receiver.correlators.e1_multipath import LOOP_REACH_CHIPS, e1_multipath_error_m
 from vestige.signals.pulse import BOC11, BPSK, CBOC_MINUS, Pulse
 
 CHIP_M = 299_792_458 / 1.023e6
@@ -107,7 +107,7 @@ def test_a_ray_of_any_strength_has_an_answer_within_reach() -> None:
     delay_m = rng.exponential(100, (2000, 1))
     amplitude = 10 ** rng.uniform(-1, 3, (2000, 1)) * np.exp(2j * np.pi * rng.random((2000, 1)))
     found = e1_multipath_error_m(delay_m, amplitude)
-    assert np.all(np.abs(found) <= REACH_CHIPS * CHIP_M * (1 + 1e-12))
+    assert np.all(np.abs(found) <= LOOP_REACH_CHIPS * CHIP_M * (1 + 1e-12))
 
 
 @pytest.mark.parametrize("spacing", [0.0, 1.0, np.nan])

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
+from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
 from vestige.receiver.errors.error_process import named_streams
 from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
 from vestige.receiver.errors.tracking_noise import BetzTrackingNoise, noise_growth

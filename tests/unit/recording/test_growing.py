@@ -24,7 +24,7 @@ from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
-from vestige.recording.text_lines import LONGEST, GrowingLines
+from vestige.recording.text_lines import LONGEST_LINE, GrowingLines
 from vestige.records import Band, E1Observation
 
 GAP_S = 2.0 + 1e-6  # epochs one second apart
@@ -117,7 +117,7 @@ def test_a_file_that_shrinks_or_is_no_text(tmp_path: Path) -> None:
     path.write_bytes(b"")
     with pytest.raises(InputFileError, match="as before, or more"):
         lines.take()
-    path.write_bytes(bytes(LONGEST + 10))
+    path.write_bytes(bytes(LONGEST_LINE + 10))
     with pytest.raises(InputFileError, match="a whole line"):
         GrowingLines(path).take()
 

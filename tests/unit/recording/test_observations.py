@@ -12,7 +12,7 @@ from vestige.errors import InputFileError
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.interpolation import interpolate
 from vestige.recording.observations.observation_epoch import ObservationEpoch
-from vestige.recording.observations.observation_file import ObservationTrack, kind_of, open_observations
+from vestige.recording.observations.observation_file import ObservationTrack, observation_kind, open_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
 from vestige.time import GalileoTime
@@ -39,7 +39,7 @@ def csv(tmp_path: Path) -> Path:
 
 def test_files_are_told_by_their_first_line(tmp_path: Path, csv: Path) -> None:
     write_rinex_observations(tmp_path / "o.data", EPOCHS)
-    assert (kind_of(csv), kind_of(tmp_path / "o.data")) == ("CSV", "RINEX")
+    assert (observation_kind(csv), observation_kind(tmp_path / "o.data")) == ("CSV", "RINEX")
     assert [e.time for e in open_observations(tmp_path / "o.data")] == [e.time for e in EPOCHS]
     file = open_observations(csv)
     assert list(file) == list(file)  # as often as you like
@@ -49,13 +49,13 @@ def test_files_are_told_by_their_first_line(tmp_path: Path, csv: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "x"
     path.write_bytes(content)
-    assert kind_of(path) is None
+    assert observation_kind(path) is None
     with pytest.raises(InputFileError, match="line 1"):
         open_observations(path)
 
 
 def test_no_file_is_refused(tmp_path: Path) -> None:
-    assert kind_of(tmp_path / "none") is None
+    assert observation_kind(tmp_path / "none") is None
     for path in (tmp_path / "none", tmp_path):
         with pytest.raises(InputFileError):
             open_observations(path)

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from report_builder import rows_of, threat_folder
 from vestige.cli.campaigns.threats import command as threats
-from vestige.report.threat_page import OWN, QUESTION, threat_page
+from vestige.report.threat_page import OWN_SCENARIO, QUESTION, threat_page
 from vestige.threats.table import TABLE
 
 NOMINAL = {"threat": "A0", "attack": "none", "scene": "clean", "expected_level_1": "pass", "by_chance_of": "0"}
@@ -76,7 +76,7 @@ def test_how_to_get_it_again(tmp_path: Path) -> None:
     page = page_of(tmp_path)
     assert "vestige threats --only A1 --seeds 20 -o mine\n" in page
     assert "Measured with vestige 1.2." in page
-    own = page_of(tmp_path / "own", {"threat": OWN, "scene": "mast"}, {"threat": OWN, "scene": "van"})
+    own = page_of(tmp_path / "own", {"threat": OWN_SCENARIO, "scene": "mast"}, {"threat": OWN_SCENARIO, "scene": "van"})
     assert "vestige threats --attack mast.toml --attack van.toml --seeds 20 -o mine\n" in own
     assert hashlib.sha256((tmp_path / "mine" / TABLE).read_bytes()).hexdigest() in page
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from builders import START, batch_of, received_batch, satellite
-from vestige.cli.recordings.process import CN0_ESTIMATORS
+from vestige.cli.recordings.process import CN0_ESTIMATOR_NAMES
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.sample_processor.acquisition import Acquisition, acquire
@@ -75,7 +75,7 @@ def test_cn0_by_every_estimator(estimator: str, tolerance_db: float) -> None:
 
 
 def test_the_estimators_of_the_command_line_are_these() -> None:
-    assert CN0_ESTIMATORS == ESTIMATORS
+    assert CN0_ESTIMATOR_NAMES == ESTIMATORS
 
 
 def test_too_short() -> None:

@@ -159,8 +159,8 @@ def test_satellites_that_are_not_there(tmp_path: Path) -> None:
 
 def test_an_attack_after_the_end(tmp_path: Path) -> None:
     late = '[[attack]]\nkind = "lift-off"\nstart_s = 1e6\npower_db = 3\ndelay_m = 0\n'
-    (caution,) = scenario_warnings(_with(tmp_path, FINE + late))
-    assert caution.startswith("attack.1.start_s: 1e+06 s is not before the end of the scenario, ")
+    (warning,) = scenario_warnings(_with(tmp_path, FINE + late))
+    assert warning.startswith("attack.1.start_s: 1e+06 s is not before the end of the scenario, ")
 
 
 def test_schema_names_every_attack() -> None:

@@ -11,7 +11,7 @@ import pytest
 from vestige.errors import InputFileError, VestigeError
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere
-from vestige.receiver.errors.ionosphere import PRESETS, HeavyTailedIonosphere
+from vestige.receiver.errors.ionosphere import IONOSPHERE_PRESETS, HeavyTailedIonosphere
 from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, schema
@@ -115,7 +115,7 @@ def test_none_takes_a_table_away() -> None:
 
 
 def test_presets_stand_for_numbers() -> None:
-    for name, preset in PRESETS.items():
+    for name, preset in IONOSPHERE_PRESETS.items():
         assert _quick(f"receiver.ionosphere.preset='{name}'").receiver.ionosphere == preset()
     changed = _quick("receiver.ionosphere.preset='2017'", "receiver.ionosphere.tail_scale_m=1").receiver.ionosphere
     assert changed == HeavyTailedIonosphere(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=1.0)

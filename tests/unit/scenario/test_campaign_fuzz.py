@@ -55,7 +55,7 @@ def test_one_line_or_a_simulation(changes: list[str], fidelity: str) -> None:
         assert "\n" not in str(error)  # noqa: PT017  (many examples, not one)
         return
     assert isinstance(scenario, CampaignScenario)
-    assert all("\n" not in caution for caution in scenario_warnings(scenario))
+    assert all("\n" not in warning for warning in scenario_warnings(scenario))
     assert scenario.model_dump_json()
     simulation = scenario.simulation()
     banks = banks_of(simulation, "correlators", 0, simulation.truth().advance(0, 2))

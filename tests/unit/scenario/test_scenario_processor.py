@@ -56,13 +56,37 @@ def test_a_receiver_under_a_sky_knows_antenna_orbits_and_cadence() -> None:
     assert 37.0 < settings.power_distortion.hypotheses.sky_cn0_dbhz < 44.0
 
 
-def test_the_cadence_counts_satellites_in_view() -> None:
-    """Eight satellites, of which some set within the four hours: the nearest whole number of the mean."""
-    scenario = sky_scenario("epochs=241", "interval_s=60.0", "recs.every=1")
-    views = [one.truth().advance(0, 241).view.in_view for one in scenario.simulations]
-    mean = float(np.mean(np.sum(views, axis=0)))
-    assert 4 < mean < 7.4
-    assert processor_of(scenario).monitoring.cadence.satellites == round(mean)
+def test_the_receiver_counts_the_satellites_of_the_first_epoch() -> None:
+    """Eight satellites are above the mask at the start; two remain after half a day."""
+    scenario = sky_scenario("epochs=721", "interval_s=60.0", "recs.every=1")
+    views = [one.truth().advance(0, 721).geometry.in_view for one in scenario.simulations]
+    in_view = np.sum(views, axis=0)
+    assert (in_view[0], in_view[-1]) == (8, 2)
+    settings = processor_of(scenario).monitoring
+    assert settings.cadence.satellites == 8
+    assert settings.power_distortion.hypotheses.n_satellites == 8
+    stated = processor_of(sky_scenario("processor.expected_satellites=5")).monitoring
+    assert (stated.cadence.satellites, stated.power_distortion.hypotheses.n_satellites) == (5, 5)
+
+
+def test_without_a_satellite_in_view_one_at_the_mask_is_expected() -> None:
+    """SVID 2 is below the horizon at the start, and rises within the 20 hours of the run."""
+    scenario = sky_scenario("constellation.svids=[2]", "epochs=1200", "interval_s=60.0", "recs.every=1")
+    assert not scenario.simulations[0].truth().advance(0, 1).geometry.in_view[0]
+    settings = processor_of(scenario).monitoring
+    assert settings.cadence.satellites == 1
+    at_mask_dbhz = 45 - 9 * (1 - math.sin(math.radians(5)))
+    assert settings.power_distortion.hypotheses.sky_cn0_dbhz == pytest.approx(at_mask_dbhz)
+
+
+def test_the_receiver_expects_the_strength_that_its_settings_state() -> None:
+    stated = sky_scenario("processor.expected_cn0_e1_dbhz=42", "processor.expected_cn0_e6_dbhz=41.5")
+    assert processor_of(stated).monitoring.levels.antenna == Antenna(e1_dbhz=42.0, e6_dbhz=41.5, fall_db=9.0)
+    assert stated.simulations[0].cn0_dbhz == sky_scenario().simulations[0].cn0_dbhz
+    of_stated, of_known = (
+        processor_of(one).monitoring.power_distortion.hypotheses.sky_cn0_dbhz for one in (stated, sky_scenario())
+    )
+    assert of_known - of_stated == pytest.approx(3.0)
 
 
 def test_a_receiver_on_one_line_of_sight_knows_no_elevation() -> None:

@@ -100,12 +100,12 @@ def test_a_satellite_out_of_service_is_left_out(tmp_path: Path) -> None:
     assert {6, 8, 12, 13, 14, 23, 24} <= set(svids)
 
 
-def test_each_satellite_has_the_strength_of_its_highest_elevation() -> None:
+def test_each_satellite_has_the_strength_of_its_elevation_at_the_first_epoch() -> None:
     scenario = sky_scenario()
     assert [one.svid for one in scenario.simulations] == [6, 7, 8, 12, 13, 14, 23, 24]
     for one in scenario.simulations:
         assert one.elevation is not None
-        assert one.cn0_e1_dbhz == pytest.approx(45 - 9 * (1 - np.sin(one.elevation.highest_rad)))
+        assert one.cn0_e1_dbhz == pytest.approx(45 - 9 * (1 - np.sin(one.elevation.first_rad)))
         assert (one.n_epochs, one.interval_s, one.truth_interval_s) == (120, 30.0, 1.0)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from builders import random_chips
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
-    REACH_CHIPS,
+    WINDOW_REACH_CHIPS,
     chip_windows,
     fill_windows,
     interior,
@@ -30,7 +30,7 @@ def chips_met(chips: np.ndarray, u0: float, step: float, delays: list[float], n:
     seed=st.integers(0, 99),
     n_chips=st.integers(100, 3000),
     u0=st.floats(20.3, 40.7),
-    delays=st.lists(st.floats(-REACH_CHIPS, REACH_CHIPS), min_size=1, max_size=4),
+    delays=st.lists(st.floats(-WINDOW_REACH_CHIPS, WINDOW_REACH_CHIPS), min_size=1, max_size=4),
 )
 def test_windows_give_the_chip_at_every_delay(seed: int, n_chips: int, u0: float, delays: list[float]) -> None:
     chips = random_chips(np.random.default_rng(seed), n_chips).chips
@@ -46,7 +46,7 @@ def test_an_edge_is_met_within_half_a_micrometre(side: int) -> None:
     """Code phases 2^-26 chip before and after an edge, at 200 delays, 1000 samples into a block."""
     rng = np.random.default_rng(1)
     chips = random_chips(rng, 1000).chips
-    for delay in rng.uniform(-REACH_CHIPS, REACH_CHIPS, 200):
+    for delay in rng.uniform(-WINDOW_REACH_CHIPS, WINDOW_REACH_CHIPS, 200):
         step = 0.409_217_3
         u0 = 500 + delay + side * 2.0**-26 - 999 * step
         met = chips_met(chips, u0, step, [delay], 1000)[0, -1]

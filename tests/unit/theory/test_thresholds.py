@@ -9,8 +9,8 @@ from scipy.special import i0e
 from scipy.stats import chi2, ncx2
 
 from vestige.theory.thresholds import (
-    amplitude,
     cfar_threshold,
+    correlator_amplitude,
     miss_probability,
     overall_pfa,
     probability_of_detection,
@@ -69,7 +69,7 @@ def test_probability_of_detection_is_noncentral_chi_squared(cn0: float, time_s: 
 
 def test_miss_does_not_drown_in_the_subtraction() -> None:
     # Independently: the Rice density below the threshold, integrated with the exponential taken out.
-    a, g = amplitude(37.8, 16e-3), threshold(1e-7)
+    a, g = correlator_amplitude(37.8, 16e-3), threshold(1e-7)
     integral, _ = quad(lambda t: (g - t) * np.exp(-(a - g) * t - t**2 / 2) * i0e(a * (g - t)), 0, g, epsrel=1e-12)
     expected = np.exp(-((a - g) ** 2) / 2) * integral
     assert 1e-18 < expected < 1e-16  # 1 − P_d is 0 in floating point
@@ -100,7 +100,7 @@ def test_required_cn0_is_monotone_down_to_a_false_alarm_of_1e_15() -> None:
 @given(cn0s, times, pfas)
 def test_swerling_1_is_the_mean_over_a_rayleigh_amplitude(cn0: float, time_s: float, pfa: float) -> None:
     # signal plus noise is again complex Gaussian, of variance 1 + A²/2 per dimension
-    spread = 1 + amplitude(cn0, time_s) ** 2 / 2
+    spread = 1 + correlator_amplitude(cn0, time_s) ** 2 / 2
     expected = np.exp(-(threshold(pfa) ** 2) / (2 * spread))
     assert swerling1_probability_of_detection(cn0, time_s, pfa) == pytest.approx(expected, rel=1e-9)
 
@@ -108,7 +108,7 @@ def test_swerling_1_is_the_mean_over_a_rayleigh_amplitude(cn0: float, time_s: fl
 def test_reference_values() -> None:
     assert swerling1_probability_of_detection(35.0, 16e-3, 1e-7) == pytest.approx(0.7317, abs=5e-5)
     assert probability_of_detection(35.0, 4e-3, 1e-7, 4) == pytest.approx(0.999808, abs=5e-7)
-    assert amplitude(35.0, 16e-3) == pytest.approx(10.06, abs=0.005)
+    assert correlator_amplitude(35.0, 16e-3) == pytest.approx(10.06, abs=0.005)
     for pd, expected in ((0.9, (37.720, 34.709, 31.699)), (0.999, (39.757, 36.746, 33.736))):
         found = [required_cn0_dbhz(pd, time_s, 1e-7) for time_s in (4e-3, 8e-3, 16e-3)]
         assert found == pytest.approx(expected, abs=5e-4)

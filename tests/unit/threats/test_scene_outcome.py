@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vestige.acas_processor.monitoring.alarm_budget import Share
 from vestige.campaign.levels import LevelVerdicts
 from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.campaign.statistics import count_interval, proportion
 from vestige.records import Status
-from vestige.records.checks import CheckName
+from vestige.records.checks import AlarmShare, CheckName
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 
 A, P, S, D, N = (
@@ -33,7 +32,7 @@ class Verdicts:
     state: np.ndarray
     tests: dict[CheckName, np.ndarray]
     failed: dict[CheckName, np.ndarray]
-    budget: dict[CheckName, Share]
+    budget: dict[CheckName, AlarmShare]
     recs: np.ndarray
     seen: np.ndarray
     range_error_m: np.ndarray
@@ -52,7 +51,7 @@ def verdicts_of(status: list[int], used_m: list[float] | None = None) -> Verdict
         state=column,
         tests={CheckName.E1_CN0: everywhere},
         failed={CheckName.E1_CN0: column == P},
-        budget={CheckName.E1_CN0: Share(p_fa=0.01, alarms_a_day=28.8, chosen=True)},
+        budget={CheckName.E1_CN0: AlarmShare(p_fa=0.01, alarms_a_day=28.8, chosen=True)},
         recs=np.ones(n, np.bool_),
         seen=everywhere,
         range_error_m=np.array([0.0] * n if used_m is None else used_m, dtype=np.float64)[:, None],
@@ -153,12 +152,12 @@ def test_the_range_check_and_exact_checks_are_counted_apart() -> None:
     found, n = verdicts_of([A, S, P, A]), 4
     names = (CheckName.E6_POWER, CheckName.E1_E6_RANGE, CheckName.RAIM)
     failed = {name: np.arange(n)[:, None] == place for place, name in enumerate(names, 1)}
-    own = Share(p_fa=0.25, alarms_a_day=50.0, chosen=False)
+    own = AlarmShare(p_fa=0.25, alarms_a_day=50.0, chosen=False)
     found = replace(
         found,
         tests=dict(found.tests) | dict.fromkeys(names, np.ones((n, 1), np.bool_)),
         failed=dict(found.failed) | failed,
-        budget=dict(found.budget) | dict.fromkeys(names, own) | {CheckName.RAIM: replace(own, chosen=True)},
+        budget=dict(found.budget) | dict.fromkeys(names, own) | {CheckName.RAIM: replace(own, chosen=True, exact=True)},
     )
     outcome = run_outcome(found, 30.0 * np.arange(n), np.ones(n, np.bool_), LIMIT_M, np.full(n, nan))
     assert (outcome.failures, outcome.budget_failures) == (2, pytest.approx(0.04 + 1.0))

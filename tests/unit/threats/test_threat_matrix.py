@@ -17,11 +17,11 @@ from vestige.campaign.store.build_id import vestige_version
 from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
-from vestige.threats.matrix import SceneCell, case_of, cases, measure, measure_threats
+from vestige.threats.matrix import SceneCell, case_of, cases, measure_scenes, measure_threats
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement
 from vestige.threats.scenes import read_threats
-from vestige.threats.table import read_threat_dataset, rows_of
+from vestige.threats.table import read_threat_dataset, table_rows
 
 SOME = cases([threat for threat in read_threats() if threat.id in {"A1", "A3"}])
 
@@ -71,7 +71,7 @@ def quick(scenario: CampaignScenario, window_s: tuple[float, float]) -> tuple[Ru
 
 @pytest.fixture
 def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vestige.threats.matrix.measure", quick)
+    monkeypatch.setattr("vestige.threats.matrix.measure_scenes", quick)
 
 
 def table(pool: Executor, folder: Path | None = None, seeds: Sequence[int] = range(3)) -> list[SceneCell]:
@@ -79,7 +79,7 @@ def table(pool: Executor, folder: Path | None = None, seeds: Sequence[int] = ran
 
 
 def found(cells: Sequence[SceneCell]) -> list[dict[str, str]]:
-    return [{name: str(value) for name, value in row.items()} for row in rows_of(cells)]
+    return [{name: str(value) for name, value in row.items()} for row in table_rows(cells)]
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_levels_2_and_3_detect_both_and_use_no_wrong_range(six: Path, level: int
 def _run(threat: str, scene: int) -> dict[int, RunOutcome]:
     (row,) = (one for one in read_threats() if one.id == threat)
     scenario = cases([row])[scene].scenario(0, True)
-    return dict(enumerate(measure(scenario, window_of(scenario)), start=1))
+    return dict(enumerate(measure_scenes(scenario, window_of(scenario)), start=1))
 
 
 def _after_s(outcome: RunOutcome) -> dict[str, float]:
@@ -213,7 +213,7 @@ def test_the_seeds_of_a_sky_of_ones_own_differ() -> None:
 def test_windows() -> None:
     assert window_of(SOME[0].scenario(0, True)) == (300.0, float("inf"))
     assert window_of(SOME[0].scenario(0, False)) == (0.0, float("inf"))
-    outcomes = measure(SOME[0].scenario(0, True), (300.0, 360.0))
+    outcomes = measure_scenes(SOME[0].scenario(0, True), (300.0, 360.0))
     assert [one.duration_s for one in outcomes] == [60.0] * 3
 
 
@@ -269,9 +269,9 @@ def test_an_executor_of_processes_can_have_the_runs() -> None:
     """What travels to a worker can be pickled."""
     import pickle
 
-    pickle.loads(pickle.dumps((measure, SOME[0].scenario(0, True), (0.0, 1.0))))  # noqa: S301
+    pickle.loads(pickle.dumps((measure_scenes, SOME[0].scenario(0, True), (0.0, 1.0))))  # noqa: S301
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(measure, SOME[0].scenario(0, True), (0.0, 100.0)).result()[0].duration_s == 100.0
+        assert pool.submit(measure_scenes, SOME[0].scenario(0, True), (0.0, 100.0)).result()[0].duration_s == 100.0
 
 
 def test_runs_cut_at_every_byte_are_those_whose_lines_are_whole(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.spoofer.spoofer import ALL_ATTACKS, Spoofer
-from vestige.threats.scenes import LEVELS, OUTCOMES, Draw, Scene, Threat, read_threats, scenario_of
+from vestige.threats.scenes import LEVEL_NUMBERS, OUTCOMES, Draw, Scene, Threat, read_threats, scene_scenario
 
 THREATS = read_threats()
 SCENES = [(threat, scene) for threat in THREATS for scene in threat.scene]
@@ -26,7 +26,7 @@ def test_the_table_is_complete() -> None:
         names = [scene.name for scene in threat.scene]
         assert len(names) == len(set(names))
         assert threat.source
-        for level in LEVELS:
+        for level in LEVEL_NUMBERS:
             assert threat.outcome(level)[0] in OUTCOMES
 
 
@@ -60,7 +60,7 @@ def test_levels_2_and_3() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("threat", "scene"), SCENES, ids=lambda one: getattr(one, "id", None) or one.name)
 def test_every_row_is_a_scenario_that_runs(threat: Threat, scene: Scene) -> None:
-    scenario = scenario_of(threat, scene, 7).model_copy(update={"epochs": 12})
+    scenario = scene_scenario(threat, scene, 7).model_copy(update={"epochs": 12})
     results = direct_results(ScenarioPlan(scenario=scenario))
     assert results["status"].shape == (12, len(scenario.simulations))
     assert bool(scenario.attack) is (threat.id != "A0")
@@ -70,9 +70,9 @@ def test_an_attack_is_what_its_row_says() -> None:
     """Bands, and whether Assumption 2 holds, of each row."""
     bands = {"A1": "E1", "A2": "E1", "A9": "E1", "A10": "E6"}
     for threat, scene in SCENES:
-        scenario = scenario_of(threat, scene, 3)
+        scenario = scene_scenario(threat, scene, 3)
         spoofer = Spoofer(attacks=scenario.attack)
-        assert bool(spoofer.cautions()) is (threat.id == "A7")
+        assert bool(spoofer.warnings()) is (threat.id == "A7")
         last_s = min(scenario.epochs * scenario.interval_s, 880.0)
         late_s = np.arange(last_s - 30.0, last_s)  # a whole period of what comes and goes
         svid = next((svids[0] for svids in (getattr(one, "svids", ()) for one in scenario.attack) if svids), 12)
@@ -86,13 +86,13 @@ def test_an_attack_is_what_its_row_says() -> None:
 
 
 def test_every_kind_of_attack_is_in_the_table() -> None:
-    kinds = {attack.kind for threat, scene in SCENES for attack in scenario_of(threat, scene, 0).attack}
+    kinds = {attack.kind for threat, scene in SCENES for attack in scene_scenario(threat, scene, 0).attack}
     assert kinds == {kind.__dataclass_fields__["kind"].default for kind in ALL_ATTACKS}
 
 
 def _drawn(seed: int) -> CampaignScenario:
     (threat,) = (one for one in THREATS if one.id == "A3")
-    return scenario_of(threat, threat.scene[0], seed)
+    return scene_scenario(threat, threat.scene[0], seed)
 
 
 def test_a_seed_draws_its_own_parameters_within_the_range() -> None:
@@ -106,7 +106,7 @@ def test_a_seed_draws_its_own_parameters_within_the_range() -> None:
 
 def test_without_its_attack_the_rest_is_the_same() -> None:
     for threat, scene in SCENES:
-        attacked, quiet = scenario_of(threat, scene, 2), scenario_of(threat, scene, 2, attacked=False)
+        attacked, quiet = scene_scenario(threat, scene, 2), scene_scenario(threat, scene, 2, attacked=False)
         assert quiet == attacked.model_copy(update={"attack": ()})
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Int64
 
 from vestige.acas_processor.monitoring.memory import OsnmaMemory, Subframe
+from vestige.constants import PAGES_A_SUBFRAME
 from vestige.records.snapshot_block import OsnmaBlock
 
-PAGES = 15  # of a subframe [OS-ICD, 4.3]
-WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
-KEY_BIT = 1 << PAGES  # a key that is compared as a whole
+KEY_WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
+KEY_BIT = 1 << PAGES_A_SUBFRAME  # a key that is compared as a whole
 _KEY_PAGES = sum(1 << page for page in range(10, 15))  # hold the bits of a key of 128 bits [OSNMA-ICD]
 
 
@@ -52,7 +52,7 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
         if not of.last[piece]:
             continue
         counts = _counts(current)
-        keyed = (*keyed, counts[0])[-WINDOW:]
+        keyed = (*keyed, counts[0])[-KEY_WINDOW:]
         rows.append((int(of.epoch[piece]), keyed.count(False), len(keyed), *counts[1:]))
         current = None
     columns = np.array(rows, np.int64).reshape(-1, 7).T

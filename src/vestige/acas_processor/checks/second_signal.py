@@ -28,9 +28,9 @@ from jaxtyping import Complex128, Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.measurement import Availability, MeasurementBlock, spread
-from vestige.acas_processor.position.elevation_model import relative_ray_amplitude
+from vestige.acas_processor.measurement import Availability, MeasurementBlock, spread_over_block
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
@@ -119,7 +119,7 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
     found = monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m)
-    return TwoSignals(*(spread(values, correlated, correlated.shape) for values in found))
+    return TwoSignals(*(spread_over_block(values, correlated, correlated.shape) for values in found))
 
 
 @cache

@@ -16,19 +16,23 @@ The others allow for more than is always there, a front end that drifts or a C/N
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
-from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
-from vestige.records.checks import CheckName
+from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
+from vestige.constants import DAY_S, SUBFRAME_S
+from vestige.records.checks import AlarmShare, CheckName
+from vestige.theory.thresholds import probability_of_detection
 
-DAY_S = 86_400.0
-SUBFRAME_S = 30.0  # of I/NAV [OS-ICD, 4.3]
-RANGE = CheckName.E1_E6_RANGE
-EXACT = frozenset({CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE, CheckName.RAIM})
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.acas_processor.verdict_block import VerdictBlock
+
 ALARMS_A_DAY = 1.0  # for what can be chosen
 
 
@@ -53,15 +57,6 @@ class Cadence:
         return DAY_S / interval_s * (self.satellites if row.scope is Scope.SATELLITE else 1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Share:
-    """What a check may do."""
-
-    p_fa: float  # false-alarm probability of one test, before confirmation
-    alarms_a_day: float  # at most, after confirmation
-    chosen: bool  # whether p_fa is a share of the budget, or the check's own
-
-
 def false_alarm_budget(
     level: int,
     cadence: Cadence,
@@ -69,25 +64,49 @@ def false_alarm_budget(
     alarms_a_day: float = ALARMS_A_DAY,
     kappa: float = KAPPA,
     pd: float = MIN_PD,
-    further: Mapping[CheckSpec, float] | None = None,
-) -> dict[CheckName | str, Share]:
+    further: Sequence[CheckSpec] = (),
+) -> dict[CheckName | str, AlarmShare]:
     """Return the share of each check of a level, by name.
 
     `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
-    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote, with the
-    false-alarm probability of one test of each.
+    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote.
     """
-    further = {} if further is None else further
-    own: dict[CheckName | str, float] = {row.name: p_fa for row, p_fa in further.items()} | {
-        "E6 power": 1 - pd,
-        RANGE: math.erfc(kappa / math.sqrt(2)),
-        "power-distortion": 0.006,  # [WESSON18]
-        "OSNMA agreement": 2.0**-24,  # CRC-24 passes a damaged page
-    }
-    free = sum(row.name not in own for row in LEVELS[level])
-    shares: dict[CheckName | str, Share] = {}
+    assumed = DetectionAssumptions(kappa=kappa, pd=pd)
+    free = sum(row.own_p_fa is None for row in LEVELS[level])
+    shares: dict[CheckName | str, AlarmShare] = {}
     for row in (*LEVELS[level], *further):
         tests = cadence.tests_a_day(row)
-        p_fa = own.get(row.name, alarms_a_day / max(free, 1) / tests)
-        shares[row.name] = Share(p_fa=p_fa, alarms_a_day=p_fa**row.confirm * tests, chosen=row.name not in own)
+        p_fa = alarms_a_day / max(free, 1) / tests if row.own_p_fa is None else row.own_p_fa(assumed)
+        shares[row.name] = AlarmShare(
+            p_fa=p_fa,
+            alarms_a_day=p_fa**row.confirm * tests,
+            chosen=row.own_p_fa is None,
+            exact=row.exact,
+        )
     return shares
+
+
+def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName | str, AlarmShare]:
+    """Return the share of each check of a processor, for the satellites that a block shows."""
+    return false_alarm_budget(
+        processor.level,
+        processor.monitoring.cadence,
+        alarms_a_day=processor.monitoring.alarms_a_day,
+        kappa=processor.kappa,
+        pd=_mean_pd(processor, block),
+        further=[one.spec for one in processor.own_of_level],
+    )
+
+
+def _mean_pd(processor: AcasProcessor, block: VerdictBlock) -> float:
+    """Return the mean probability that E6 is detected, at the C/N0 that the antenna has at each elevation."""
+    antenna, banks = processor.monitoring.levels.antenna, block.measured.banks
+    if antenna is None:
+        raise ValueError("the expected probability of detection needs an antenna whose C/N0 is known")
+    expected_dbhz = antenna.expected_dbhz(antenna.e6_dbhz, block.evidence.elevation_rad)
+    known = np.isfinite(banks.integration_s) & np.isfinite(expected_dbhz)
+    if not known.any():
+        return 1.0
+    levels_dbhz, counts = np.unique(np.round(expected_dbhz[known], 2), return_counts=True)
+    detection = probability_of_detection(levels_dbhz, float(banks.integration_s[known][0]), processor.p_fa)
+    return float(np.average(detection, weights=counts))

@@ -26,7 +26,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signals.definitions import E6C
 
-WINDOW = 20
+BASELINE_WINDOW = 20
 LEARNED = 5
 _LEAST_SNR = 1e-3  # where noise is stronger than the largest correlator
 
@@ -56,7 +56,7 @@ class Antenna:
     # by how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
     fall_db: float = 0.0
 
-    def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the expected C/N0; NaN where the elevation matters and is not known."""
         if not self.fall_db:
             return np.full(elevation_rad.shape, zenith_dbhz)
@@ -189,9 +189,9 @@ class Observed:
             known[quantity] = dict(baseline.values.get(quantity, {}))
             svids = (0,) if quantity.of_receiver else self.measured.snapshots.svids
             for svid, column in zip(svids, values.reshape(values.shape[0], -1).T, strict=True):
-                taught = column[teaches & np.isfinite(column)][-WINDOW:]
+                taught = column[teaches & np.isfinite(column)][-BASELINE_WINDOW:]
                 if taught.size:
-                    known[quantity][svid] = (*baseline.of(quantity, svid), *taught.tolist())[-WINDOW:]
+                    known[quantity][svid] = (*baseline.of(quantity, svid), *taught.tolist())[-BASELINE_WINDOW:]
         return Baseline(values=known)
 
 
@@ -203,8 +203,8 @@ def _running(
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
     medians = np.full(values.size + 1, np.nan)  # of the values so far, by their number
-    for count in range(max(LEARNED, len(before)), min(WINDOW, values.size + 1)):
+    for count in range(max(LEARNED, len(before)), min(BASELINE_WINDOW, values.size + 1)):
         medians[count] = np.median(values[:count])
-    if values.size >= WINDOW:
-        medians[WINDOW:] = np.median(np.lib.stride_tricks.sliding_window_view(values, WINDOW), axis=1)
-    return medians[known], np.minimum(known, WINDOW).astype(np.float64)
+    if values.size >= BASELINE_WINDOW:
+        medians[BASELINE_WINDOW:] = np.median(np.lib.stride_tricks.sliding_window_view(values, BASELINE_WINDOW), axis=1)
+    return medians[known], np.minimum(known, BASELINE_WINDOW).astype(np.float64)

@@ -1,25 +1,21 @@
-"""Settings of the checks that levels 2 and 3 add, and which object makes each check."""
+"""Settings of the checks that levels 2 and 3 add, and the checks that follow from them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vestige.acas_processor.checks.check import Check
-from vestige.acas_processor.checks.clock import ClockCheck, ClockDriftMonitor
-from vestige.acas_processor.checks.e1_e6_range import RangeCheck
+from vestige.acas_processor.checks.clock import ClockDriftMonitor
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor, OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
+from vestige.acas_processor.checks.osnma import OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
-from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
 from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
-from vestige.acas_processor.checks.raim import RaimMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
-from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
 from vestige.acas_processor.levels import LEVELS
 from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Cadence, false_alarm_budget
 from vestige.acas_processor.monitoring.baseline import ReferenceLevels
@@ -27,12 +23,10 @@ from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.records import Band
 from vestige.records.checks import CheckName
+from vestige.theory.search_budget import SEARCH_P_FA
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
-
-_CLOCK = (CheckName.CLOCK_INNOVATION, CheckName.CLOCK_CONSISTENCY, CheckName.CLOCK_SLOPE)
-SEARCH_P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,12 +83,13 @@ class MonitoringSettings:
 
 def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
     """Return the false-alarm probability of one test of each check of a processor's level."""
-    settings, names = processor.monitoring, [spec.name for spec in LEVELS[processor.level]]
-    own = {one.spec.name: one.p_fa for one in processor.own_of_level}
+    settings = processor.monitoring
     if settings.test_p_fa is not None:
-        return {name: settings.test_p_fa / (3 if name in _CLOCK else 1) for name in names} | own
-    shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day)
-    return {name: shares[name].p_fa for name in names} | own
+        shared = {spec.name: settings.test_p_fa / spec.one_of for spec in LEVELS[processor.level]}
+        return shared | {one.spec.name: one.p_fa for one in processor.own_of_level}
+    further = [one.spec for one in processor.own_of_level]
+    shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day, further=further)
+    return {name: share.p_fa for name, share in shares.items()}
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
@@ -102,30 +97,8 @@ def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -
 
     `p_fa` is the false-alarm probability of one test of each check of the level.
     """
-    settings = processor.monitoring
-
-    def clock(name: CheckName) -> Callable[[float], Check]:
-        return lambda share: ClockCheck(name=name, monitor=replace(settings.clock, p_fa=3 * share))
-
-    makers: dict[CheckName | str, Callable[[float], Check]] = {
-        CheckName.E6_POWER: lambda _: E6PowerCheck(min_pd=processor.min_pd),
-        CheckName.E1_E6_RANGE: lambda _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
-        CheckName.E1_RECEIVED_POWER: lambda share: replace(settings.e1_power, p_fa=share),
-        CheckName.E6_RECEIVED_POWER: lambda share: replace(settings.e6_power, p_fa=share),
-        CheckName.E1_CN0: lambda share: replace(settings.e1_cn0, p_fa=share),
-        CheckName.E6_CN0: lambda share: replace(settings.e6_cn0, p_fa=share),
-        CheckName.NOISE_FLOOR: lambda share: replace(settings.noise_floor, p_fa=share),
-        CheckName.E6_SECOND_SIGNAL: lambda share: replace(settings.second_signal, p_fa=share),
-        CheckName.CLOCK_INNOVATION: clock(CheckName.CLOCK_INNOVATION),
-        CheckName.CLOCK_CONSISTENCY: clock(CheckName.CLOCK_CONSISTENCY),
-        CheckName.CLOCK_SLOPE: clock(CheckName.CLOCK_SLOPE),
-        CheckName.RAIM: lambda share: RaimMonitor(p_fa=share),
-        CheckName.SOLUTION_SEPARATION: SolutionSeparationMonitor.of_budget,
-        CheckName.OSNMA_AVAILABILITY: lambda share: replace(settings.osnma_availability, p_fa=share),
-        CheckName.OSNMA_RECEPTION: lambda share: replace(settings.osnma_reception, p_fa=share),
-        CheckName.OSNMA_AGREEMENT: lambda _: OsnmaAgreementMonitor(),
-        CheckName.POWER_DISTORTION: lambda _: settings.power_distortion,
-        CheckName.INERTIAL_RANGE_RATE: lambda share: replace(settings.inertial, p_fa=share),
+    made = {
+        spec.name: spec.make(processor, p_fa[spec.name]) for spec in LEVELS[processor.level] if spec.make is not None
     }
-    ours: dict[CheckName | str, Check] = {name: makers[name](share) for name, share in p_fa.items() if name in makers}
+    ours: dict[CheckName | str, Check] = {name: check for name, check in made.items() if check is not None}
     return ours | {one.spec.name: one for one in processor.own_of_level}

@@ -3,42 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline
 from vestige.acas_processor.monitoring.memory import ClockMemory, OsnmaMemory, RateMemory, Vector
 from vestige.records.checks import CheckName
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.time import GalileoTime
-from vestige.valid_numbers import require_finite, require_time_uncertainty
-
-FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeUncertainty:
-    """Upper limit of the error of the receiver's clock."""
-
-    initial_s: float = 15.0  # before the first authentic fix
-    # upper limit of the relative frequency error of the oscillator
-    frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
-    # time of the last authentic fix, and how good it was
-    fixed_at: GalileoTime | None = None
-    fixed_s: float = FIXED_S
-
-    def __post_init__(self) -> None:
-        require_time_uncertainty(self.initial_s)
-        require_finite("time uncertainty", frequency_error=self.frequency_error, fixed_s=self.fixed_s)
-
-    def at(self, time: GalileoTime) -> float:
-        """Return the upper limit at a time, in s."""
-        if self.fixed_at is None:
-            return self.initial_s
-        return min(self.fixed_s + self.frequency_error * abs(time - self.fixed_at), self.initial_s)
-
-    def after_fix(self, time: GalileoTime, fixed_s: float = FIXED_S) -> TimeUncertainty:
-        """Return the uncertainty after an authentic fix at a time."""
-        return replace(self, fixed_at=time, fixed_s=fixed_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

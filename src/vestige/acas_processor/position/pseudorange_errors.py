@@ -18,8 +18,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from vestige.acas_processor.position.elevation_model import obliquity, relative_ray_amplitude
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
 
 _GRID_DBHZ = np.arange(10.0, 75.5, 1.0)
 

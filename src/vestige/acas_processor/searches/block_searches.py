@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +17,11 @@ from vestige.acas_processor.searches.sampled_searches import SatelliteSearch
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Assistance, Snapshot
 from vestige.records.recs_block import segment_at, segments_between
-from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock, SearchRequest
+from vestige.records.snapshot_block import SEARCH_NOT_RUN, SampleSearches, SearchBlock, SearchRequest
 from vestige.time import GalileoTime
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,61 +33,83 @@ class SampledSearches:
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return what the search of E1 with hand-over to E6 finds."""
-        processor, settings = request.processor, request.processor.monitoring.e1_search
-        search = replace(
-            settings,
-            p_fa=request.p_fa,
-            cipher_mode=processor.cipher_mode,
-            group_delay_convention=processor.group_delay_convention,
-        )
-        return self._block(search.search(self.snapshot, self._assistance(request), request.uncertainty[0]), request)
+        return _in_samples(request).e1(self.snapshot, self.svids, request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return what the exhaustive search of E6 finds."""
-        settings = request.processor.monitoring.exhaustive_search
-        search = replace(settings, p_fa=request.p_fa, cipher_mode=request.processor.cipher_mode)
+        return _in_samples(request).exhaustive(self.snapshot, self.svids, request)
+
+
+def _in_samples(request: SearchRequest) -> SampleSearches:
+    if request.in_samples is None:
+        raise ValueError("samples are searched with the settings of a processor, and the request has none")
+    return request.in_samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProcessorSearches:
+    """Both searches in samples, with the settings of a processor."""
+
+    processor: AcasProcessor
+    assistance: Assistance
+
+    def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
+        """Return what the search of E1 with hand-over to E6 finds of some satellites."""
+        search = replace(
+            self.processor.monitoring.e1_search,
+            p_fa=request.p_fa,
+            cipher_mode=self.processor.cipher_mode,
+            group_delay_convention=self.processor.group_delay_convention,
+        )
+        found = search.search(snapshot, self._recs_of(snapshot), request.uncertainty[0])
+        return self._block(found, snapshot, svids, request)
+
+    def exhaustive(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
+        """Return what the exhaustive search of E6 finds of some satellites."""
+        settings = self.processor.monitoring.exhaustive_search
+        search = replace(settings, p_fa=request.p_fa, cipher_mode=self.processor.cipher_mode)
         expected = {
-            svid: self.snapshot.time + float(seconds)
-            for svid, seconds in zip(self.svids, request.expected_s[0], strict=True)
+            svid: snapshot.time + float(seconds)
+            for svid, seconds in zip(svids, request.expected_s[0], strict=True)
             if math.isfinite(seconds)
         }
-        found = search.search(self.snapshot, self._assistance(request), request.uncertainty[0], expected=expected)
-        return self._block(found, request)
+        found = search.search(snapshot, self._recs_of(snapshot), request.uncertainty[0], expected=expected)
+        return self._block(found, snapshot, svids, request)
 
-    def _assistance(self, request: SearchRequest) -> Assistance:
+    def _recs_of(self, snapshot: Snapshot) -> Assistance:
         """Return the assistance with the RECS of the snapshot alone.
 
         The RECS before and after it have snapshots of their own. So the verdicts are the same whether the RECS to come
         are known or not.
         """
-        times = [
-            self.snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in self.snapshot.observations.values()
-        ]
-        segments = segments_between(request.assistance, min(times), max(times)) if times else ()
-        return replace(request.assistance, segments=segments)
+        times = [snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in snapshot.observations.values()]
+        segments = segments_between(self.assistance, min(times), max(times)) if times else ()
+        return replace(self.assistance, segments=segments)
 
-    def _block(self, found: Iterable[SatelliteSearch], request: SearchRequest) -> SearchBlock:
+    def _block(
+        self, found: Iterable[SatelliteSearch], snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest
+    ) -> SearchBlock:
         by_svid = {one.svid: one for one in found}
-        shape = (1, len(self.svids))
+        shape = (1, len(svids))
         signals, carrying, earliest_m = np.full((3, *shape), np.nan)
         not_run = np.full(shape, SEARCH_NOT_RUN.index("no RECS of this satellite, or no key that proves anything") + 1)
-        for column, svid in enumerate(self.svids):
+        for column, svid in enumerate(svids):
             one = by_svid.get(svid)
             if one is None:
                 continue
             signals[0, column], carrying[0, column], not_run[0, column] = one.count, one.carrying, one.not_run
             expected_s = request.expected_s[0, column]
-            same = one.sent is not None and self._sent_with(svid, one.sent, request)
+            same = one.sent is not None and self._sent_with(svid, one.sent, snapshot)
             if same and len(one.peaks) > 1 and math.isfinite(expected_s):
-                apart_s = (min(peak.start_time for peak in one.peaks) - self.snapshot.time) - expected_s
+                apart_s = (min(peak.start_time for peak in one.peaks) - snapshot.time) - expected_s
                 earliest_m[0, column] = apart_s * SPEED_OF_LIGHT_MPS
         return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))
 
-    def _sent_with(self, svid: int, sent: GalileoTime, request: SearchRequest) -> bool:
+    def _sent_with(self, svid: int, sent: GalileoTime, snapshot: Snapshot) -> bool:
         """Return whether a RECS is that of the snapshot; not if E1 does not show the satellite."""
-        observation = self.snapshot.observations.get(svid)
+        observation = snapshot.observations.get(svid)
         if observation is None:
             return False
         travel_s = observation.pseudorange_m / SPEED_OF_LIGHT_MPS
-        own = segment_at(request.assistance, svid, self.snapshot.time + -travel_s)
+        own = segment_at(self.assistance, svid, snapshot.time + -travel_s)
         return own is not None and own.transmit_time == sent

@@ -17,10 +17,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.checks.check import check_budget
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.searches.handover import assisted_delay_m
 from vestige.acas_processor.searches.vestigial import (
-    E1_WINDOW_S,
     VestigialDecision,
     arrival_window,
     decide_vestigial,
@@ -31,14 +29,15 @@ from vestige.acas_processor.searches.vestigial import (
 from vestige.crypto.osnma.disclosure import ReceptionProof
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode, decrypt
-from vestige.records import Assistance, ChipSequence, SampleBatch, Snapshot
+from vestige.records import Assistance, ChipSequence, SampleBatch, SampleSource, Snapshot
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.acquisition import Acquisition
-from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak
-from vestige.sample_processor.search.sample_source import BatchSource, SampleSource
+from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.theory.search_budget import search_budget
 from vestige.time import GalileoTime
 
@@ -287,7 +286,7 @@ def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
 ) -> tuple[ChipSequence, ...]:
     """Return the RECS of a satellite that may prove something in a snapshot, its own first."""
-    begin = snapshot.e6.batch.start if isinstance(snapshot.e6, CorrelatableSamples) else snapshot.received_at
+    begin = snapshot.received_at if snapshot.e6 is None else snapshot.e6.received_from
     keys = {key.time: key for key in assistance.keys}
     codes = [
         decrypt(segment, keys[segment.key_time], mode=cipher_mode)
@@ -300,9 +299,7 @@ def _codes(
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
     """Return the E6 samples of a snapshot, None if it has none, or a model in place of them."""
-    if not isinstance(snapshot.e6, CorrelatableSamples):
-        return None
-    return snapshot.e6.surroundings or BatchSource(snapshot.e6.batch)
+    return None if snapshot.e6 is None else snapshot.e6.searched
 
 
 def _satellites(assistance: Assistance) -> list[int]:

@@ -18,22 +18,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, E6_CARRIER_HZ, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import ReceptionProof
-from vestige.records import Assistance, ChipSequence
+from vestige.records import Assistance, ChipSequence, SampleSource
 from vestige.sample_processor.acquisition import Acquisition
-from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
-from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, E1Snapshot, measure_e1
+from vestige.sample_processor.search.handover_search import CandidateEpochs, handover_positions, search_handover
 from vestige.sample_processor.search.peak import Peak, separated
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 
-E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary code
 REMEASURE_S = 2.0  # between measurements of E1
 TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
-SECONDARY_PERIOD_S = 0.1  # 25 periods of 4 ms [OS-ICD, 2.3.3]
-MIN_SECONDARY_MARGIN_DB = 1.0  # below it the phase of the secondary code is not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +164,7 @@ def handover_peaks(
     """
     if not stretches:
         return (), search_budget(0.0, E1_CODE_PERIOD_S, overall_pfa=overall_pfa, doppler_step_hz=0.0)
-    places = sum(positions(e6, one.line, one.first_start, one.last_start).size for one in stretches)
+    places = sum(handover_positions(e6, one.line, one.first_start, one.last_start).size for one in stretches)
     chips = stretches[0].line.chips
     integration_s = chips.chips.size / chips.chip_rate_hz
     budget = search_budget(float(places * taps), integration_s, overall_pfa=overall_pfa, doppler_step_hz=0.0)

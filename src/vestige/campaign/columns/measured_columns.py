@@ -21,14 +21,13 @@ from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.osnma_reception import as_mask, of_mask, pages_due
 from vestige.receiver.snapshots.assistance import recs_with_keys
 from vestige.receiver.snapshots.osnma import PagesReceived
-from vestige.receiver.snapshots.searches import DrawnSearches, KnownSearches, SearchFinds
+from vestige.receiver.snapshots.searches import KnownSearches, SearchFinds
 from vestige.records import Band
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, SnapshotBlock, VelocityIncrements
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.stored import StoredScenario
-from vestige.theory.thresholds import threshold
 from vestige.time import GalileoTime
 
 Columns = Mapping[str, np.ndarray]
@@ -105,11 +104,10 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
     }
 
 
-def e1_columns(snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
-    """Return the values of `E1_COLUMNS` of a simulated receiver."""
-    if snapshots.e1.taps is None or not isinstance(snapshots.searches, DrawnSearches):
-        raise TypeError("E1 of this receiver is not tracked between RECS, or its searches are not drawn")
-    finds = snapshots.searches.finds
+def e1_columns(snapshots: SnapshotBlock, finds: SearchFinds) -> dict[str, np.ndarray]:
+    """Return the values of `E1_COLUMNS` of a simulated receiver, and of what its searches would find."""
+    if snapshots.e1.taps is None:
+        raise TypeError("E1 of this receiver is not tracked between RECS")
     return {
         "e1_doppler_hz": snapshots.e1.doppler_hz,
         "e1_taps": snapshots.e1.taps,
@@ -278,5 +276,5 @@ def _detected(of: Judged, columns: Columns) -> DetectedBlock:
         magnitude_sigma=_double(columns["magnitude_sigma"][place]),
         phase_rad=_double(columns["phase_rad"][place]),
         range_offset_m=_double(columns["range_offset_m"][place]),
-        threshold_sigma=float(threshold(of.processor.p_fa)),
+        threshold_sigma=of.processor.detection_threshold,
     )

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int64
 
-from vestige.acas_processor.measurement import FixBlock, spread
+from vestige.acas_processor.measurement import FixBlock, spread_over_block
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Coord, column_table
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -73,7 +73,7 @@ def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
 
     def degrees(name: str) -> Float[np.ndarray, "n m"]:
         return np.stack(
-            [np.where(one.view.in_view, np.degrees(getattr(one.view, name)), np.nan) for one in truth], axis=1
+            [np.where(one.geometry.in_view, np.degrees(getattr(one.geometry, name)), np.nan) for one in truth], axis=1
         )
 
     return {"azimuth_deg": degrees("azimuth_rad"), "elevation_deg": degrees("elevation_rad")}
@@ -145,7 +145,7 @@ def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) 
     }
     counted = {name: 0.0 for name, values in found.items() if values.dtype.kind == "i"}
     n = truth.clock_m.shape
-    return {name: spread(values, rows, n, counted.get(name, np.nan)) for name, values in found.items()}
+    return {name: spread_over_block(values, rows, n, counted.get(name, np.nan)) for name, values in found.items()}
 
 
 def _nees(fix: Fix, error: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:

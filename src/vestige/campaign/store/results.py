@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError,
 
 from vestige.campaign.plan import EPOCH
 from vestige.campaign.store.store import MENDS, Store, open_existing
-from vestige.campaign.store.store_files import EXPECTED, arrays_of, check_files, check_small_array
+from vestige.campaign.store.store_files import EXPECTED_RESULTS, arrays_of, check_files, check_small_array
 from vestige.errors import InputFileError, VestigeError
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.stored import StoredScenario, stored_scenario
@@ -210,7 +210,7 @@ def open_dataset(path: Path) -> xarray.Dataset:
             path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
         )
     except Exception as error:  # damaged metadata raise anything
-        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED) from error
+        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED_RESULTS) from error
 
 
 def load_small(path: Path, expected: str) -> xarray.Dataset:

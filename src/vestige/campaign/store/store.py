@@ -23,7 +23,7 @@ import zarr
 from vestige.campaign.plan import EPOCH, Plan
 from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import (
-    EXPECTED,
+    EXPECTED_RESULTS,
     METADATA,
     arrays_of,
     check_array,
@@ -181,7 +181,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     try:
         group = zarr.open_group(path, mode=mode, zarr_format=3)
         if PROGRESS not in group:
-            raise InputFileError(path, "store", "no results of a campaign", EXPECTED)
+            raise InputFileError(path, "store", "no results of a campaign", EXPECTED_RESULTS)
         own: dict[str, Any] = group[PROGRESS].attrs.asdict()
         attributes = group.attrs.asdict()
         if own.pop(WORK, work := work_digest(attributes)) != work:
@@ -206,9 +206,11 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     except InputFileError:
         raise
     except zarr.errors.GroupNotFoundError as error:
-        raise InputFileError(path, "store", "no zarr store", EXPECTED) from error
+        raise InputFileError(path, "store", "no zarr store", EXPECTED_RESULTS) from error
     except Exception as error:  # damaged metadata raise anything
-        raise InputFileError(path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED}; {MENDS}") from error
+        raise InputFileError(
+            path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED_RESULTS}; {MENDS}"
+        ) from error
     return store
 
 

@@ -17,7 +17,7 @@ import zarr
 
 from vestige.errors import InputFileError
 
-EXPECTED = "the results of a campaign (zarr v3, written by vestige)"
+EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
 MAX_METADATA_BYTES = 1 << 24  # scenario and ephemerides stand there: some 100 kB
 MAX_CHUNK_BYTES = 1 << 30  # of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
@@ -27,7 +27,7 @@ _FRAME = b"\x28\xb5\x2f\xfd"  # of zstd [RFC8878]
 _LONGEST_FRAME_HEADER = 18
 
 
-def check_files(folder: Path, expected: str = EXPECTED) -> None:
+def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
     """Return nothing if a store has regular files and folders only, and none of its metadata is too long.
 
     Opening a pipe would wait for ever, and a link may lead anywhere.

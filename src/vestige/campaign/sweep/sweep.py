@@ -41,7 +41,7 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     import xarray
 
-TABLE = "sweep.csv"
+SWEEP_TABLE = "sweep.csv"
 MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
 _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
@@ -140,7 +140,7 @@ def run_sweep(
                 outcome=_outcome(scenario, results),
             )
         )
-        _write_table(folder / TABLE, rows)
+        _write_table(folder / SWEEP_TABLE, rows)
         yield rows[-1]
 
 
@@ -169,17 +169,19 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
     """Raise if a sweep of these keys would write over, or into, something else."""
     if (folder / "zarr.json").exists():
         raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
-    if not (folder / TABLE).exists():
+    if not (folder / SWEEP_TABLE).exists():
         return
     expected = "the table of a sweep"
     try:
-        text = read_text(folder / TABLE, at_most=MAX_FILE_BYTES, expected=expected)
+        text = read_text(folder / SWEEP_TABLE, at_most=MAX_FILE_BYTES, expected=expected)
         heading = next(csv.reader(StringIO(text, newline="")), [])
     except csv.Error as error:
-        raise InputFileError(folder / TABLE, "heading", str(error), expected) from error
+        raise InputFileError(folder / SWEEP_TABLE, "heading", str(error), expected) from error
     before = heading[: heading.index(_FIRST_RESULT)] if _FIRST_RESULT in heading else heading
     if set(before) != keys:
-        raise InputFileError(folder / TABLE, "keys", ", ".join(before), f"{', '.join(sorted(keys))}, as in this sweep")
+        raise InputFileError(
+            folder / SWEEP_TABLE, "keys", ", ".join(before), f"{', '.join(sorted(keys))}, as in this sweep"
+        )
 
 
 def _write_table(path: Path, rows: Sequence[Row]) -> None:

@@ -44,8 +44,8 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
         except (VestigeError, OSError) as error:
             errors.append(error)
             continue
-        for caution in scenario_warnings(scenario):
-            echo(f"vestige: {path}: {caution}", err=True)
+        for warning in scenario_warnings(scenario):
+            echo(f"vestige: {path}: {warning}", err=True)
         resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # JSON has no infinity: null
         if not as_json:
             echo(*_lines(path, scenario))

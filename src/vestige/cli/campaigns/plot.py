@@ -315,8 +315,8 @@ def _read_sweep(
 
 def _table_of(path: Path) -> Path | None:
     """Return the table of a sweep that a path means, None if it is no sweep."""
-    from vestige.campaign.sweep.sweep import TABLE
+    from vestige.campaign.sweep.sweep import SWEEP_TABLE
 
-    if path.is_dir() and (path / TABLE).is_file():
-        return path / TABLE
+    if path.is_dir() and (path / SWEEP_TABLE).is_file():
+        return path / SWEEP_TABLE
     return path if path.suffix.lower() == ".csv" else None

@@ -40,7 +40,7 @@ def command(result: Path, output: Path, question: str) -> None:
 
 def _page(path: Path, question: str) -> Page:
     from vestige.campaign.store.results import open_results
-    from vestige.campaign.sweep.sweep import TABLE as SWEEP
+    from vestige.campaign.sweep.sweep import SWEEP_TABLE as SWEEP
     from vestige.errors import InputFileError, VestigeError
     from vestige.report import run_page, threat_page
     from vestige.threats.table import STORE

@@ -159,7 +159,7 @@ def _run_sweep(
     as_json: bool,
     how: dict[str, Any],
 ) -> None:
-    from vestige.campaign.sweep.sweep import TABLE, Width, run_sweep
+    from vestige.campaign.sweep.sweep import SWEEP_TABLE, Width, run_sweep
     from vestige.cli.campaigns.campaign_report import sweep_json, sweep_table
     from vestige.cli.progress import campaign_progress
     from vestige.folder_lock import only_writer
@@ -167,4 +167,4 @@ def _run_sweep(
     narrow = None if width is None else Width(width=width[0], relative=width[1])
     with only_writer(folder), campaign_progress() as report:
         rows = list(run_sweep(campaigns, folder, width=narrow, progress=report, **how))
-    echo(*(sweep_json(rows) if as_json else sweep_table(rows, folder / TABLE)).split("\n"))
+    echo(*(sweep_json(rows) if as_json else sweep_table(rows, folder / SWEEP_TABLE)).split("\n"))

@@ -86,9 +86,9 @@ def command(
 
     from vestige.cli.campaigns.threats_report import expectations_text, threats_json, threats_text
     from vestige.threats.matrix import case_of, cases
-    from vestige.threats.scenes import LEVELS, read_threats
+    from vestige.threats.scenes import LEVEL_NUMBERS, read_threats
 
-    threats, shown = _chosen(read_threats(), ids), levels or LEVELS
+    threats, shown = _chosen(read_threats(), ids), levels or LEVEL_NUMBERS
     if expected:
         tables = [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in shown]
         echo(*"\n".join(tables).split("\n"))

@@ -11,12 +11,12 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from vestige.acas_processor.monitoring.alarm_budget import DAY_S
 from vestige.campaign.statistics import Proportion
 from vestige.cli.campaigns.campaign_report import as_json
+from vestige.constants import DAY_S
 from vestige.threats.matrix import SceneCell
 from vestige.threats.scene_outcome import Agreement, SceneOutcome
-from vestige.threats.scenes import LEVELS, Threat
+from vestige.threats.scenes import LEVEL_NUMBERS, Threat
 from vestige.threats.table import statistics_of
 
 _LONG = 1e6
@@ -24,14 +24,14 @@ WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and not
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
-def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: Sequence[int] = LEVELS) -> str:
+def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
     """Return every cell, and the expectations of all levels."""
     expected = [
         {
             "threat": threat.id,
             "attack": threat.name,
             "source": threat.source,
-            "expected": {level: threat.outcome(level)[0] for level in LEVELS},
+            "expected": {level: threat.outcome(level)[0] for level in LEVEL_NUMBERS},
         }
         for threat in threats
     ]
@@ -51,7 +51,7 @@ def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: 
     return as_json({"threats": expected, "cells": found})
 
 
-def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVELS) -> str:
+def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
     """Return a table of attacks by level, what failed when, false alarms, and why what differs does so."""
     shown = [cell for cell in cells if cell.level in levels]
     attacked = [cell for cell in shown if cell.attacked]

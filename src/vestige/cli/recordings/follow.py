@@ -168,7 +168,7 @@ def _say_what_is_missing(
     """Warn of what was not there for the first epoch, but of what is still to come for later ones."""
     found = following.folder.found
     missing = (line for line in found.missing if not line.startswith(still_to_come))
-    for line in (*following.live.description.notes, *missing, *found.cautions):
+    for line in (*following.live.description.notes, *missing, *found.warnings):
         warn(line)
 
 
@@ -304,7 +304,7 @@ def _stdin_description(options: dict[str, Any]) -> RecordingDescription:
 
 def _stdin_file(options: dict[str, Any]) -> BandFile:
     from vestige.errors import VestigeError
-    from vestige.recording.description import SAMPLE_RATE_HZ, BandFile, band_of
+    from vestige.recording.description import SAMPLE_RATE_RANGE_HZ, BandFile, band_of
     from vestige.recording.samples.sample_format import SampleFormat
     from vestige.records import Band
 
@@ -313,8 +313,10 @@ def _stdin_file(options: dict[str, Any]) -> BandFile:
     if missing := [name for name, key in needed.items() if options[key] is None]:
         raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")
     rate, center = options["sample_rate_hz"], options["center_frequency_hz"]
-    if not SAMPLE_RATE_HZ[0] <= rate <= SAMPLE_RATE_HZ[1]:
-        raise VestigeError(f"--sample-rate-hz: found {rate:g}, expected {SAMPLE_RATE_HZ[0]:g} to {SAMPLE_RATE_HZ[1]:g}")
+    if not SAMPLE_RATE_RANGE_HZ[0] <= rate <= SAMPLE_RATE_RANGE_HZ[1]:
+        raise VestigeError(
+            f"--sample-rate-hz: found {rate:g}, expected {SAMPLE_RATE_RANGE_HZ[0]:g} to {SAMPLE_RATE_RANGE_HZ[1]:g}"
+        )
     if band_of(center, rate) is not Band.E6:
         raise VestigeError(
             f"--center-frequency-hz: found {center:g}, expected the E6 carrier within half a sample rate of it"

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from vestige.records import Assistance
 
 _path = click.Path(path_type=Path)
-FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
-CN0_ESTIMATORS = (
+SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+CN0_ESTIMATOR_NAMES = (
     "noise-floor",
     "narrow-to-wide",
     "moments",
@@ -78,7 +78,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @cipher_mode_option
 @group_delay_option
 @click.option("--hardware-bias-m", type=FiniteRange(-1e7, 1e7), help="Delay of E6 minus E1 in the receiver, in m.")
-@click.option("--cn0-estimator", type=click.Choice(CN0_ESTIMATORS), help="E1 out of samples [noise-floor].")
+@click.option("--cn0-estimator", type=click.Choice(CN0_ESTIMATOR_NAMES), help="E1 out of samples [noise-floor].")
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
@@ -94,7 +94,9 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
 @click.option("--real-time", is_flag=True, help="Standard input cannot wait: drop samples when the buffer is full.")
 @click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
-@click.option("--format", "sample_format", type=click.Choice(FORMATS), help="Standard input: a number of a sample.")
+@click.option(
+    "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: a number of a sample."
+)
 @click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers.")
 @click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input.")
 @click.option("--center-frequency-hz", type=FiniteRange(0), help="Standard input: frequency at 0 Hz in the samples.")
@@ -138,7 +140,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         window=time_span(recording, uncertainty_s=around_s),
         strict=options["strict"],
     )
-    for line in (*recording.notes, *found.problems, *found.missing, *found.cautions):
+    for line in (*recording.notes, *found.problems, *found.missing, *found.warnings):
         echo(f"warning: {line}", err=True)
     if options["calibrate"]:
         echo(
@@ -165,7 +167,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         if options["output"]:
             steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
         if options["as_json"]:
-            remarks = {"calibrated_on_itself": options["calibrate"], "cautions": list(found.cautions)}
+            remarks = {"calibrated_on_itself": options["calibrate"], "warnings": list(found.warnings)}
             print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
         else:
             print_table(steps, hardware_bias_s=bias_s)

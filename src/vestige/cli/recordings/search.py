@@ -81,9 +81,9 @@ def e1(
     as_json: bool,
 ) -> None:
     """List every signal of every satellite on E1 at the start of RECORDING."""
-    from vestige.acas_processor.searches.vestigial import E1_WINDOW_S
     from vestige.cli.progress import progress
     from vestige.records import Band
+    from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_search import search_e1
 
     recording = _open(recording_path, start)
@@ -139,7 +139,6 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
     from vestige.acas_processor.searches.handover import assisted_delay_m
     from vestige.acas_processor.searches.vestigial import (
-        E1_WINDOW_S,
         decide_vestigial,
         handover_peaks,
         line_stretches,
@@ -148,6 +147,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     from vestige.cli.recordings.search_figure import SearchFigure
     from vestige.cli.recordings.search_report import Answer, places_line, print_answers
     from vestige.records import Band
+    from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_search import search_e1
 
     recording = _open(recording_path, start)
@@ -330,7 +330,7 @@ def _codes(
     found = read_assistance(
         folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
     )
-    for line in (*found.problems, *found.missing, *found.cautions):
+    for line in (*found.problems, *found.missing, *found.warnings):
         echo(f"warning: {line}", err=True)
     keys = {key.time: key for key in found.assistance.keys}
     segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]

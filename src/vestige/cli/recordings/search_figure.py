@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vestige.theory.search_budget import SearchBudget
     from vestige.time import GalileoTime
 
-FORMATS = (".png", ".pdf", ".svg")
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 @dataclass(slots=True)
@@ -105,7 +105,9 @@ def draw_e1(
 
 
 def _check(file: Path, svids: set[int]) -> None:
-    if file.suffix.lower() not in FORMATS:
-        raise click.BadParameter(f"{file}: the suffix of a figure is one of {', '.join(FORMATS)}", param_hint="--plot")
+    if file.suffix.lower() not in FIGURE_SUFFIXES:
+        raise click.BadParameter(
+            f"{file}: the suffix of a figure is one of {', '.join(FIGURE_SUFFIXES)}", param_hint="--plot"
+        )
     if len(svids) != 1:
         raise click.UsageError("--plot draws one satellite: choose it with --svids")

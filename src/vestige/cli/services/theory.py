@@ -88,7 +88,7 @@ def command(
         "p_fa": float(single),
         "p_fa_overall": float(theory.overall_pfa(single, hypotheses)),
         "threshold_sigma": float(theory.threshold(single, noncoherent)),
-        "amplitude_sigma": float(theory.amplitude(cn0_dbhz, integration_s, noncoherent)),
+        "amplitude_sigma": float(theory.correlator_amplitude(cn0_dbhz, integration_s, noncoherent)),
         "p_d": float(theory.probability_of_detection(cn0_dbhz, *case)),
         "p_miss": float(theory.miss_probability(cn0_dbhz, *case)),
         "p_d_required": p_d,

@@ -44,7 +44,7 @@ from vestige.output import replacement
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-FIRST_LINE = "# vestige OSNMA keys 2"
+KEY_FILE_FIRST_LINE = "# vestige OSNMA keys 2"
 FIRST_LINE_1 = "# vestige OSNMA keys 1"
 KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
 MAX_FILE_BYTES = 100_000_000  # a year of keys
@@ -71,7 +71,7 @@ def write_key_file(
 
     `roots` are all verified root keys: those of the keys' chains, and those that withdraw chains.
     """
-    lines = [FIRST_LINE]
+    lines = [KEY_FILE_FIRST_LINE]
     for root in sorted(roots, key=lambda root: root.received_at):
         time, header = root.received_at, root.header
         lines.append(
@@ -109,7 +109,7 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     number = 1
     while number < len(lines) and lines[number].startswith((_ROOT_PREFIX, _ALERT_PREFIX)):
         if lines[number].startswith(_ROOT_PREFIX):
-            read = _read_root if lines[0] == FIRST_LINE else _read_root_1
+            read = _read_root if lines[0] == KEY_FILE_FIRST_LINE else _read_root_1
             roots.append((number + 1, read(path, number + 1, lines[number], public_keys)))
         else:
             alerts.append(_read_alert(path, number + 1, lines[number]))
@@ -174,8 +174,8 @@ def _lines(path: Path) -> list[str]:
         raise InputFileError(path, f"byte {error.start}", "not ASCII", "a key file") from None
     # Spreadsheets fill short lines up with commas.
     lines = [line.rstrip("\r").rstrip(",") for line in text.split("\n")]
-    if lines[0] not in (FIRST_LINE, FIRST_LINE_1):
-        raise InputFileError(path, "line 1", lines[0], FIRST_LINE)
+    if lines[0] not in (KEY_FILE_FIRST_LINE, FIRST_LINE_1):
+        raise InputFileError(path, "line 1", lines[0], KEY_FILE_FIRST_LINE)
     if lines[-1]:
         raise InputFileError(path, f"line {len(lines)}", "no line end, so the file was cut off", "a whole line")
     return lines[:-1]
@@ -205,7 +205,7 @@ def _read_root_1(path: Path, number: int, line: str, public_keys: Sequence[Publi
     if root.header.withdraws:
         raise InputFileError(
             path, f"line {number}", f"a root key of status {root.header}, and not when it was received",
-            f"{FIRST_LINE!r}; write the file again with `vestige osnma verify`",
+            f"{KEY_FILE_FIRST_LINE!r}; write the file again with `vestige osnma verify`",
         )  # fmt: skip
     return root
 

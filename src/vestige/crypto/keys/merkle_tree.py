@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, Trust, load_point
 from vestige.crypto.keys.signature_scheme import scheme_of_point, scheme_of_type
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
+from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
@@ -142,8 +142,8 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     holds no key (an alert message, a reserved value).
     """
     blocks = pkr_blocks(message[0]) if message else 0
-    if not blocks or len(message) != blocks * BLOCK_BYTES:
-        raise AuthenticationError(f"DSM-PKR: {len(message)} bytes, but NB says {blocks} blocks of {BLOCK_BYTES}")
+    if not blocks or len(message) != blocks * DSM_BLOCK_BYTES:
+        raise AuthenticationError(f"DSM-PKR: {len(message)} bytes, but NB says {blocks} blocks of {DSM_BLOCK_BYTES}")
     siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
     at = 1 + NODE_BYTES * HEIGHT
     scheme = scheme_of_type(message[at] >> 4)

@@ -49,7 +49,7 @@ _UNITARY = struct.Struct(">4s B H 3s B B B B H")
 _PROVIDER = re.compile(rb"[A-Za-z0-9]+")  # it becomes part of a file name
 
 
-class FileKind(Enum):
+class RecsFileKind(Enum):
     """The two kinds of RECS file."""
 
     AGGREGATED = "aggregated"
@@ -80,7 +80,7 @@ class RecsFile:
         Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written as it was read.
     """
 
-    kind: FileKind
+    kind: RecsFileKind
     provider: str
     start: GalileoTime
     svid: int
@@ -97,7 +97,7 @@ class RecsFile:
     @property
     def name(self) -> RecsName:
         """The file's name; `str` of it is text. A fraction of a second of tDur does not fit in and is dropped."""
-        aggregated = self.kind is FileKind.AGGREGATED
+        aggregated = self.kind is RecsFileKind.AGGREGATED
         return RecsName(
             start=self.start,
             svid=self.svid,
@@ -114,7 +114,7 @@ class RecsFile:
     @property
     def n_segments(self) -> int:
         """Number of RECS: one, or as many as begin within tDur."""
-        return 1 if self.kind is FileKind.UNITARY else -(-self.duration_ds // self.period_ds)
+        return 1 if self.kind is RecsFileKind.UNITARY else -(-self.duration_ds // self.period_ds)
 
     @property
     def segments(self) -> tuple[EncryptedSegment, ...]:
@@ -187,7 +187,7 @@ def serialize(file: RecsFile) -> bytes:
         raise ValueError("{}: found {}, expected {}".format(*fault))
     exact = time_of_deciseconds(file.start.week, deciseconds_of_week(file.start))
     provider, atow = file.provider.encode("ascii"), deciseconds_of_week(exact).to_bytes(3, "big")
-    if file.kind is FileKind.UNITARY:
+    if file.kind is RecsFileKind.UNITARY:
         week = file.reserved << 12 | exact.week % WEEK_MODULUS
         last = (file.svid, file.key_delay, file.random_offset, file.file_version, _UNITARY.size)
         return _UNITARY.pack(provider, file.interface_version, week, atow, *last) + file.body
@@ -220,7 +220,7 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
     if len(alike) > 1 or epochs != [epochs[0] + i * period for i in range(len(epochs))]:
         raise ValueError("segments of one file share satellite, length, KDI and RAND and follow at equal intervals")
     return RecsFile(
-        kind=FileKind.AGGREGATED if period else FileKind.UNITARY,
+        kind=RecsFileKind.AGGREGATED if period else RecsFileKind.UNITARY,
         provider=provider,
         start=first.transmit_time,
         svid=first.svid,
@@ -252,7 +252,7 @@ def _parse_unitary(data: bytes, path: Path, reference: GalileoTime | None) -> Re
     if len(body) not in LENGTH_BY_BYTES:
         raise InputFileError(path, "body", f"{len(body)} bytes", f"one RECS of {sorted(LENGTH_BY_BYTES)} bytes")
     return RecsFile(
-        kind=FileKind.UNITARY,
+        kind=RecsFileKind.UNITARY,
         provider=text,
         start=_start(resolve_week(week % WEEK_MODULUS, reference), atow, path),
         svid=svid,
@@ -272,7 +272,7 @@ def _parse_aggregated(data: bytes, path: Path) -> RecsFile:
     text = _provider(provider, path)
     _require_interface(interface, path)
     return RecsFile(
-        kind=FileKind.AGGREGATED,
+        kind=RecsFileKind.AGGREGATED,
         provider=text,
         start=_start(week, atow, path),
         svid=svid,
@@ -309,7 +309,7 @@ def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
 
 def _fault(file: RecsFile) -> tuple[str, object, object] | None:
     """Return where the first fault of a file is, what stands there and what should, for reader and writer alike."""
-    unitary = file.kind is FileKind.UNITARY
+    unitary = file.kind is RecsFileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),
         ("IntV", file.interface_version, range(INTERFACE_VERSION, INTERFACE_VERSION + 1)),

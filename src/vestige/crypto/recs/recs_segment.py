@@ -34,7 +34,7 @@ from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey, is_validated
 
 WEEK_MODULUS = 4096  # 12-bit week of GST_SF and of the unitary header [SASLIB]
-BLOCK_BYTES = 16  # AES
+AES_BLOCK_BYTES = 16  # AES
 
 
 class CipherMode(Enum):
@@ -104,7 +104,7 @@ def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
 
 def initialization_vector(gst_sf: GalileoTime, random_offset: int) -> bytes:
     """Return the IV (or first counter block) of a RECS: the first 16 bytes of SHA-256(P) [SASLIB]."""
-    return hashlib.sha256(iv_preimage(gst_sf, random_offset)).digest()[:BLOCK_BYTES]
+    return hashlib.sha256(iv_preimage(gst_sf, random_offset)).digest()[:AES_BLOCK_BYTES]
 
 
 def encrypt_body(
@@ -204,6 +204,6 @@ def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: Ciph
 
 def _through(context: CipherContext, data: bytes) -> bytes:
     # CTR would take any length; a RECS is whole blocks in either mode.
-    if len(data) % BLOCK_BYTES:
+    if len(data) % AES_BLOCK_BYTES:
         raise ValueError(f"{len(data)} bytes are not whole AES blocks")
     return context.update(data) + context.finalize()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import timedelta
 
-from vestige.constants import SECONDS_PER_WEEK
+from vestige.constants import DAY_S, SECONDS_PER_WEEK
 from vestige.navigation.inav.words import InavWord
 from vestige.time import GST_EPOCH, LEAP_SECONDS, GalileoTime
 
 TIME_WORD, UTC_WORD = 0, 6
 _WEEKS = 4096  # word 0 sends the week modulo this [OS-ICD, 4.3.5]
 _UTC_WEEKS, _GGTO_WEEKS = 256, 64  # words 6 and 10 send theirs modulo these [OS-ICD, 4.3.5]
-_DAY_S, _HOUR_S = 86_400, 3600
+_HOUR_S = 3600
 _ANNOUNCED = timedelta(days=180)  # a leap second is announced half a year ahead [IERS Bulletin C]
 
 
@@ -70,7 +70,7 @@ class UtcModel:
         announced = [(day, leap) for day, leap in LEAP_SECONDS if day - _ANNOUNCED <= now]
         day, after = announced[0] if announced else LEAP_SECONDS[-1]
         return cls(
-            reference=GalileoTime(time.week, time.second - time.second % _DAY_S),
+            reference=GalileoTime(time.week, time.second - time.second % DAY_S),
             leap_seconds=current,
             leap_seconds_after=after,
             leap_day=GalileoTime.from_calendar(max(day - timedelta(days=1), GST_EPOCH)),
@@ -96,7 +96,7 @@ class UtcModel:
             "t0t_s": self.reference.second,
             "utc_week": self.reference.week % _UTC_WEEKS,
             "leap_week": self.leap_day.week % _UTC_WEEKS,
-            "leap_day": self.leap_day.second // _DAY_S + 1,  # 1 is Sunday [OS-ICD, 5.1.7]
+            "leap_day": self.leap_day.second // DAY_S + 1,  # 1 is Sunday [OS-ICD, 5.1.7]
             "leap_seconds_after": self.leap_seconds_after,
             "tow_s": start.second,
         }
@@ -114,7 +114,7 @@ class UtcModel:
             Time of reception, which tells the weeks: those within half of 256 weeks.
         """
         decoded = InavWord.decode(word)
-        day_s = (decoded.raw["leap_day"] - 1) * _DAY_S
+        day_s = (decoded.raw["leap_day"] - 1) * DAY_S
         return cls(
             a0_s=decoded.value("a0_s"),
             a1=decoded.value("a1"),

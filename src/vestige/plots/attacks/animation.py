@@ -31,7 +31,7 @@ from vestige.plots.figure import (
 
 FRAMES = 120  # at most: of a longer run every k-th epoch, as it is
 FRAMES_A_S = 10
-DPI = 150
+ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
 _MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # of the detectors in turn: none hides another
 
@@ -82,7 +82,7 @@ def write_animation(
     figure.set_layout_engine("none")  # the layout of the first frame is that of all: nothing moves but the signal
 
     writer = PillowWriter(fps=FRAMES_A_S)
-    with replacement(Path(path)) as part, writer.saving(figure, str(part), DPI):
+    with replacement(Path(path)) as part, writer.saving(figure, str(part), ANIMATION_DPI):
         for epoch, at_s in enumerate(time_s):
             curve.set_data(offsets_m, magnitude[epoch])
             for name, mark in marks.items():

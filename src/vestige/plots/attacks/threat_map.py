@@ -9,12 +9,12 @@ from matplotlib.patches import Rectangle
 
 from vestige.plots.figure import BLACK, BLUE, GREEN, GREY, LETTERS_PT, ORANGE, RED, SMALL_LETTERS_PT, dress, new_axes
 
-WIDTH_CM = 21.0
+MAP_WIDTH_CM = 21.0
 _ROW_CM, _ROUND_CM = 0.5, 1.6
 _WHOLE = 10.0  # from here on without decimals
 _LIGHT = 0.45  # of the colours, so that black letters are read on them
 # word of a cell: its colour
-COLOURS = {
+WORD_COLOURS = {
     "mitigated": GREEN,
     "mitigated late": "#56B4E9",
     "detected": BLUE,
@@ -33,12 +33,12 @@ def threat_map(table: xarray.Dataset) -> Axes:
     The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
     """
     rows, levels = table.sizes["scene"], table["level"].values.tolist()
-    ax = new_axes(width_cm=WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * rows)
+    ax = new_axes(width_cm=MAP_WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * rows)
     for row in range(rows):
         for column, level in enumerate(levels):
             cell = table.isel(scene=row).sel(level=level)
             word = str(cell["word"].item())
-            colour = COLOURS.get(word, "#FFFFFF")
+            colour = WORD_COLOURS.get(word, "#FFFFFF")
             ax.add_patch(Rectangle((column, row), 1, 1, facecolor=colour, alpha=_LIGHT, edgecolor="none"))
             ax.add_patch(Rectangle((column, row), 1, 1, facecolor="none", edgecolor="white", linewidth=1.0))
             left, right = _texts(cell)

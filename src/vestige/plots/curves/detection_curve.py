@@ -39,7 +39,7 @@ def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float
 
 
 _DETECTED, _ALIGNED = ("trials", "detections"), "Marcum Q, aligned"
-KINDS = {
+COUNTED_EVENTS = {
     "detections": _Kind("Detection", "P_d", *_DETECTED, probability_of_detection, _ALIGNED, log=False),
     "misses": _Kind("Missed detection", "1 − P_d", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
     "false_alarms": _Kind("False alarm", "P_fa", "false_alarm_trials", "false_alarms", _as_asked, "P_fa asked for"),
@@ -68,7 +68,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     VestigeError
         If the sweep lacks what is counted, or counts are impossible.
     """
-    kind = KINDS[count]
+    kind = COUNTED_EVENTS[count]
     cn0_dbhz, trials, events = _counts(sweep, kind)
     label, x = abscissa(sweep)
     shown = curves(sweep)

@@ -32,8 +32,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.correlators.e1_loop_kernel import follow
-from vestige.receiver.draws import joined
+from vestige.receiver.correlators.e1_loop_kernel import follow_peak
+from vestige.receiver.draws import joined_blocks
 from vestige.records import Band
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, autocorrelation
@@ -101,7 +101,7 @@ class E1Loop:
         pieces = [
             self._piece(begin, min(at_once, first + count - begin)) for begin in range(first, first + count, at_once)
         ] or [self._piece(first, 0)]
-        return joined(pieces)
+        return joined_blocks(pieces)
 
     def _piece(self, first: int, count: int) -> E1Tracking:
         epochs = np.repeat(first + np.arange(count), self._steps)
@@ -113,7 +113,7 @@ class E1Loop:
         one, zero = np.ones((times_s.size, 1)), np.zeros((times_s.size, 1))
         doppler_hz = np.concatenate([zero, effects.doppler_hz], axis=1)
         noise = 1.0 + effects.rise(Band.E1)
-        place, power, dominant = follow(
+        place, power, dominant = follow_peak(
             self._levels,
             self._place,
             np.concatenate([zero, effects.delay_m / _METRES_A_CHIP], axis=1),

@@ -98,7 +98,7 @@ def strongest(levels, delay, product):
 
 
 @njit(cache=True, nogil=True)
-def follow(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_spacing, pole_hz):
+def follow_peak(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_spacing, pole_hz):
     """Return the loop's place, the power of its prompt correlator, and the signal that is strongest in it.
 
     Parameters

@@ -26,7 +26,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, Pulse, autocorrelation
 
-REACH_CHIPS = 0.5  # a loop that went further would have lost the peak
+LOOP_REACH_CHIPS = 0.5  # a loop that went further would have lost the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
 _TOLERANCE_CHIPS = 1e-10  # 30 nm
@@ -83,10 +83,10 @@ def _settle(rays: _Rays, at_zero: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
     """Return where the loop settles in chips, for epochs with D(0) ≠ 0."""
     direction = -np.sign(at_zero)
     step = 2 * rays.half_spacing / _STEPS_PER_SPACING
-    settled = direction * REACH_CHIPS
+    settled = direction * LOOP_REACH_CHIPS
     walking = np.arange(at_zero.size)
     here = at_zero
-    for k in range(int(REACH_CHIPS / step)):
+    for k in range(int(LOOP_REACH_CHIPS / step)):
         before, x = direction[walking] * k * step, direction[walking] * (k + 1) * step
         there = rays.discriminator(x)
         crossed = there * at_zero[walking] <= 0

@@ -132,34 +132,34 @@ def _beating_power(
     return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 
-def power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
+def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
     """Return by how much the power of E1 is above that without attack, −20 log₁₀ g, in dB.
 
     `cn0_dbhz` is that of the true signals, NaN out of view.
     """
-    heard = np.stack([_power(one) for one in truth], axis=1)
-    return _rise_db(truth[0].e1_attack, cn0_dbhz, heard, POWER_BANDWIDTH_HZ)
+    relative_power = np.stack([_power(one) for one in truth], axis=1)
+    return _rise_db(truth[0].e1_attack, cn0_dbhz, relative_power, POWER_BANDWIDTH_HZ)
 
 
 def e6_power_rise_db(
     truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
     """Return the same of E6, where signals that overlap are far below the noise: without their beat."""
-    heard = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
-    return _rise_db(truth[0].e6, cn0_dbhz, heard, bandwidth_hz)
+    relative_power = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
+    return _rise_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
 
 
 def _rise_db(
     effects: BandEffects,
     cn0_dbhz: Float[np.ndarray, "n m"],
-    heard: Float[np.ndarray, "n m"],
+    relative_power: Float[np.ndarray, "n m"],
     bandwidth_hz: float,
 ) -> Float[np.ndarray, " n"]:
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / bandwidth_hz
     added = effects.white.copy()
     for jamming in effects.jammers:
         added += jamming.j_over_n * jamming.noise_bandwidth_hz / bandwidth_hz
-    return 10 * np.log10((1 + np.sum(share * heard, axis=1) + added) / (1 + share.sum(axis=1)))
+    return 10 * np.log10((1 + np.sum(share * relative_power, axis=1) + added) / (1 + share.sum(axis=1)))
 
 
 def _power(truth: TruthBlock) -> Float[np.ndarray, " n"]:

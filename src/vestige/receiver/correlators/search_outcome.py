@@ -47,14 +47,14 @@ from vestige.signals.definitions import E1C, E6C
 from vestige.signals.pulse import BOC11, BPSK, autocorrelation, band_limited_autocorrelation
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
-from vestige.theory.thresholds import amplitude, probability_of_detection, threshold
+from vestige.theory.thresholds import correlator_amplitude, probability_of_detection, threshold
 
-P_FA = 1e-6  # of one search of one satellite: below the share of one with each RECS, which suspicion may ask for
 SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
 WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
-TAPS = 5  # of the hand-over search, half a chip apart
+HANDOVER_TAPS = 5  # of the hand-over search, half a chip apart
 FINE_REACH_CHIPS = 1.25  # of `peak_at` about a cell
 _E1_BAND_HZ = 4.096e6  # of the E1 search: 86 % of BOC(1,1)
 _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
@@ -143,13 +143,13 @@ def search_outcome(
     seed: int,
     svid: int,
     first: int,
-    p_fa: float = P_FA,
+    p_fa: float = SEARCH_P_FA,
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
     C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
     """
-    seen_db = np.where(truth.view.in_view, 20 * np.log10(truth.view.amplitude), -np.inf)
+    seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
     e6 = band_signals(truth.e6, Band.E6, cn0_e6_dbhz + seen_db)
     n, signals = e1.amplitude.shape
@@ -172,8 +172,8 @@ def outcome(
     *,
     shift_m: Float[np.ndarray, " n"],
     integration_s: float,
-    e1_p_fa: float = P_FA,
-    exhaustive_p_fa: float = P_FA,
+    e1_p_fa: float = SEARCH_P_FA,
+    exhaustive_p_fa: float = SEARCH_P_FA,
     window_s: float = WINDOW_S,
     periods: int = MAX_STRETCHES,
 ) -> SearchOutcome:
@@ -186,23 +186,23 @@ def outcome(
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
     tried = e1_count >= 2
     near = np.abs(e6.delay_m) <= window_s * SPEED_OF_LIGHT_MPS
-    heard = _heard(e6, Band.E6, integration_s)
-    strength = amplitude(e6.cn0_dbhz, integration_s)[:, None] * np.sqrt(heard)
+    correlator_power = _correlator_power(e6, Band.E6, integration_s)
+    strength = correlator_amplitude(e6.cn0_dbhz, integration_s)[:, None] * np.sqrt(correlator_power)
 
     rule = {"blind_m": _metres_a_chip(Band.E6), "fine_m": FINE_REACH_CHIPS * _metres_a_chip(Band.E6)}
-    places = 2 * window_s / E1_CODE_PERIOD_S * np.maximum(e1_count, 1) * TAPS
+    places = 2 * window_s / E1_CODE_PERIOD_S * np.maximum(e1_count, 1) * HANDOVER_TAPS
     p_fa = (e1_p_fa / places)[:, None]
     code_chips = _off_tap_chips(e1.delay_m + _MEASURE_SIGMA_M * draws.measured[..., 0], on_e1, e6.delay_m, shift_m)
     above = np.abs(strength * (1 - np.abs(code_chips)) + draws.e6_z) > threshold(p_fa)
-    handover = _separate(above & near & tried[:, None] & (heard > 0), heard, e6.delay_m, **rule)
-    predicted_dbhz = e1.cn0_dbhz[:, None] + 10 * np.log10(_heard(e1, Band.E1, E1_CODE_PERIOD_S) + 1e-30)
+    handover = _separate(above & near & tried[:, None] & (correlator_power > 0), correlator_power, e6.delay_m, **rule)
+    predicted_dbhz = e1.cn0_dbhz[:, None] + 10 * np.log10(_correlator_power(e1, Band.E1, E1_CODE_PERIOD_S) + 1e-30)
     pd = probability_of_detection(predicted_dbhz - _WORST_CODE_LOSS_DB, integration_s, float(np.min(p_fa)))
     sure = (handover.sum(axis=1) >= e1_count) | np.all((pd >= SURE_PD) | ~on_e1, axis=1)
 
     cells = 4 * window_s * E6C.chip_rate_hz * _E6_BINS
     loss = (1 - np.abs(draws.e6_cell[..., 0]) / 2) * np.sinc(draws.e6_cell[..., 1] / 2)
     above = np.abs(strength * loss + draws.e6_z) > threshold(exhaustive_p_fa / cells)
-    exhaustive = _separate(above & near & (heard > 0), heard, e6.delay_m, **rule)
+    exhaustive = _separate(above & near & (correlator_power > 0), correlator_power, e6.delay_m, **rule)
 
     root_cn0 = np.maximum(strength / np.sqrt(2 * integration_s), 1.0)
     sigma_m = _range_noise_m(0.0, integration_s, _E6_BANDWIDTH_HZ) / root_cn0
@@ -242,29 +242,31 @@ def _off_tap_chips(
         places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
     )
     chips = np.min(np.where(there[:, None, :], np.abs(apart_m), np.inf), axis=2) / _metres_a_chip(Band.E6)
-    chips = np.minimum(chips, TAPS)
-    return np.minimum(np.abs(chips - np.clip(np.round(2 * chips) / 2, 0, (TAPS - 1) / 4)), 1.0)
+    chips = np.minimum(chips, HANDOVER_TAPS)
+    return np.minimum(np.abs(chips - np.clip(np.round(2 * chips) / 2, 0, (HANDOVER_TAPS - 1) / 4)), 1.0)
 
 
 def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
     """Return which signals the search of E1 takes for one."""
-    heard = _heard(air, Band.E1, E1_CODE_PERIOD_S)
+    correlator_power = _correlator_power(air, Band.E1, E1_CODE_PERIOD_S)
     step_chips = E1_CODE_PERIOD_S * E1C.chip_rate_hz / _E1_PHASES
     shape, passed = _e1_shape()
     code = np.interp(np.abs(draws.e1_cell[..., 0]) * step_chips, *shape)
     loss = (code * np.sinc(draws.e1_cell[..., 1] * _E1_BIN_HZ * E1_CODE_PERIOD_S)) ** 2 * passed
     added = 2 * periods
-    mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * heard * loss
+    mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * correlator_power * loss
     statistic = np.abs(np.sqrt(mean) + draws.e1_z) ** 2 + draws.e1_rest
     snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # as `CellPowers.acquisition` has it
-    loud = snr > np.max(np.where(heard > 0, snr, 0), axis=1, keepdims=True) * 10 ** (-CROSS_CORRELATION_DB / 10)
+    loud = snr > np.max(np.where(correlator_power > 0, snr, 0), axis=1, keepdims=True) * 10 ** (
+        -CROSS_CORRELATION_DB / 10
+    )
     blind_m = BLIND_CHIPS * _metres_a_chip(Band.E1)
     limit = threshold(p_fa / (_E1_PHASES * _E1_BINS), added) ** 2
-    found = (statistic > limit) & loud & (heard > 0)
+    found = (statistic > limit) & loud & (correlator_power > 0)
     return _separate(found, statistic, air.delay_m, blind_m, period_m=E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS)
 
 
-def _heard(air: BandSignals, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
+def _correlator_power(air: BandSignals, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
     """Return |h|² at the place of each signal; 0 where there is none."""
     apart_m = air.delay_m[:, :, None] - air.delay_m[:, None, :]
     pulse = BOC11 if band is Band.E1 else BPSK
@@ -272,8 +274,8 @@ def _heard(air: BandSignals, band: Band, integration_s: float) -> Float[np.ndarr
         apart_m = _wrapped(apart_m, E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS)
     shape = autocorrelation(pulse, (apart_m / _metres_a_chip(band)).ravel()).reshape(apart_m.shape)
     beat = np.sinc((air.doppler_hz[:, :, None] - air.doppler_hz[:, None, :]) * integration_s)
-    heard = np.abs(np.einsum("nij,nj->ni", shape * beat, air.amplitude)) ** 2
-    return np.where(air.amplitude != 0, heard, 0.0)
+    correlator_power = np.abs(np.einsum("nij,nj->ni", shape * beat, air.amplitude)) ** 2
+    return np.where(air.amplitude != 0, correlator_power, 0.0)
 
 
 def _separate(

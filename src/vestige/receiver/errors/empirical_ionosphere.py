@@ -16,7 +16,7 @@ from vestige.errors import InputFileError
 from vestige.receiver.errors.error_process import Streams
 from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation, IonosphereProcess
 
-COLUMN = "e6_minus_e1_m"  # header of the CSV file
+IONOSPHERE_COLUMN = "e6_minus_e1_m"  # header of the CSV file
 LARGEST_FILE = 1 << 28  # bytes, about 10 million samples
 LARGEST_RESIDUAL_M = 1000.0  # of a sample; the worst ionosphere is 0.1 km
 
@@ -61,8 +61,8 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     Raises `InputFileError` if it cannot be read, has another header or no sample, or a line is not a plausible number.
     """
     lines = _text(path).split("\n")
-    if lines[0].strip() != COLUMN:
-        raise InputFileError(path, "line 1", lines[0].strip(), COLUMN)
+    if lines[0].strip() != IONOSPHERE_COLUMN:
+        raise InputFileError(path, "line 1", lines[0].strip(), IONOSPHERE_COLUMN)
     if lines.pop() != "":
         raise InputFileError(path, f"line {len(lines) + 1}", "no line end, end of the file", "a whole line")
     samples = np.empty(len(lines) - 1)

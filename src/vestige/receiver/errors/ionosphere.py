@@ -152,7 +152,7 @@ class HeavyTailedIonosphere:
 
 
 # by the name that a scenario file gives
-PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
+IONOSPHERE_PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
     {
         "2014": HeavyTailedIonosphere.solar_maximum_2014,
         "2017": HeavyTailedIonosphere.average_2017,

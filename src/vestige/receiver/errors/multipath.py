@@ -30,13 +30,13 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex128, Float
 
-from vestige.acas_processor.position.elevation_model import (
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import (
     HIGH_DEG,
     OPEN_SKY_DB,
     REFERENCE_MULTIPATH_DB,
     multipath_power_db,
 )
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.errors.error_process import Streams, steps_s
 
 MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # longest echo of the measured channel [STEINGASS04]
@@ -146,7 +146,7 @@ class LmsLiteMultipath:
 
 
 # by the name that a scenario file gives
-PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
+MULTIPATH_PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
     {"elevation-5-30": LmsLiteMultipath.elevation_5_30, "open-sky": LmsLiteMultipath.open_sky}
 )
 

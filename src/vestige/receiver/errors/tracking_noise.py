@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 Standard deviations, with B the one-sided noise bandwidth of the loop concerned, T the integration time, C = C/N0:
 
-    code      non-coherent delay lock loop [BETZ09], see `acas_processor.thermal_noise`
+    code      non-coherent delay lock loop [BETZ09], see `theory.thermal_noise`
     carrier   phase lock loop        σ_φ = √(B/C · (1 + 1/(2TC))) rad                 [KAPLAN06, 5.6.1]
     Doppler   frequency lock loop    σ_f = 1/(2πT) √(4FB/C · (1 + 1/(TC))) Hz, F = 1   [KAPLAN06, 5.6.2]
 

@@ -132,7 +132,7 @@ class ContinuousPropagation:
             delay_rate_mps=float(slope * (delay_m[left + 1] - delay_m[left])),
             at_s=t_s,
             amplitude=complex(
-                between(self.truth.truth.view.amplitude) * np.exp(2j * np.pi * ((earlier_m * to_cycles) % 1.0))
+                between(self.truth.truth.geometry.amplitude) * np.exp(2j * np.pi * ((earlier_m * to_cycles) % 1.0))
             ),
             doppler_hz=float(to_cycles * slope * (ionosphere_m[left + 1] - ionosphere_m[left])),
             **self._rays(left, u, place - u, span_s, share),

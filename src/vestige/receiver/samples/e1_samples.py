@@ -65,7 +65,7 @@ def sampled_e1_taps(
     replica = _sequence(svid, _half_chips(svid))
     offsets_m = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
     taps = np.full((truth.time_s.size, len(TAP_CHIPS)), np.nan + 0j)
-    for row in np.flatnonzero(truth.view.in_view).tolist():
+    for row in np.flatnonzero(truth.geometry.in_view).tolist():
         start_s = _MARGIN_S + phase[row] / SAMPLE_RATE_HZ
         samples = _samples(
             _signals(

@@ -55,7 +55,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
     dt_s = np.zeros(sent_s.size)
-    ahead_s = truth.view.clock_offset_s[rows]
+    ahead_s = truth.geometry.clock_offset_s[rows]
     for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
         pseudorange_m = line_of_sight.range_m(sent_s + dt_s - ahead_s) + late_m + drift_mps * (later_s + dt_s)
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS

@@ -16,13 +16,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from vestige.constants import DAY_S
 from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.time import GalileoTime
 
 # Reference constellation of 2016-11-21T00:00:00 UTC [GSC-ORBITS]
 REFERENCE_EPOCH = GalileoTime.parse("2016-11-21T00:00:00 UTC")
-SEMI_MAJOR_AXIS_M = 29_599_800.0
+ORBIT_SEMI_MAJOR_AXIS_M = 29_599_800.0
 INCLINATION_DEG = 56.0
 NODE_DEG = {"A": 317.632, "B": 77.632, "C": 197.632}  # right ascension of the ascending node
 LATITUDE_DEG = {"A": 180.153, "B": 195.153, "C": 210.153}  # argument of latitude of slot 1
@@ -31,16 +32,15 @@ LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
 TYPICAL_SISA_M = 3.12  # what nearly all satellites broadcast; without one receivers leave a satellite out
-_DAY_S = 86_400.0
 _REFERENCE_DAYS = 6168.5  # of REFERENCE_EPOCH after 2000-01-01T12:00, UTC
 
 
 def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
     """Return the 24 satellites of the reference constellation with orbits given at `toe`, clocks without error."""
     elapsed_s = toe - REFERENCE_EPOCH
-    axis = SEMI_MAJOR_AXIS_M
-    node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / _DAY_S
-    latitude_rate = np.radians(LATITUDE_RATE_DEG_PER_DAY) / _DAY_S
+    axis = ORBIT_SEMI_MAJOR_AXIS_M
+    node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / DAY_S
+    latitude_rate = np.radians(LATITUDE_RATE_DEG_PER_DAY) / DAY_S
     # the message gives the node's longitude as if the Earth had stood at the start of the week
     earth = _earth_rotation_angle() + ROTATION_RADPS * (elapsed_s - toe.second - toe.fraction)
     return tuple(

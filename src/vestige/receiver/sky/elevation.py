@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the highest elevation of
-                  the run, and the line of sight has √ of the loss as its amplitude
-    rays          relative amplitude of `acas_processor.elevation_model`
-    ionosphere    obliquity M(e)/M(17.5°) of `acas_processor.elevation_model`
+    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
+                  line of sight has √ of the later gain as its amplitude
+    rays          relative amplitude of `navigation.elevation_model`
+    ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
 The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
 Gauss-Markov process and ρ the common share of the variance,
@@ -57,9 +57,9 @@ class SatelliteGeometry:
 
 
 class SatelliteMotion(NamedTuple):
-    """A view, with range, range rate and range acceleration."""
+    """How a satellite is seen, with range, range rate and range acceleration."""
 
-    view: SatelliteGeometry
+    geometry: SatelliteGeometry
     range_m: Float[np.ndarray, " n"]
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
@@ -107,21 +107,21 @@ class ElevationEffects:
 
     path: SatelliteRange
     mask_deg: float  # lowest elevation at which it is received
-    highest_rad: float  # elevation at which its C/N0 is the nominal one
+    first_rad: float  # elevation at the first epoch, at which its C/N0 is the nominal one
     antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
     ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
 
     @property
     def nominal_db(self) -> float:
         """Nominal C/N0 over that at the zenith."""
-        return float(self.antenna.cn0_dbhz(np.array([self.highest_rad]))[0]) - self.antenna.zenith_dbhz
+        return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
         """Return how the satellite is seen at epochs on the receiver's clock, which is wrong by `clock_m`."""
         clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
         sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
-        view = SatelliteGeometry(
+        geometry = SatelliteGeometry(
             clock_offset_s=clock_offset_s,
             amplitude=10 ** (gain_db / 20),
             azimuth_rad=sight.azimuth_rad,
@@ -129,7 +129,7 @@ class ElevationEffects:
             in_view=sight.elevation_rad >= np.radians(self.mask_deg),
         )
         return SatelliteMotion(
-            view,
+            geometry,
             sight.range_m - sight.satellite_clock_m,
             sight.rate_mps - sight.satellite_clock_mps,
             sight.acceleration_mps2,

@@ -18,7 +18,7 @@ from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.streams import stream
 
 PROMPTS = 50
-INTEGRATION_S = 0.02
+CN0_INTEGRATION_S = 0.02
 _LEAST_SNR = 1e-3  # of an estimate that the noise drove below zero
 
 
@@ -30,9 +30,9 @@ def estimated_cn0_dbhz(
     `cn0_dbhz` is the true one behind the loop, over all noise that there is.
     """
     normal, rest = drawn_rows(first, cn0_dbhz.size, lambda block: _draws(seed, block, svid)).T
-    mean = 2 * PROMPTS * 10 ** (cn0_dbhz / 10) * INTEGRATION_S
+    mean = 2 * PROMPTS * 10 ** (cn0_dbhz / 10) * CN0_INTEGRATION_S
     power = (normal + np.sqrt(mean)) ** 2 + rest
-    return 10 * np.log10(np.maximum(power / (2 * PROMPTS) - 1, _LEAST_SNR) / INTEGRATION_S)
+    return 10 * np.log10(np.maximum(power / (2 * PROMPTS) - 1, _LEAST_SNR) / CN0_INTEGRATION_S)
 
 
 def _draws(seed: int, block: int, svid: int) -> Float[np.ndarray, "n 2"]:

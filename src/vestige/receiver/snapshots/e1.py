@@ -19,10 +19,10 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
-from vestige.receiver.correlators.e1_taps import TAP_CHIPS, e1_taps, power_noise_db, power_rise_db, power_with_rays
+from vestige.receiver.correlators.e1_taps import TAP_CHIPS, band_power_rise_db, e1_taps, power_noise_db, power_with_rays
 from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.simulation import Fidelity, Simulation
-from vestige.receiver.snapshots.cn0_estimate import INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
+from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
@@ -37,7 +37,7 @@ def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     """Return the true C/N0 of what E1 tracks, over all noise that there is."""
-    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.view.amplitude)
+    return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.geometry.amplitude)
 
 
 def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
@@ -117,19 +117,19 @@ def reported_cn0_dbhz(
     """
     cn0_dbhz = tracked_cn0_dbhz(simulation, truth)
     if simulation.models.e1_multipath:
-        power = power_with_rays(truth, multipath_m, averaging_s=PROMPTS * INTEGRATION_S)
+        power = power_with_rays(truth, multipath_m, averaging_s=PROMPTS * CN0_INTEGRATION_S)
         cn0_dbhz = cn0_dbhz + 10 * np.log10(np.maximum(power, _LEAST_POWER) / truth.e1.gain)
     return estimated_cn0_dbhz(cn0_dbhz, seed=simulation.seed, svid=simulation.svid, first=first)
 
 
 def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, FrontEndBlock]:
     """Return correlators behind the gain control, and what that says of itself."""
-    nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.view.amplitude))
-    heard_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
+    nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.geometry.amplitude))
+    received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":
-        rise_db = read_db = sampled_power_rise_db(of.truth, heard_dbhz, of.svids, seed=of.seed, first=of.first)
+        rise_db = read_db = sampled_power_rise_db(of.truth, received_dbhz, of.svids, seed=of.seed, first=of.first)
     else:
-        rise_db = power_rise_db(of.truth, heard_dbhz)
+        rise_db = band_power_rise_db(of.truth, received_dbhz)
         read_db = rise_db + power_noise_db(of.seed, of.first, rise_db.size)
     taps = [
         (sampled_e1_taps if fidelity == "samples" else e1_taps)(

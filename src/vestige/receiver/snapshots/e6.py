@@ -59,15 +59,15 @@ class DrawnE6:
         of, simulation = self.of, self.of.simulations[0]
         power_db, gain_db = np.full((2, of.n), np.nan)
         if of.recs_rows.size:
-            heard_dbhz = np.stack(
+            received_dbhz = np.stack(
                 [
-                    np.where(truth.view.in_view, one.cn0_dbhz + 20 * np.log10(truth.view.amplitude), np.nan)
+                    np.where(truth.geometry.in_view, one.cn0_dbhz + 20 * np.log10(truth.geometry.amplitude), np.nan)
                     for one, truth in zip(of.simulations, of.of_recs, strict=True)
                 ],
                 axis=1,
             )
             bandwidth_hz = simulation.front_end.power_bandwidth_hz
-            power_db[of.rows] = e6_power_rise_db(of.of_recs, heard_dbhz, bandwidth_hz=bandwidth_hz) + power_noise_db(
+            power_db[of.rows] = e6_power_rise_db(of.of_recs, received_dbhz, bandwidth_hz=bandwidth_hz) + power_noise_db(
                 of.seed,
                 of.first_recs,
                 of.recs_rows.size,

@@ -20,10 +20,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
 from vestige.navigation.inav.page import PAGE_S
 from vestige.receiver.osnma_reception import (
-    PAGES,
     data_pages,
     demodulated,
     key_pages,
@@ -117,7 +116,7 @@ class PagesReceived:
     def block(self) -> OsnmaBlock:
         """The same in pieces of subframes, as the processor takes it."""
         row, place = np.nonzero(self.page >= 0)
-        number = self.page[row, place] // PAGES
+        number = self.page[row, place] // PAGES_A_SUBFRAME
         pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
         epoch, subframe = pieces.T
         due, came = np.zeros((2, epoch.size, self.in_view.shape[1]), np.int64)
@@ -143,8 +142,8 @@ def _ends(
     The first epoch began to look at `begun_s` after the start of the week; an epoch looks for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
-    whole = looks_at_all | (page_end_s(subframe * PAGES) > begun_s)
-    return whole & np.any(page == (subframe * PAGES + PAGES - 1)[:, None], axis=1)
+    whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)
+    return whole & np.any(page == (subframe * PAGES_A_SUBFRAME + PAGES_A_SUBFRAME - 1)[:, None], axis=1)
 
 
 def _cn0_of_pages(
@@ -152,7 +151,7 @@ def _cn0_of_pages(
 ) -> Float[np.ndarray, "n k"]:
     """Return the C/N0 while pages are on air, −∞ while the satellite is not in view."""
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
-    seen = np.where(truth.view.in_view, at_epoch, -np.inf)[:, None]
+    seen = np.where(truth.geometry.in_view, at_epoch, -np.inf)[:, None]
     if not simulation.spoofer.attacks:
         return np.broadcast_to(seen, middle_s.shape)
     effects = simulation.spoofer.effects(Band.E1, simulation.svid, np.maximum(middle_s, 0.0).ravel())

@@ -47,7 +47,7 @@ class ReceiverTruth:
     @cached_property
     def in_view(self) -> Bool[np.ndarray, "n m"]:
         """Whether each satellite is above the mask."""
-        return np.stack([one.view.in_view for one in self.truth], axis=1)
+        return np.stack([one.geometry.in_view for one in self.truth], axis=1)
 
     @property
     def rows(self) -> slice:

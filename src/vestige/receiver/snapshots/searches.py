@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.monitoring.monitoring_settings import SEARCH_P_FA
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
 from vestige.receiver.correlators.search_outcome import search_outcome
@@ -24,6 +23,7 @@ from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock, SearchRequest
 from vestige.records.times import GalileoTimes
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.time import GalileoTime
 
 _NO_E1, _NO_RECS, _NOT_FOUND = (

@@ -72,11 +72,15 @@ class SimulatedReceiver:
             e1=e1,
             front_end=FrontEnds(power, e6),
             e6=e6,
-            searches=DrawnSearches(of=of, received_s=received_s),
+            searches=self.searches(of),
             osnma=None if osnma is None else osnma.pages(self.interval_s).block,
             increments=self._increments(of, time, elevation),
             data_authenticated=None if osnma is None else osnma.data_authenticated,
         )
+
+    def searches(self, of: ReceiverTruth) -> DrawnSearches:
+        """Return the searches of a block, which are drawn at both fidelities."""
+        return DrawnSearches(of=of, received_s=self._received_s(of))
 
     def _times(self, of: ReceiverTruth) -> GalileoTimes:
         """Return the epochs on the receiver's clock, times of transmission, exact in deciseconds."""

@@ -71,14 +71,14 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trust:
+class FileTrust:
     """What OSNMA keys must lead to."""
 
     public_keys: tuple[PublicKey, ...]  # keys that root keys may be signed with
     tree: MerkleTree | None  # that they were verified against
 
     @classmethod
-    def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> Trust:
+    def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> FileTrust:
         """Return the keys of public key files and of a Merkle tree file, verified against the tree if there is one.
 
         Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
@@ -93,7 +93,7 @@ class Trust:
 class Settings:
     """What the readers need beside the file."""
 
-    trust: Trust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
+    trust: FileTrust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
     # keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them
     server_keys: Sequence[EllipticCurvePublicKey] = ()
     # signature files by folder and name of the signed file
@@ -120,7 +120,7 @@ class Contents:
     problems: tuple[VestigeError, ...] = ()  # what is wrong with a file of which a part is usable all the same
 
 
-def kind_of(path: Path) -> FileKind | None:
+def assistance_kind(path: Path) -> FileKind | None:
     """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
 
     Raises `InputFileError` if it cannot be read, or has the name of a RECS file with a date that does not exist.
@@ -224,7 +224,7 @@ def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, Signat
     return data, status
 
 
-def _trust(path: Path, settings: Settings) -> Trust:
+def _trust(path: Path, settings: Settings) -> FileTrust:
     if settings.trust is None:
         raise AuthenticationError(
             f"{path}: its keys prove nothing without an OSNMA public key or Merkle tree to lead to"

@@ -22,7 +22,14 @@ from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.recording.assistance.assistance_files import READERS, Contents, FileKind, Settings, Trust, kind_of
+from vestige.recording.assistance.assistance_files import (
+    READERS,
+    Contents,
+    FileKind,
+    FileTrust,
+    Settings,
+    assistance_kind,
+)
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -72,7 +79,7 @@ class AssistanceFolder:
     missing: tuple[str, ...]
 
     @property
-    def cautions(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a verdict: what was taken on the folder's own word."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
@@ -151,7 +158,7 @@ def read_assistance(
     }
     files: list[AssistanceFile] = []
     if public_key is not None or merkle_tree is not None:
-        trust: Trust | None = Trust.load([public_key] if public_key else [], merkle_tree)
+        trust: FileTrust | None = FileTrust.load([public_key] if public_key else [], merkle_tree)
     else:
         trust = problems.attempt(partial(_folder_trust, trust_files))
         if trust is not None:
@@ -218,18 +225,18 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path
     by_kind: dict[FileKind, list[Path]] = {kind: [] for kind in FileKind}
     for path in found:
         if path.is_file() and not path.name.startswith("."):
-            kind = problems.attempt(partial(kind_of, path))
+            kind = problems.attempt(partial(assistance_kind, path))
             if kind is not None:
                 by_kind[kind].append(path)
     return by_kind
 
 
-def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> Trust | None:
+def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
     """Return what the folder itself offers to trust, or None; two Merkle trees are none."""
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
         raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
-    return Trust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
+    return FileTrust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
 
 
 def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assistance:
@@ -294,7 +301,7 @@ def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problem
     return tuple(found[key][0] for key in sorted(found) if key not in contradicted)
 
 
-def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Trust | None) -> tuple[str, ...]:
+def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
     """Return what the processor would want beside what there is, one line for each kind."""
     missing = []
     if trust is None:

@@ -17,11 +17,11 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.recs_segment import LENGTHS, SegmentLength, encrypt, key_time
 from vestige.errors import VestigeError
 from vestige.output import new_folder
-from vestige.recording.assistance.assistance_files import KEYS_NAME, kind_of
+from vestige.recording.assistance.assistance_files import KEYS_NAME, assistance_kind
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import Recording
-from vestige.recording.snapshots import ALL_SVIDS, satellites_in_view
+from vestige.recording.snapshots import ALL_SVIDS, svids_in_view
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
@@ -110,7 +110,7 @@ def make_assistance(
     of those that it was searched for, and of all.
     """
     with new_folder(output) as unfinished:
-        name = KEYS_NAME if kind_of(keys_path) is None else keys_path.name
+        name = KEYS_NAME if assistance_kind(keys_path) is None else keys_path.name
         for path, copy in ((keys_path, name), *((path, path.name) for path in (public_key, merkle_tree) if path)):
             shutil.copyfile(path, unfinished / copy)
         keys = read_assistance(unfinished, public_key=public_key, merkle_tree=merkle_tree, strict=True).assistance.keys
@@ -138,7 +138,7 @@ def _segments_of(
     reader = recording.e6
     if reader is None:
         raise VestigeError(f"{recording.description.path}: no E6 samples, so no RECS can be made for it")
-    seen = satellites_in_view(recording, svids or ALL_SVIDS, progress=progress)
+    seen = svids_in_view(recording, svids or ALL_SVIDS, progress=progress)
     if not seen:
         raise VestigeError(f"{recording.description.path}: no satellite is seen on E1, so no RECS can be timed")
     first, last = reader.start, reader.start + reader.duration_s

@@ -23,7 +23,7 @@ from vestige.recording.observations.observation_epoch import NUMBER, checked_svi
 from vestige.recording.text_lines import numbered_lines
 
 RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
-HEADER = "svid,slant_delay_e1_m"
+CORRECTIONS_HEADER = "svid,slant_delay_e1_m"
 MAX_BIAS_S = 1e-3  # beyond is a slip of the unit; the largest that was published is 5.4 µs
 MAX_DELAY_M = 1000.0  # beyond is no ionosphere
 
@@ -55,8 +55,8 @@ def read_ionosphere(path: Path) -> Mapping[int, float]:
     delays: dict[int, float] = {}
     lines = numbered_lines(path)
     _, header = next(lines, (1, ""))
-    if header.strip() != HEADER:
-        raise InputFileError(path, "line 1", header, HEADER)
+    if header.strip() != CORRECTIONS_HEADER:
+        raise InputFileError(path, "line 1", header, CORRECTIONS_HEADER)
     for number, line in lines:
         if not line.strip():
             continue
@@ -86,5 +86,5 @@ def write_ionosphere(folder: Path, delays_m: Mapping[int, float]) -> Path:
     """Write `ionosphere.csv` with predicted slant delays on E1 in m by SVID, and return its path."""
     path = folder / IONOSPHERE_NAME
     rows = [f"{svid},{float(delays_m[svid])!r}" for svid in sorted(delays_m)]
-    path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="ascii", newline="\n")
+    path.write_text("\n".join([CORRECTIONS_HEADER, *rows]) + "\n", encoding="ascii", newline="\n")
     return path

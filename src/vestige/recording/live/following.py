@@ -34,10 +34,10 @@ from vestige.recording.live.live_recording import LiveRecording
 from vestige.recording.observations.accelerations import GrowingAccelerations
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recorded_block import OtherChannels
-from vestige.recording.snapshots import E1_WINDOW_S, RecordingSource
+from vestige.recording.snapshots import RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot
 from vestige.records.recs_block import segments_between
-from vestige.sample_processor.e1_snapshot import NOISE_FLOOR
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, NOISE_FLOOR
 from vestige.time import GalileoTime
 
 

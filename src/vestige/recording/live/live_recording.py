@@ -19,9 +19,9 @@ from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.recording import Recording, observation_names
 from vestige.recording.samples.sample_file import SampleReader, samples_so_far
 from vestige.recording.samples.sample_stream import SampleStream, StreamState
-from vestige.recording.snapshots import E1_WINDOW_S
 from vestige.records import Band
 from vestige.records.recs_block import SEGMENT_WINDOW_S
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1

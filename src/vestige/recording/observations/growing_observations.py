@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.observations.observation_epoch import EpochParser, ObservationEpoch
-from vestige.recording.observations.observation_file import FIRST_LINE, KINDS, kind_of_line
+from vestige.recording.observations.observation_file import FIRST_LINE, OBSERVATION_READERS, kind_of_line
 from vestige.recording.text_lines import GrowingLines
 
 
@@ -90,7 +90,7 @@ class _GrowingEpochs:
         kind = kind_of_line(line)
         if kind is None:
             raise InputFileError(self._file.path, "line 1", line, FIRST_LINE)
-        return KINDS[kind][1](self._file.path)
+        return OBSERVATION_READERS[kind][1](self._file.path)
 
     def _last(self, parser: EpochParser) -> ObservationEpoch | None:
         try:

@@ -23,7 +23,7 @@ from vestige.records import E1Observation
 from vestige.time import GalileoTime
 
 # kind: (does the first line say so, how to read it)
-KINDS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
+OBSERVATION_READERS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
     "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), RinexParser),
     "CSV": (is_csv_observations, CsvParser),
 }
@@ -42,10 +42,10 @@ class ObservationFile:
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
         """Yield the epochs; raises as the reader of its kind."""
-        return read_epochs(self.path, KINDS[self.kind][1](self.path))
+        return read_epochs(self.path, OBSERVATION_READERS[self.kind][1](self.path))
 
 
-def kind_of(path: Path) -> str | None:
+def observation_kind(path: Path) -> str | None:
     """Return which kind of observation file `path` is, or None if it is none."""
     try:
         line = next(numbered_lines(path), (1, ""))[1]
@@ -56,7 +56,7 @@ def kind_of(path: Path) -> str | None:
 
 def kind_of_line(line: str) -> str | None:
     """Return which kind of observation file has this first line, or None."""
-    return next((kind for kind, (recognise, _) in KINDS.items() if recognise(line)), None)
+    return next((kind for kind, (recognise, _) in OBSERVATION_READERS.items() if recognise(line)), None)
 
 
 def open_observations(path: Path) -> ObservationFile:
@@ -64,7 +64,7 @@ def open_observations(path: Path) -> ObservationFile:
 
     Raises `InputFileError` if its first line is not that of RINEX observations or of a CSV table of observations.
     """
-    kind = kind_of(path)
+    kind = observation_kind(path)
     if kind is None:
         raise InputFileError(path, "line 1", next(numbered_lines(path), (1, "an empty file"))[1], FIRST_LINE)
     return ObservationFile(path=path, kind=kind)

@@ -14,7 +14,6 @@ import numpy as np
 
 from vestige.acas_processor.searches.handover import assisted_delay_m
 from vestige.acas_processor.searches.vestigial import (
-    E1_WINDOW_S,
     VestigialDecision,
     arrival_window,
     decide_vestigial,
@@ -26,6 +25,7 @@ from vestige.crypto.recs.recs_segment import CipherMode, decrypt
 from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recording import Recording
 from vestige.records import Assistance
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.sample_processor.search.e1_search import search_e1
 
 

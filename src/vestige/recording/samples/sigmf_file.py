@@ -41,7 +41,7 @@ from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.description import (
     FIRST_SAMPLE,
-    SAMPLE_RATE_HZ,
+    SAMPLE_RATE_RANGE_HZ,
     TIME_UNCERTAINTY_S,
     BandFile,
     RecordingDescription,
@@ -173,7 +173,7 @@ def _stream(path: Path) -> _Stream | None:
     first = captures[0]
     own = _extension(path, top)
     form = _form(path, top)
-    rate = _ranged(path, "global.core:sample_rate", top.get("core:sample_rate"), SAMPLE_RATE_HZ)
+    rate = _ranged(path, "global.core:sample_rate", top.get("core:sample_rate"), SAMPLE_RATE_RANGE_HZ)
     frequency = _ranged(path, "captures.0.core:frequency", first.get("core:frequency"), (0.0, 1e12))
     _check_one_stretch(path, captures, int(top.get("core:offset", 0)))
     counter = first.get("core:global_index", first["core:sample_start"])

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex128, Float64
 
-from vestige.records import ChipSequence, Handover
+from vestige.records import ChipSequence, Handover, SampleSource
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, peak_at
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -57,12 +56,12 @@ def exact_peak(
     wiped, noise = wiped_chips(source, cell)
     if noise == 0:
         return None
-    magnitudes = np.abs(spectrum(wiped, bins_hz)) / np.sqrt(noise / 2)
+    magnitudes = np.abs(doppler_spectrum(wiped, bins_hz)) / np.sqrt(noise / 2)
     best = int(np.argmax(magnitudes))
     if magnitudes[best] <= threshold:
         return None
     fine_hz = bins_hz[best] + _FINE_BINS * CHIP_RATE_HZ / (2 * cell.code.chips.size)
-    doppler_hz = cell.middle_hz + float(fine_hz[np.argmax(np.abs(spectrum(wiped, fine_hz)))])
+    doppler_hz = cell.middle_hz + float(fine_hz[np.argmax(np.abs(doppler_spectrum(wiped, fine_hz)))])
     handover = Handover(
         svid=cell.code.svid,
         chips=cell.code,
@@ -100,7 +99,7 @@ def wiped_chips(source: SampleSource, cell: Cell) -> tuple[Complex128[np.ndarray
     return (even[0] + 1j * even[1].astype(np.float64)) * cell.code.chips, float(noise)
 
 
-def spectrum(
+def doppler_spectrum(
     wiped: Complex128[np.ndarray, " chips"], frequencies_hz: Float64[np.ndarray, " bins"]
 ) -> Complex128[np.ndarray, " bins"]:
     """Return Σ_n wiped_n e^{−j2π f n / R_c} at any frequencies."""

@@ -29,13 +29,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64, Int16
 
-from vestige.records import ChipSequence
+from vestige.records import ChipSequence, SampleSource
 from vestige.sample_processor.search.engines.choice import EngineName, make_engine
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA, Engine
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS, Engine
 from vestige.sample_processor.search.exact_cell import Cell, exact_peak
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, separated, shortened
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -305,7 +304,7 @@ class _Block:
         )
         sums = np.empty((2, 2, n), np.float32)
         power = sum(chip_sums(halves[part], sums[0, part], sums[1, part]) for part in (0, 1))
-        scale = np.float32(SIGMA / np.sqrt(power / (2 * n))) if power > 0 else np.float32(0)
+        scale = np.float32(CHIP_SIGMA / np.sqrt(power / (2 * n))) if power > 0 else np.float32(0)
         np.multiply(sums, scale, out=sums)
         np.clip(np.rint(sums, out=sums), -CLIP, CLIP, out=sums)
         return sums.astype(np.int16)

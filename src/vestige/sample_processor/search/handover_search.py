@@ -29,10 +29,9 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from vestige.constants import E1_CODE_PERIOD_S
-from vestige.records import ChipSequence, Handover
+from vestige.records import ChipSequence, Handover, SampleSource
 from vestige.sample_processor.search.peak import Peak, peak_at, separated
 from vestige.sample_processor.search.row_kernel import OFFSETS_AT_ONCE, row_products, time_of
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -115,7 +114,7 @@ def search_handover(
     """
     if taps < 1 or taps % 2 == 0:
         raise ValueError(f"the number of taps must be odd, not {taps}")
-    places = positions(source, line, first_start, last_start)
+    places = handover_positions(source, line, first_start, last_start)
     found: list[Peak] = []
     done = 0
     for chunk, squares in _squares(source, line, places, taps):
@@ -134,7 +133,7 @@ def search_handover(
     return separated(found)
 
 
-def positions(
+def handover_positions(
     source: SampleSource, line: CandidateEpochs, first_start: GalileoTime, last_start: GalileoTime
 ) -> Int64[np.ndarray, " places"]:
     """Return the numbers m of the places to search: in the time uncertainty, and with all their rows in the samples."""

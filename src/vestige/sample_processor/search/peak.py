@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import ChipSequence, Handover
+from vestige.records import ChipSequence, Handover, SampleSource
 from vestige.sample_processor.correlator import correlate
-from vestige.sample_processor.search.sample_source import SampleSource
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 

@@ -1,30 +1,10 @@
-"""Where a search reads its samples: from a file in pieces (`vestige.recording`), or from memory."""
+"""Samples in memory as a search reads them; those of a file are read in pieces (`vestige.recording`)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from vestige.records import SampleBatch
-
-
-@runtime_checkable
-class SampleSource(Protocol):
-    """Samples of one band, read in pieces by the counter that both bands share."""
-
-    @property
-    def first_sample(self) -> int:
-        """Number of the first sample."""
-        ...
-
-    @property
-    def end_sample(self) -> int:
-        """Number after that of the last sample."""
-        ...
-
-    def read(self, first: int, count: int) -> SampleBatch:
-        """Return `count` samples from number `first` on, all of which are there."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from vestige.acas_processor.checks.power.decision_map import (
     PowerDistortionMonitor,
     SignalClass,
     confusion,
-    decision_map,
+    simulated_decision_map,
 )
 from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.campaign.statistics import binomial_interval
@@ -23,12 +23,12 @@ DRAWS = 100_000
 
 @pytest.fixture(scope="module")
 def plain() -> DecisionMap:
-    return decision_map(Hypotheses())
+    return simulated_decision_map(Hypotheses())
 
 
 def test_the_same_seed_gives_the_same_map(plain: DecisionMap) -> None:
-    decision_map.cache_clear()
-    again = decision_map(Hypotheses())
+    simulated_decision_map.cache_clear()
+    again = simulated_decision_map(Hypotheses())
     assert again is not plain
     np.testing.assert_array_equal(again.classes, plain.classes)
 
@@ -81,7 +81,7 @@ def test_what_is_simulated_has_the_closed_forms() -> None:
 def test_a_costly_alarm_is_rarer() -> None:
     rates = []
     for cost in (1.0, 3.0, 30.0):
-        counts = confusion(decision_map(Hypotheses(), alarm_cost=cost), Hypotheses(), seed=3, draws=DRAWS)
+        counts = confusion(simulated_decision_map(Hypotheses(), alarm_cost=cost), Hypotheses(), seed=3, draws=DRAWS)
         rates.append((counts[MULTIPATH, SPOOFED], counts[SPOOFED, SPOOFED]))
     assert rates[0][0] > rates[1][0] > rates[2][0]
     assert rates[0][1] > rates[2][1]

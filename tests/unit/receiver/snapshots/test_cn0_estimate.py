@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from vestige.receiver.snapshots.cn0_estimate import INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
+from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.streams import stream
 
 
@@ -15,15 +15,15 @@ def test_an_estimate_is_that_of_fifty_prompt_correlators(cn0_dbhz: float) -> Non
     rng = stream(5, "prompts", repr(cn0_dbhz))
     phase = np.exp(2j * np.pi * rng.random((n, PROMPTS)))
     noise = rng.standard_normal((n, PROMPTS)) + 1j * rng.standard_normal((n, PROMPTS))
-    prompts = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S) * phase + noise
-    simulated = (np.sum(np.abs(prompts) ** 2, axis=1) / (2 * PROMPTS) - 1) / INTEGRATION_S
+    prompts = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * CN0_INTEGRATION_S) * phase + noise
+    simulated = (np.sum(np.abs(prompts) ** 2, axis=1) / (2 * PROMPTS) - 1) / CN0_INTEGRATION_S
     drawn = 10 ** (estimated_cn0_dbhz(np.full(n, cn0_dbhz), seed=1, svid=7, first=0) / 10)
     assert stats.ks_2samp(simulated, drawn).pvalue > 0.001
 
 
 def test_the_estimate_has_no_bias_and_the_spread_of_its_law() -> None:
     """Mean and variance within 4.4 standard errors: relative variance (2 C T + 1)/(K C² T²)."""
-    n, snr = 20_000, 10**2.5 * INTEGRATION_S
+    n, snr = 20_000, 10**2.5 * CN0_INTEGRATION_S
     found = 10 ** (estimated_cn0_dbhz(np.full(n, 25.0), seed=2, svid=7, first=0) / 10) / 10**2.5
     variance = (2 * snr + 1) / (PROMPTS * snr**2)
     assert np.mean(found) == pytest.approx(1.0, abs=4.4 * np.sqrt(variance / n))

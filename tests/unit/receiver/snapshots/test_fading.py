@@ -8,13 +8,13 @@ from tests.sky_builder import sky_scenario, whole_block
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import power_with_rays
-from vestige.receiver.snapshots.cn0_estimate import INTEGRATION_S, PROMPTS
+from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS
 from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 
-AVERAGING_S = PROMPTS * INTEGRATION_S
+AVERAGING_S = PROMPTS * CN0_INTEGRATION_S
 STRONG = (
     'receiver.multipath={kind="lms-lite", power_db=-9.0, mean_excess_m=20.0, n_rays=3, '
     "speed_mps=0.05, mean_life_m=1.0}",

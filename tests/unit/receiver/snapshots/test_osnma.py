@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from tests.sky_builder import sky_scenario
 
-from vestige.acas_processor.checks.osnma_subframes import PAGES, subframes
+from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.monitoring.memory import OsnmaMemory
+from vestige.constants import PAGES_A_SUBFRAME
 from vestige.records.snapshot_block import OsnmaBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 
@@ -34,9 +35,9 @@ def test_each_page_is_due_once_and_whole_subframes_end_once(interval_s: float) -
         assert pages.get(start, 0) & bits == 0
         pages[start] = pages.get(start, 0) | bits
     ended = osnma.subframe[osnma.last].tolist()
-    assert ended == [start for start in sorted(pages) if pages[start] == (1 << PAGES) - 1]
+    assert ended == [start for start in sorted(pages) if pages[start] == (1 << PAGES_A_SUBFRAME) - 1]
     found, _ = subframes(osnma, block.svids, OsnmaMemory())
-    assert found.due.tolist() == [PAGES * len(block.svids)] * len(ended)
+    assert found.due.tolist() == [PAGES_A_SUBFRAME * len(block.svids)] * len(ended)
     assert np.all(found.received == found.due)
     assert np.all(found.missing == 0)
     assert len(ended) >= (9 if interval_s < 30 else 5)

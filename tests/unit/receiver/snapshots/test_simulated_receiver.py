@@ -12,12 +12,12 @@ from tests.sky_builder import CLEAN, sky_scenario
 
 import vestige.receiver.simulation as simulation_module
 from vestige.acas_processor.detectors import MaximumDetector
-from vestige.acas_processor.monitoring.state import TimeUncertainty
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band
 from vestige.records.snapshot_block import SearchRequest, SnapshotBlock
+from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -162,7 +162,7 @@ def test_what_the_loop_cannot_hold_is_not_there(power_db: float, tracked: bool) 
 def test_satellites_out_of_view_are_not_there() -> None:
     scenario = sky_scenario("epochs=4", "interval_s=3600.0", "recs.every=1", "constellation.svids=[6, 8]")
     (block,) = _blocks(scenario)
-    in_view = np.stack([one.advance(0, 4).view.in_view for one in scenario.simulated_receiver.truth()], axis=1)
+    in_view = np.stack([one.advance(0, 4).geometry.in_view for one in scenario.simulated_receiver.truth()], axis=1)
     assert 0 < np.count_nonzero(in_view) < in_view.size
     assert np.array_equal(block.e1.seen, in_view)
 

@@ -13,7 +13,7 @@ from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import exhaustive_search
 from vestige.sample_processor.search.engines.choice import make_engine
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
-from vestige.sample_processor.search.exact_cell import Cell, spectrum, wiped_chips
+from vestige.sample_processor.search.exact_cell import Cell, doppler_spectrum, wiped_chips
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak, separated
 from vestige.sample_processor.search.sample_source import BatchSource
@@ -176,7 +176,7 @@ def test_the_exact_cell_is_the_plain_sum() -> None:
     assert noise == pytest.approx(np.sum(np.abs(y) ** 2), rel=1e-5)
     frequencies = rng.uniform(-5000, 5000, 7)
     expected = np.exp(-2j * np.pi * np.outer(frequencies, np.arange(20_460)) * CHIP_S) @ wiped
-    np.testing.assert_allclose(spectrum(wiped, frequencies), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(doppler_spectrum(wiped, frequencies), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_zeros_and_nothing_to_search_are_nothing() -> None:

@@ -9,7 +9,7 @@ from vestige.constants import E6_CARRIER_HZ
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import handover_search
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
-from vestige.sample_processor.search.handover_search import CandidateEpochs, positions, search_handover
+from vestige.sample_processor.search.handover_search import CandidateEpochs, handover_positions, search_handover
 from vestige.sample_processor.search.peak import shortened
 from vestige.sample_processor.search.sample_source import BatchSource
 
@@ -44,7 +44,7 @@ def test_every_hypothesis_is_the_correlator_at_its_place(center_hz: float) -> No
     """Against the correlator bank at the same moments; the noise floor is summed over shifted chips there."""
     source = e6_source([arrival(CHIPS, 0.0201, 45.0, DOPPLER_HZ, DOPPLER_RATE)], 0.06, 3, center_hz)
     one = line(0.0203)
-    places = positions(source, one, START, START + 1)
+    places = handover_positions(source, one, START, START + 1)
     assert places[0] == -5
     squares = np.concatenate([found for _, found in handover_search._squares(source, one, places, 5)])
     assert squares.shape == (places.size, 5)
@@ -94,12 +94,12 @@ def test_a_place_is_where_the_received_code_has_come_to_it() -> None:
 
 def test_the_time_uncertainty_bounds_the_places() -> None:
     source = e6_source([], 0.3, 1)
-    every = positions(source, line(0.1), START, START + 1)
+    every = handover_positions(source, line(0.1), START, START + 1)
     assert every[0] == -25
     assert every[-1] == 46  # the last that holds 16 ms: 0.1 + 46 · 4 ms + 16 ms = 0.3 s, less 0.4 µs of Doppler
-    assert positions(source, line(0.1), START + 0.0999, START + 0.1081).tolist() == [0, 1, 2]
-    assert positions(source, line(0.1), START + 0.101, START + 0.103).size == 0
-    assert positions(source, line(0.1, 0.1), START, START + 1).tolist() == [-1, 0, 1]
+    assert handover_positions(source, line(0.1), START + 0.0999, START + 0.1081).tolist() == [0, 1, 2]
+    assert handover_positions(source, line(0.1), START + 0.101, START + 0.103).size == 0
+    assert handover_positions(source, line(0.1, 0.1), START, START + 1).tolist() == [-1, 0, 1]
     assert search_handover(source, line(0.1), START + 0.101, START + 0.103, THRESHOLD) == ()
 
 

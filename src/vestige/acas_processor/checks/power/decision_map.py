@@ -114,7 +114,7 @@ class DecisionMap:
 
 
 @lru_cache(maxsize=64)
-def decision_map(
+def simulated_decision_map(
     hypotheses: Hypotheses, *, alarm_cost: float = 1.0, seed: int = 0, draws: int = 400_000
 ) -> DecisionMap:
     """Return the map of least expected cost, all four hypotheses equally likely.
@@ -203,7 +203,7 @@ class PowerDistortionMonitor:
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
         """Return the map for a satellite of this C/N0."""
         rounded = round(expected_cn0_dbhz / self.cn0_step_db) * self.cn0_step_db
-        return decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
+        return simulated_decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
 
     def probability_of_detection(
         self, eta_db: Float[np.ndarray, " k"], expected_cn0_dbhz: float, *, seed: int = 0, draws: int = 20_000

@@ -23,7 +23,7 @@ from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability
 from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.records.checks import CheckName, CheckSeries
-from vestige.theory.thresholds import amplitude
+from vestige.theory.thresholds import correlator_amplitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +45,13 @@ class E6StrengthMonitor(Monitor):
 
         `magnitude_sigma` is the largest |c| of the bank, in standard deviations of the noise per dimension.
         """
-        return magnitude_sigma - np.sqrt(amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
+        return magnitude_sigma - np.sqrt(correlator_amplitude(expected_cn0_dbhz, integration_s) ** 2 + 1)
 
     def threshold(
         self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]
     ) -> Float[np.ndarray, "*n"]:
         """Return the largest |statistic| that passes."""
-        spread = amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
+        spread = correlator_amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)
 
     def series(self, evidence: Evidence) -> CheckSeries:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 
 from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, pkr_blocks
+from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
 ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]
@@ -30,7 +30,7 @@ def verify_alert(message: bytes, tree: MerkleTree) -> None:
 
     Raises `AuthenticationError` if the message is malformed or leads to another root.
     """
-    if not is_alert(message) or len(message) != pkr_blocks(message[0]) * BLOCK_BYTES:
+    if not is_alert(message) or len(message) != pkr_blocks(message[0]) * DSM_BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")
     siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
     found = path_root(message[0] & 15, hashlib.sha256(message[_LEAF_AT:]).digest(), siblings)

@@ -21,7 +21,7 @@ from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParame
 from vestige.errors import AuthenticationError, UnsupportedError
 from vestige.time import GalileoTime
 
-BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
+DSM_BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
 FIRST_PKR_ID = 12  # DSM id 0…11 is a DSM-KROOT, 12…15 a DSM-PKR [OSNMA-ICD, DSM header]
 KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
 PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
@@ -149,8 +149,10 @@ def parse_kroot(message: bytes) -> DsmKroot:
     if not message:
         raise AuthenticationError("DSM-KROOT: empty")
     n_blocks = kroot_blocks(message[0])
-    if len(message) != n_blocks * BLOCK_BYTES:
-        raise AuthenticationError(f"DSM-KROOT: {len(message)} bytes, but NB says {n_blocks} blocks of {BLOCK_BYTES}")
+    if len(message) != n_blocks * DSM_BLOCK_BYTES:
+        raise AuthenticationError(
+            f"DSM-KROOT: {len(message)} bytes, but NB says {n_blocks} blocks of {DSM_BLOCK_BYTES}"
+        )
     bits = int.from_bytes(message[1:7], "big")
     parameters = ChainParameters(
         hash_function=bits >> 42 & 3,

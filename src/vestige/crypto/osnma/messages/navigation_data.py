@@ -25,13 +25,13 @@ from vestige.time import GalileoTime
 ADKD_EPHEMERIS, ADKD_TIMING, ADKD_SLOW = 0, 4, 12  # [OSNMA-ICD, MACK]
 
 # ADKD -> (word type, first bit, end bit) of each piece [OSNMA-ICD, ADKD]
-FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
+NAVIGATION_FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
     ADKD_EPHEMERIS: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
     ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
 }
 
-_USED_WORDS = frozenset(word for fields in FIELDS.values() for word, _, _ in fields)
-_PIECES = {word: (start, end) for fields in FIELDS.values() for word, start, end in fields}
+_USED_WORDS = frozenset(word for fields in NAVIGATION_FIELDS.values() for word, _, _ in fields)
+_PIECES = {word: (start, end) for fields in NAVIGATION_FIELDS.values() for word, start, end in fields}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class NavigationWords:
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
         """Return the latest data that a tag may cover, or None if it was not received or is of two issues."""
-        fields = FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
+        fields = NAVIGATION_FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None
         iod_nav = None

@@ -14,14 +14,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
 from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
 from vestige.navigation.inav.word_table import DUMMY_WORD
 from vestige.time import GalileoTime
 
-PAGES = 15  # pages in a subframe [OS-ICD, 4.3.2]
 MACK_BITS = 32  # MACK bits in one page [OSNMA-ICD, 2]
-MACK_TOTAL_BITS = PAGES * MACK_BITS
+MACK_TOTAL_BITS = PAGES_A_SUBFRAME * MACK_BITS
 
 _GRACE_S, _RESTART_S = 10, 600
 
@@ -53,7 +52,7 @@ class SatelliteSubframe:
     @property
     def content(self) -> Content:
         """What the satellite sends in its OSNMA fields."""
-        if self.osnma.count(None) == PAGES and not self.n_missing:
+        if self.osnma.count(None) == PAGES_A_SUBFRAME and not self.n_missing:
             return Content.FILLER
         if None in self.osnma:
             return Content.INCOMPLETE
@@ -148,7 +147,7 @@ class SubframeAssembler:
         start = second - second % SUBFRAME_S
         if start + SUBFRAME_S <= self._newest - _GRACE_S:
             return PageStatus.LATE, closed
-        pages = self._open.setdefault(start, {}).setdefault(page.svid, [None] * PAGES)
+        pages = self._open.setdefault(start, {}).setdefault(page.svid, [None] * PAGES_A_SUBFRAME)
         earlier = pages[index]
         if earlier is not None:
             same = earlier.data == page.data

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.messages.chain_parameters import TAG_INFO_BITS, ChainParameters
 from vestige.crypto.osnma.messages.mac_lookup import Slot
-from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS, ADKD_SLOW, FIELDS, NavigationData
+from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS, ADKD_SLOW, NAVIGATION_FIELDS, NavigationData
 from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.crypto.osnma.messages.tesla import gst_sf
 from vestige.time import GalileoTime
@@ -55,7 +55,7 @@ class Tag:
     @property
     def supported(self) -> bool:
         """Whether the kind of data is known."""
-        return self.adkd == ADKD_SLOW or self.adkd in FIELDS
+        return self.adkd == ADKD_SLOW or self.adkd in NAVIGATION_FIELDS
 
     @property
     def key_delay_s(self) -> int:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, NmaHeader
+from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, NmaHeader
 from vestige.time import GalileoTime
 
 
@@ -26,11 +26,11 @@ class SignedMessage:
     @property
     def n_blocks(self) -> int:
         """Number of blocks."""
-        return len(self.data) // BLOCK_BYTES
+        return len(self.data) // DSM_BLOCK_BYTES
 
     def block(self, index: int) -> bytes:
         """Return a block, 13 bytes."""
-        return self.data[BLOCK_BYTES * index : BLOCK_BYTES * (index + 1)]
+        return self.data[DSM_BLOCK_BYTES * index : DSM_BLOCK_BYTES * (index + 1)]
 
 
 def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> bytes:

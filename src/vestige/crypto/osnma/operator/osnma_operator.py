@@ -14,14 +14,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_writer import write_merkle_tree, write_public_key_pem, write_public_key_xml
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES
 from vestige.crypto.osnma.messages.dsm import FIRST_PKR_ID, DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
-from vestige.crypto.osnma.messages.subframe import PAGES
 from vestige.crypto.osnma.messages.tags import SLOW_KEY_DELAY_S
 from vestige.crypto.osnma.messages.tesla import Chain, validate
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
@@ -40,7 +39,7 @@ from vestige.validated_key import ValidatedKey
 
 _N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 … 11: with 0 the DSM header of block 0 would be a zero byte
 _N_PKR_IDS = 16 - FIRST_PKR_ID
-NO_OSNMA = (bytes(5),) * PAGES  # what a satellite without OSNMA sends [OSNMA-ICD, 2]
+NO_OSNMA = (bytes(5),) * PAGES_A_SUBFRAME  # what a satellite without OSNMA sends [OSNMA-ICD, 2]
 
 
 class OsnmaOperator:
@@ -204,7 +203,7 @@ class OsnmaOperator:
         mack = encode_mack(
             authenticate(svid, time, header.status, contents, self.key_at, parameters), self.key_at(time), parameters
         )
-        return tuple(hkroot[k : k + 1] + mack[4 * k : 4 * k + 4] for k in range(PAGES))
+        return tuple(hkroot[k : k + 1] + mack[4 * k : 4 * k + 4] for k in range(PAGES_A_SUBFRAME))
 
     def _header(self, phase: Phase) -> NmaHeader:
         return NmaHeader(phase.nma_status << 6 | self._chain_id(phase.chain) << 4 | phase.key_status << 1)

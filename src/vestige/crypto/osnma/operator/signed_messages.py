@@ -21,7 +21,7 @@ from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES
 from vestige.crypto.keys.signature_scheme import scheme_of_curve, scheme_of_point
 from vestige.crypto.osnma.messages.alert_message import ALERT_TYPE
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.messages.dsm import BLOCK_BYTES, KROOT_BLOCKS, PKR_BLOCKS, DsmKroot, NmaHeader
+from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, KROOT_BLOCKS, PKR_BLOCKS, DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.tesla import Key
 from vestige.errors import VestigeError
 
@@ -30,7 +30,7 @@ _MIN_BLOCKS = min(KROOT_BLOCKS.values())
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
 _ALERT_NB = 7  # 13 blocks, the shortest with room for a notice
 _HEAD_BYTES = 1 + NODE_BYTES * HEIGHT
-NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * BLOCK_BYTES - _HEAD_BYTES - 1
+NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - _HEAD_BYTES - 1
 
 
 def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pkid: int) -> DsmKroot:
@@ -87,8 +87,8 @@ def sign_kroot(kroot: DsmKroot, header: NmaHeader, private_key: ec.EllipticCurve
     signature = b"".join(number.to_bytes(scheme.coordinate_bytes, "big") for number in numbers)
     signed = replace(kroot, signature=signature, padding=b"")
     length = len(signed.serialise())
-    n_blocks = max(_MIN_BLOCKS, -(-length // BLOCK_BYTES))
-    signed = replace(signed, n_blocks=n_blocks, padding=bytes(n_blocks * BLOCK_BYTES - length))
+    n_blocks = max(_MIN_BLOCKS, -(-length // DSM_BLOCK_BYTES))
+    signed = replace(signed, n_blocks=n_blocks, padding=bytes(n_blocks * DSM_BLOCK_BYTES - length))
     return replace(signed, padding=signed.expected_padding(header))
 
 
@@ -110,8 +110,8 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     """
     content = bytes([scheme_of_point(point).key_type << 4 | pkid]) + point
     length = _HEAD_BYTES + len(content)
-    code, n_blocks = min((code, n) for code, n in PKR_BLOCKS.items() if n * BLOCK_BYTES >= length)
-    padding = hashlib.sha256(root + content).digest()[: n_blocks * BLOCK_BYTES - length]
+    code, n_blocks = min((code, n) for code, n in PKR_BLOCKS.items() if n * DSM_BLOCK_BYTES >= length)
+    padding = hashlib.sha256(root + content).digest()[: n_blocks * DSM_BLOCK_BYTES - length]
     return bytes([code << 4 | leaf]) + b"".join(siblings) + content + padding
 
 

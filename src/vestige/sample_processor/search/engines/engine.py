@@ -17,8 +17,8 @@ from vestige.errors import UnsupportedError
 from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
-POINTS = 256  # of the Doppler transform
-SIGMA = 12.0  # of the chips that an engine gets: rounding costs 0.003 dB
+DOPPLER_POINTS = 256  # of the Doppler transform
+CHIP_SIGMA = 12.0  # of the chips that an engine gets: rounding costs 0.003 dB
 CLIP = 102  # 8.5 σ; 320 of them fit int16
 
 
@@ -50,7 +50,7 @@ class Grid:
     @property
     def spacing_hz(self) -> float:
         """Distance of the bins before they are split or left out."""
-        return CHIP_RATE_HZ / (self.segment_chips * POINTS)
+        return CHIP_RATE_HZ / (self.segment_chips * DOPPLER_POINTS)
 
     @property
     def sub_bin_hz(self) -> float:

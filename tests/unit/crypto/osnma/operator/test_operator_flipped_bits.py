@@ -13,7 +13,7 @@ import pytest
 
 from operator_sky import OperatorSky
 from osnma_builder import make_page
-from vestige.crypto.osnma.messages.navigation_data import FIELDS
+from vestige.crypto.osnma.messages.navigation_data import NAVIGATION_FIELDS
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.osnma_receiver import verify
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
@@ -125,7 +125,12 @@ CASES: dict[str, tuple[Callable[..., bool], Sequence[tuple[int, ...]], int]] = {
     "NMA header": (refused_header_bit, [(bit,) for bit in range(8)], 8),
     "navigation data": (
         refused_data_bit,
-        [(adkd, kind, bit) for adkd, fields in FIELDS.items() for kind, *piece in fields for bit in range(*piece)],
+        [
+            (adkd, kind, bit)
+            for adkd, fields in NAVIGATION_FIELDS.items()
+            for kind, *piece in fields
+            for bit in range(*piece)
+        ],
         30,
     ),
 }  # fmt: skip

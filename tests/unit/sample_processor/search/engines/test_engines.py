@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engine_vector
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CLIP, GRIDS, SIGMA
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS
 from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 
@@ -62,7 +62,7 @@ def test_rounding_rows_moves_a_magnitude_by_a_thirtieth_of_the_noise(ms: int) ->
     n = codes.shape[1]
     exact = np.sqrt(direct_powers(codes, x, _segmented_phases(n)))
     moved = np.sqrt(SegmentEngine(codes).powers(x, N_OFFSETS)[:, :, CHECKED]) - exact
-    noise = SIGMA * np.sqrt(n)
+    noise = CHIP_SIGMA * np.sqrt(n)
     assert np.max(np.abs(moved)) < 0.1 * noise
     assert 0.01 * noise < np.sqrt(np.mean(moved**2)) < 0.033 * noise
 

@@ -17,7 +17,7 @@ from vestige.sample_processor.search.engines.segment.segment_kernel import (
     fill_sign_table,
     scan,
 )
-from vestige.sample_processor.search.engines.segment.vector_ir import POINTS, SUM_WIDTH
+from vestige.sample_processor.search.engines.segment.vector_ir import DFT_POINTS, SUM_WIDTH
 
 _TABLE_OFFSETS = 16_384  # that share one set of tables
 
@@ -54,8 +54,8 @@ class SegmentEngine:
         self._segments = SEGMENTS // grid.stride
         self._table_length = -(-(_TABLE_OFFSETS + codes.shape[1]) // 32) * 32
         self._plans = [_plan(code, grid.segment_chips, self._segments, self._table_length) for code in codes]
-        k = np.arange(POINTS)
-        turns = 2 * np.exp(-2j * np.pi * np.outer(k, k) / POINTS**2).astype(np.complex64)
+        k = np.arange(DFT_POINTS)
+        turns = 2 * np.exp(-2j * np.pi * np.outer(k, k) / DFT_POINTS**2).astype(np.complex64)
         self._turns = turns.reshape(-1).view(np.float32)
         segment_s = grid.segment_chips / CHIP_RATE_HZ
         outermost_hz = grid.reach * grid.spacing_hz + grid.sub_bin_hz

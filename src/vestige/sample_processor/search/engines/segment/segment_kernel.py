@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from vestige.sample_processor.search.engines.segment.vector_ir import (
+    DFT_POINTS,
     LANES,
-    POINTS,
     SUM_WIDTH,
     first_dft,
     second_dft_maximum,
@@ -63,8 +63,8 @@ def _partial_sums(table, entries, bounds, first_segment, n_segments, base, sums)
 
 @njit(nogil=True)
 def _first_stage(sums_re, sums_im, lane, n_segments, turns, points):
-    for b in range(POINTS):
-        index, step, turn, out = b * ROW + lane, POINTS * ROW, 2 * POINTS * b, 2 * LANES * b
+    for b in range(DFT_POINTS):
+        index, step, turn, out = b * ROW + lane, DFT_POINTS * ROW, 2 * DFT_POINTS * b, 2 * LANES * b
         if n_segments == SEGMENTS:
             first_dft(sums_re, sums_im, index, step, 8, turns, turn, points, out)
         elif n_segments == SEGMENTS // 2:
@@ -94,7 +94,7 @@ def scan(table_re, table_im, entries, bounds, n_segments, stride, turns, out):
     """
     groups = bounds.shape[0] // n_segments
     sums_re, sums_im = np.zeros(SEGMENTS * ROW, np.int16), np.zeros(SEGMENTS * ROW, np.int16)
-    points = np.zeros(POINTS * POINTS * 2 * LANES, np.float32)
+    points = np.zeros(DFT_POINTS * DFT_POINTS * 2 * LANES, np.float32)
     spectrum = np.zeros(groups * BINS_STORED * 2 * SUM_WIDTH if groups > 1 else 1, np.float32)
     for base in range(0, out.size, SUM_WIDTH):
         work = (sums_re, sums_im, points, spectrum)
@@ -111,8 +111,8 @@ def _scan_block(table_re, table_im, entries, bounds, base, n_segments, stride, t
         _partial_sums(table_im, entries, bounds, group * n_segments, n_segments, base, sums_im)
         for lane in range(0, SUM_WIDTH, LANES):
             _first_stage(sums_re, sums_im, lane, n_segments, turns, points)
-            for r in range(0, POINTS, stride):
-                index = r * POINTS * 2 * LANES
+            for r in range(0, DFT_POINTS, stride):
+                index = r * DFT_POINTS * 2 * LANES
                 if groups == 1:
                     _maximum(points, index, r, out, lane)
                 else:

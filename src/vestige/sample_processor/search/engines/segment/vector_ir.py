@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 
 LANES = 16  # float32 numbers of a vector of 512 bit
 SUM_WIDTH = 512  # offsets that `signed_row_sum` adds at once: eight vectors of bytes, sixteen of int16
-POINTS = 16  # of one DFT
+DFT_POINTS = 16  # of one DFT
 
 _BYTES = ir.VectorType(ir.IntType(8), 64)
 _INT16 = ir.VectorType(ir.IntType(16), 32)
@@ -171,7 +171,7 @@ def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, turns, tu
         factor = _Lanes(context, builder, signature.args[5], factors)
         out_lanes = _Lanes(context, builder, signature.args[7], target)
         zero = _Complex(builder, None, None)
-        x = [zero] * POINTS
+        x = [zero] * DFT_POINTS
         for j in range(count):
             place = builder.add(first, builder.mul(stride, ir.Constant(stride.type, j)))
             x[j] = _Complex(builder, *(builder.sitofp(part.load(place, _SHORT, 2), _FLOAT) for part in parts))
@@ -185,7 +185,7 @@ def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, turns, tu
                 for k in (2 * r, 2 * r + 1)
             ]
             z = y.times(*w)
-            place = builder.add(where, ir.Constant(where.type, r * POINTS * 2 * LANES))
+            place = builder.add(where, ir.Constant(where.type, r * DFT_POINTS * 2 * LANES))
             out_lanes.store(z.re, place, 4)
             out_lanes.store(z.im, builder.add(place, ir.Constant(place.type, LANES)), 4)
         return context.get_dummy_value()
@@ -199,12 +199,12 @@ def _second(context, builder, signature, arguments, low, high):
     """Return the DFT outputs low … high (negative ones count from the end) of 16 points at `index`."""
     lanes = _Lanes(context, builder, signature.args[0], arguments[0])
     x = []
-    for b in range(POINTS):
+    for b in range(DFT_POINTS):
         place = builder.add(arguments[1], ir.Constant(arguments[1].type, b * 2 * LANES))
         im = builder.add(place, ir.Constant(place.type, LANES))
         x.append(_Complex(builder, lanes.load(place, _FLOAT, 4), lanes.load(im, _FLOAT, 4)))
     z = _dft(x)
-    return [z[g % POINTS] for g in range(low, high + 1)]
+    return [z[g % DFT_POINTS] for g in range(low, high + 1)]
 
 
 @intrinsic
