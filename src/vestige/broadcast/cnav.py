@@ -25,9 +25,9 @@ from vestige.navigation.inav.crc import crc_24q
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
-SYNC_PATTERN = (1, 0, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0)  # [HAS-ICD, 3.1]
-PAGE_SYMBOLS = 1000
-PAGE_BITS = 492
+CNAV_SYNC_PATTERN = (1, 0, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 0)  # [HAS-ICD, 3.1]
+CNAV_PAGE_SYMBOLS = 1000
+CNAV_PAGE_BITS = 492
 DUMMY_HEADER = 0xAF3BC3  # [HAS-ICD, 3.2]
 _RESERVED_BITS, _HEADER_BITS, _MESSAGE_BITS, _CRC_BITS = 14, 24, 424, 24
 _PAGES_KEPT = 64
@@ -50,14 +50,14 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
         raise ValueError(f"a HAS message has {_MESSAGE_BITS} bits, found {message.bit_length()}")
     body = DUMMY_HEADER << _MESSAGE_BITS | message
     checked = body.to_bytes((_RESERVED_BITS + _HEADER_BITS + _MESSAGE_BITS + 7) // 8, "big")
-    page = (body << _CRC_BITS | crc_24q(checked)) << PAGE_BITS - 486
+    page = (body << _CRC_BITS | crc_24q(checked)) << CNAV_PAGE_BITS - 486
     bits = np.unpackbits(np.frombuffer(page.to_bytes(62, "big"), np.uint8))
-    return bits[-PAGE_BITS:]
+    return bits[-CNAV_PAGE_BITS:]
 
 
-def page_symbols(bits: UInt8[np.ndarray, " 492"]) -> UInt8[np.ndarray, " 1000"]:
+def cnav_page_symbols(bits: UInt8[np.ndarray, " 492"]) -> UInt8[np.ndarray, " 1000"]:
     """Return the symbols of a page in the order of transmission, 0 or 1."""
-    return np.concatenate([np.array(SYNC_PATTERN, np.uint8), interleaved(convolved(bits))])
+    return np.concatenate([np.array(CNAV_SYNC_PATTERN, np.uint8), interleaved(convolved(bits))])
 
 
 def cnav_symbols(
@@ -78,12 +78,12 @@ def cnav_symbols(
     @lru_cache(maxsize=_PAGES_KEPT)
     def page(second: int) -> Int8[np.ndarray, " 1000"]:
         message = int.from_bytes(stream_key(seed, "C/NAV", svid, second) * 2, "big") >> 512 - _MESSAGE_BITS
-        return np.int8(1) - np.int8(2) * page_symbols(dummy_page(message)).astype(np.int8)
+        return np.int8(1) - np.int8(2) * cnav_page_symbols(dummy_page(message)).astype(np.int8)
 
     def symbol(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
         if not index.size:
             return np.empty(0, np.int8)
-        number, place = np.divmod(index + reference.gst_seconds * PAGE_SYMBOLS, PAGE_SYMBOLS)
+        number, place = np.divmod(index + reference.gst_seconds * CNAV_PAGE_SYMBOLS, CNAV_PAGE_SYMBOLS)
         first = int(number[0])
         return np.stack([page(one) for one in range(first, int(number[-1]) + 1)])[number - first, place]
 

@@ -14,8 +14,7 @@ from jaxtyping import Int8, Int64
 
 from vestige.broadcast.inav_transmission import InavTransmission
 from vestige.broadcast.satellite_words import EphemerisIssue, SatelliteWords, SystemData
-from vestige.constants import SUBFRAME_S
-from vestige.crypto.osnma.messages.subframe import PAGES
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
@@ -145,7 +144,7 @@ def make_sky_message(
     pages: dict[int, list[InavPage]] = {svid: [] for svid in transmissions}
     for number in range(subframes):
         subframe = start + float(SUBFRAME_S * number)
-        starts = [subframe + float(FIRST_PAGE_OFFSET_S + PAGE_S * k) for k in range(PAGES)]
+        starts = [subframe + float(FIRST_PAGE_OFFSET_S + PAGE_S * k) for k in range(PAGES_A_SUBFRAME)]
         words = {svid: [one.words.word(time) for time in starts] for svid, one in transmissions.items()}
         made = operator.subframe(
             subframe, {svid: {word_type(word): word for word in sent} for svid, sent in words.items()}
