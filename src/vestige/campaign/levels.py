@@ -31,6 +31,7 @@ from vestige.campaign.columns.measured_columns import (
     Judged,
     measured_block,
 )
+from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import attributes_of, scenario_of, values
@@ -45,7 +46,7 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     import xarray
 
-_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
+_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS | OWN_CHECK_COLUMNS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
