@@ -18,6 +18,7 @@ from vestige import own_parts
 from vestige.own_parts import own_parts_from, part
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.scenario.stored import stored_scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extend.md"
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -68,10 +69,12 @@ def no_parts() -> Iterator[None]:
         del sys.modules[name]
     own_parts._folders.clear()
     own_parts._digests.clear()
+    stored_scenario.cache_clear()  # it holds classes
     sys.path[:] = [one for one in path if Path(one) not in folders]
     try:
         yield
     finally:
+        stored_scenario.cache_clear()
         for name in _modules_of_parts():
             del sys.modules[name]
         own_parts._folders[:], sys.path[:] = folders, path

@@ -49,7 +49,7 @@ def sky(name: str, level: int, *, checks: tuple[str, ...], **settings: object) -
 Scene = Callable[[tuple[str, ...]], CampaignScenario]
 SCENES: dict[str, Scene] = {
     "a line of sight, level 1": lambda checks: line(
-        "epochs=30", "receiver.cn0_dbhz=31", "receiver.time_uncertainty_s=14", checks=checks
+        "epochs=30", "receiver.cn0_dbhz=31", "receiver.time_uncertainty_s=30", checks=checks
     ),
     "a line of sight, samples": lambda checks: line('fidelity="samples"', "epochs=12", checks=checks),
     "a line of sight, level 3": lambda checks: line(

@@ -48,7 +48,9 @@ KINDS = {
     ),
     "sky": FigureKind(help="where the satellites are (of a sky)", of_sky=True),
     "position": FigureKind(help="error of the position fixes against time (of a sky)", of_sky=True),
-    "monitors": FigureKind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
+    "monitors": FigureKind(
+        help="when each check was run, and when it failed (of a sky, or with own checks)", of_sky=True
+    ),
     "decision-map": FigureKind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
     "detection-curve": FigureKind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": FigureKind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
@@ -248,8 +250,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
     import numpy as np
 
     from vestige import plots
-    from vestige.acas_processor.levels import LEVELS
-    from vestige.campaign.levels import level_verdicts
+    from vestige.campaign.levels import highest_level, level_verdicts
 
     if name == "sky":
         return plots.sky_plot(results)
@@ -264,7 +265,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
             run=np.any(check.run.reshape(n, -1), axis=1),
             failed=np.any(check.failed.reshape(n, -1), axis=1),
         )
-        for check in level_verdicts(results, (max(LEVELS),))[0].checks.values()
+        for check in level_verdicts(results, (highest_level(results),))[0].checks.values()
     ]
     return plots.monitor_timeline(results["time_s"].values, lines)
 
