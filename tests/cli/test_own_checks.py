@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from extend_page import no_parts
+from extend_page import no_parts, write_page
 from report_builder import rows_of
 from vestige.campaign.store.results import open_dataset
 from vestige.cli.main import vestige
@@ -109,3 +109,86 @@ def test_plot_monitors_draws_it(of_run: tuple[str, Path, str]) -> None:
     file = folder / "monitors.svg"
     assert invoke("plot", "monitors", folder / "a.zarr", "--parts", folder, "-o", file).stdout == f"{file}\n"
     assert file.stat().st_size > 1000
+
+
+SIMULATE = ("--set", "interval_s=0.1", "--set", "receiver.sample_rate_hz=6.2e6", "--epochs", "3:8")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the parts and a recording."""
+    folder = tmp_path_factory.mktemp("recording")
+    write_page(folder)
+    (folder / "fives.py").write_text(CHECK)
+    (folder / "again.py").write_text(CHECK)
+    (folder / "touch.py").write_text(
+        CHECK.replace("statistic = ", "evidence.measured.snapshots.e6.samples\n        x = ")
+    )
+    invoke("simulate", SCENARIOS / "quick.toml", "-o", folder / "case", *SIMULATE)
+    return folder
+
+
+def test_a_recording_is_seen_by_a_detector_and_a_check_of_the_users(case: Path) -> None:
+    """The check fails where it says; the detector, which is the early one with a limit, finds what that finds."""
+    plain = json.loads(invoke("process", case / "case", "--json").stdout)["verdicts"]
+    own = ("--parts", case, "--detector", "my_detector:RelativePeak", "--check", "fives:Fives")
+    found = json.loads(invoke("process", case / "case", *own, "--json").stdout)["verdicts"]
+    assert len(found) == len(plain) == 5
+    for number, (one, without) in enumerate(zip(found, plain, strict=True)):
+        assert [check["name"] for check in one["checks"]] == ["E6 power", "E1-E6 range", "every fifth"]
+        assert one["checks"][2]["statistic"] == (2.0 if one["snapshot"] % 10 == 5 else 0.0), number
+        assert one["status"] == ("SUSPECT" if one["snapshot"] % 10 == 5 else without["status"])
+        assert one["range_offset_m"] == pytest.approx(without["range_offset_m"], abs=1e-6)
+
+
+def test_a_detector_that_finds_nothing_decides_on_a_recording(case: Path) -> None:
+    (case / "blind.py").write_text(
+        "import numpy as np\nclass Blind:\n    def __init__(self, spacing): self.spacing = spacing\n"
+        "    def detect(self, magnitudes, threshold): return np.full(len(magnitudes), -1)\n"
+    )
+    said = invoke("process", case / "case", "--parts", case, "--detector", "blind:Blind", "--json").stdout
+    assert {one["status"] for one in json.loads(said)["verdicts"]} == {"NOT_DETECTED"}
+
+
+def refused(*arguments: object) -> str:
+    with no_parts():
+        result = CliRunner().invoke(vestige, ["process", *(str(one) for one in arguments)])
+    assert result.exit_code != 0
+    return str(result.output if result.exit_code == 2 else result.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--check", "nothing:Here"), "nothing:Here: found no nothing.py in "),
+        (("--check", "fives:Fives", "--check", "again:Fives"), "--check: two checks have one name"),
+        (("--check", "touch:Fives"), "touch:Fives: found a use of evidence.measured.snapshots.e6.samples"),
+        (("--detector", "latest"), "found 'latest', expected early, maximum or module:Name"),
+        (("--detector", "fives:Fives"), "fives:Fives: found TypeError"),
+    ],
+)
+def test_what_is_wrong_with_a_part_is_one_line(words: tuple[str, ...], said: str, case: Path) -> None:
+    assert said in refused(case / "case", "--parts", case, *words)
+
+
+def test_no_part_comes_without_a_folder(case: Path) -> None:
+    assert "found no folder of own parts" in refused(case / "case", "--check", "fives:Fives")
+
+
+def test_verdicts_are_not_continued_with_a_part_that_has_changed(case: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CHECK)
+    words = (
+        case / "case",
+        "--follow",
+        "--idle-s",
+        "0",
+        "-o",
+        tmp_path / "kept",
+        "--parts",
+        tmp_path,
+        "--check",
+        "mine:Fives",
+    )
+    invoke("process", *words)
+    (tmp_path / "mine.py").write_text(CHECK + "# changed\n")
+    assert "own parts" in refused(*words)

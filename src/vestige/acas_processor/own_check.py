@@ -22,7 +22,7 @@ import numpy as np
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
-from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, require_members
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, made, part, require_members
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -50,6 +50,14 @@ class OwnCheck:
     check: Any
     level: int  # the lowest mitigation level that has it
     spec: CheckSpec  # its row in the table of levels
+
+    @classmethod
+    def named(cls, kind: str) -> OwnCheck:
+        """Return the check that `module:Name` names.
+
+        Raises `OwnPartError` if there is none, or something that it says of itself cannot be.
+        """
+        return cls.of(made(kind, part(kind, object)))
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:

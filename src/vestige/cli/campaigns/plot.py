@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import parts_option
+from vestige.cli.options import DETECTORS, detector_name, parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -59,7 +59,6 @@ KINDS = {
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"
-_DETECTORS = ("early", "maximum")
 
 
 def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
@@ -79,12 +78,6 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 )
 
 
-def _detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
-    if name not in _DETECTORS and ":" not in name:
-        raise click.BadParameter(f"found {name!r}, expected {', '.join(_DETECTORS)} or module:Name")
-    return name
-
-
 @click.command(epilog=_EPILOG)
 @click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -96,7 +89,7 @@ def _detector_name(_context: click.Context, _parameter: click.Parameter, name: s
     default="early",
     show_default=True,
     metavar="NAME",
-    callback=_detector_name,
+    callback=detector_name,
     help="early, maximum, or `module:Name` of your own.",
 )
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
@@ -200,7 +193,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
     """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
-    other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
+    other = replace(choice, detector=next(name for name in DETECTORS if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
         if (
