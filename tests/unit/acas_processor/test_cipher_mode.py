@@ -55,7 +55,7 @@ def _assistance(mode: CipherMode, convention: GroupDelayConvention = OS_ICD_CONV
     _, case = _received()
     segment, key = case.simulation.segment(0, mode)
     delay = GroupDelay(svid=SVID, bgd_e1_e6_s=1e-6, valid_from=case.simulation.start)
-    sent_late_s = inter_frequency_delay_s(case.bgd_s)  # as the samples have it
+    sent_late_s = inter_frequency_delay_s(case.satellites[0].bgd_s)  # as the samples have it
     return Assistance(
         segments=(segment,),
         keys=(key,),
