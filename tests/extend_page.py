@@ -18,6 +18,7 @@ from vestige import own_parts
 from vestige.own_parts import own_parts_from, part
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.scenario.stored import stored_scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extend.md"
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -47,7 +48,8 @@ def sections() -> dict[str, Section]:
         if (name := _FILE.search(text)) is None:
             continue
         blocks = dict(_BLOCK.findall(text))
-        commands = tuple(line for line in blocks[""].splitlines() if line)
+        typed = [block for language, block in _BLOCK.findall(text) if not language]
+        commands = tuple(line for block in typed for line in block.splitlines() if line)
         found[name[1]] = Section(text.partition("\n")[0], name[1], blocks["python"], blocks["toml"], commands)
     return found
 
@@ -68,10 +70,12 @@ def no_parts() -> Iterator[None]:
         del sys.modules[name]
     own_parts._folders.clear()
     own_parts._digests.clear()
+    stored_scenario.cache_clear()  # it holds classes
     sys.path[:] = [one for one in path if Path(one) not in folders]
     try:
         yield
     finally:
+        stored_scenario.cache_clear()
         for name in _modules_of_parts():
             del sys.modules[name]
         own_parts._folders[:], sys.path[:] = folders, path

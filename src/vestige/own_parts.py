@@ -113,6 +113,33 @@ def part(kind: str, base: type) -> Any:
     return found
 
 
+def made(kind: str, cls: Any, **settings: int) -> Any:
+    """Return an object of a class of the user's.
+
+    Parameters
+    ----------
+    kind
+        `module:Name` of the class.
+    cls
+        The class.
+    settings
+        What it is made with.
+
+    Raises
+    ------
+    OwnPartError
+        If it cannot be made so.
+    """
+    try:
+        with blamed_on_own_parts():
+            return cls(**settings)
+    except TypeError as error:  # of the call itself: there is no line of the user's in it
+        how = ", ".join(f"{name}={value}" for name, value in settings.items())
+        raise OwnPartError(
+            kind, f"{type(error).__name__}: {error}", f"a class that {cls.__name__}({how}) makes"
+        ) from error
+
+
 def require_members(kind: str, thing: object, protocol: type) -> None:
     """Raise `OwnPartError` if a class or an object of it lacks members of a protocol."""
     declared = {name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in _members(one)}

@@ -36,17 +36,21 @@ def test_the_commands_run(section: Section, tmp_path: Path, monkeypatch: pytest.
     write_page(tmp_path)
     (tmp_path / f"{section.module}.toml").rename(tmp_path / "own.toml")
     monkeypatch.chdir(tmp_path)
+    said, name = "", ADDS.get(section.module, ("", ""))[1]
     for line in section.commands:
         program, *words = shlex.split(line)
         assert program == "vestige"
         with no_parts():
             result = CliRunner().invoke(vestige, words, catch_exceptions=False)
         assert result.exit_code == 0, result.output
+        said += result.stdout
     results = open_dataset(Path(f"{section.module.removeprefix('my_')}.zarr"))
     assert results.attrs["own_parts"].startswith(f"{section.module}:")
     if section.module in ADDS:
-        axis, last = ADDS[section.module]
-        assert str(results[axis].values[-1]) == last
+        assert str(results[ADDS[section.module][0]].values[-1]) == name
+        assert name in said
+    for page in Path().glob("*.html"):
+        assert page.read_text(encoding="utf-8").count(name) > 1
 
 
 def test_a_part_that_fails_is_one_line_of_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -83,6 +83,16 @@ def test_verdicts(calibrated: dict) -> None:
     assert calibrated["hardware_bias_m"] == pytest.approx(-18.0, abs=6.0)
 
 
+def test_recs_that_were_made_in_counter_mode(folder: Path, tmp_path: Path) -> None:
+    made = ("--from-recording", folder, "--keys", folder / "osnma" / "keys.csv", "--svids", "3")
+    public = ("--public-key", folder / "osnma" / "public_key.pem")
+    _json(recs_make, *made, *public, "-o", tmp_path / "ctr", "--cipher-mode", "ctr")
+    bias = ("--assistance", tmp_path / "ctr", "--hardware-bias-m", -18.0)
+    for mode, status in (("ctr", "AUTHENTIC"), ("cbc", "NOT_DETECTED")):
+        found = _json(process, folder, *bias, "--cipher-mode", mode)["verdicts"]
+        assert [(one["svid"], one["status"]) for one in found] == [(3, status)]
+
+
 def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_path: Path) -> None:
     bias = ("--hardware-bias-m", calibrated["hardware_bias_m"])
     result = invoke(process, folder, *bias, "-o", tmp_path / "verdicts.csv")

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+import vestige as vs
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.recording.observations.observation_file import open_observations
 from vestige.recording.recording import open_recording
@@ -86,6 +88,35 @@ def test_the_campaign_says_the_same_of_the_same_epochs(folder: Path) -> None:
     assert [one["status"] for one in verdicts] == said
     offsets_m = results["range_offset_m"].sel(detector="early").values[5:8, 0]
     assert [one["range_offset_m"] for one in verdicts] == pytest.approx(offsets_m.tolist(), abs=12.0)
+
+
+def test_recs_in_counter_mode_are_authenticated_in_counter_mode(tmp_path: Path) -> None:
+    """At level 3 the search decrypts them too; in the other mode they are noise."""
+    _written(simulate, QUICK, "-o", tmp_path / "case", "--epochs", "5:6", *SETTINGS, "--set", "recs.cipher_mode=ctr")
+    assert "vestige process FOLDER --cipher-mode ctr" in (tmp_path / "case" / "README.txt").read_text()
+    level_3 = ("--level", 3, "--search-window", 1e-4, "--search-ms", 16)
+    (right,) = _verdicts(tmp_path / "case", *level_3, "--cipher-mode", "ctr")
+    (wrong,) = _verdicts(tmp_path / "case", "--cipher-mode", "cbc")
+    assert (right["status"], wrong["status"]) == ("AUTHENTIC", "NOT_DETECTED")
+    outcomes = {check["name"]: check["outcome"] for check in right["checks"]}
+    assert outcomes["E1 vestigial search"] == outcomes["E6 exhaustive search"] == "PASS"
+
+
+def test_the_mode_changes_no_result_of_a_campaign() -> None:
+    """The chips are those of the satellites; a processor of another mode than the service's finds nothing."""
+    scenarios = [
+        load_scenario(
+            QUICK, ("epochs=3", "fidelity=samples", f"recs.cipher_mode={mode}", "receiver.sample_rate_hz=6.2e6")
+        )
+        for mode in ("cbc", "ctr")
+    ]
+    in_cbc, in_ctr = (direct_results(ScenarioPlan(scenario=one)) for one in scenarios)  # type: ignore[arg-type]
+    assert all(in_cbc[name].values.tobytes() == in_ctr[name].values.tobytes() for name in in_cbc.data_vars)
+    processor, source = vs.processor_of(scenarios[1]), vs.simulate(scenarios[1])  # type: ignore[arg-type]
+    assert processor.cipher_mode is CipherMode.CTR
+    assert {one.status for one in processor.run(source)} == {Status.AUTHENTIC}
+    wrong = replace(processor, cipher_mode=CipherMode.CBC)
+    assert {one.status for one in wrong.run(source)} == {Status.NOT_DETECTED}
 
 
 def test_the_group_delay_is_in_the_signal(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -7,10 +8,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from builders import MEACONED
+from extend_page import no_parts, write_page
 from vestige.cli.campaigns.plot import command as plot
 from vestige.cli.campaigns.threats import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
+from vestige.threats.runs import RUNS, read_runs
+from vestige.threats.table import read_threat_dataset
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -134,3 +138,45 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     assert isinstance(result.exception, InputFileError)
     assert str(result.exception).endswith("found another process that writes it, expected one at a time")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_detector_and_a_check_of_the_users_are_measured_against_the_table(tmp_path: Path) -> None:
+    """They enter the digest of the runs, and what is printed says which settings these were."""
+    write_page(tmp_path)
+    check = tmp_path / "my_check.py"
+    check.write_text(check.read_text().replace("p_fa = 1e-6", "p_fa = 0.5"))  # fails in every other test
+    out, parts = tmp_path / "out", ("--parts", tmp_path)
+    words = ("--only", "A3", "--seeds", 1, "-o", out, "--json")
+    own = ("processor.detector=my_detector:RelativePeak", 'processor.checks=["my_check:EarlyPower"]')
+    measured(*words)
+    plain = set(read_runs(out / RUNS))
+    with no_parts():
+        found = json.loads(measured(*words, *parts, *(word for one in own for word in ("--set", one))))
+    assert found["settings"] == list(own)
+    spoken = {one["name"] for cell in found["cells"] for one in cell["checks"]}
+    assert "early power" in spoken
+    both = read_runs(out / RUNS)
+    assert len(both) == 2 * len(plain)
+    assert {key[-1] for key in set(both) - plain}.isdisjoint(key[-1] for key in plain)
+    assert read_threat_dataset(out).attrs["settings"] == " ".join(own)
+    with (out / "threats.csv").open() as file:
+        assert [row["settings"] for row in csv.DictReader(file)] == [" ".join(own)]
+
+
+def test_settings_reach_every_scene_and_a_scenario_of_the_users() -> None:
+    words = ("--set", "epochs=50", "--set", "recs.every=7", "--seeds", 1, "--level", 1)
+    text = measured("--only", "A1", "--only", "A2", *words)
+    assert text.startswith("Every scene with epochs=50, recs.every=7; what is expected is of the scenes without.")
+    mine = measured("--attack", SCENARIOS / "quick.toml", "--seeds", 1, "--set", "epochs=20", "--json")
+    assert json.loads(mine)["settings"] == ["epochs=20"]
+
+
+@pytest.mark.parametrize("setting", ["seed=3", "processor.level=2", "kind=campaign"])
+def test_what_the_table_chooses_itself_cannot_be_set(setting: str) -> None:
+    assert threats("--set", setting).exit_code == 2
+    assert threats("--expected", "--set", "epochs=3").exit_code == 2
+
+
+def test_a_setting_that_no_scene_has_is_one_line() -> None:
+    with pytest.raises(InputFileError, match=r"threats\.toml: processor\.detectr: "):
+        CliRunner().invoke(command, ["--only", "A1", "--set", "processor.detectr=early"], catch_exceptions=False)

@@ -11,7 +11,7 @@ from random import Random
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from fuzz.authority import (
     CHAIN,
@@ -35,6 +35,7 @@ from vestige.crypto.keys.key_file import read_key_file, read_raw_keys, write_key
 from vestige.crypto.keys.merkle_tree import verify_public_key
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
+from vestige.crypto.osnma.operator.key_tree import read_private_key
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.crypto.recs import group_delay, recs_file
@@ -210,6 +211,18 @@ def _require_true(key: PublicKey, chain: SimulatedChain) -> None:
         raise WrongAcceptanceError(f"the tree takes {key}")
 
 
+def _private_keys() -> Sequence[Files]:
+    form = PrivateFormat.PKCS8, NoEncryption()
+    return [{"own.pem": ec.derive_private_key(5, ec.SECP256R1()).private_bytes(Encoding.PEM, *form)}]
+
+
+def _read_private_key(folder: Path) -> None:
+    """An operator takes keys on P-256 only."""
+    key = read_private_key(folder / "own.pem")
+    if key.curve.name != "secp256r1":
+        raise WrongAcceptanceError(f"an operator takes a key on {key.curve.name}")
+
+
 def _trees() -> Sequence[Files]:
     return [
         {"tree.xml": _tree_xml(chain)} | own
@@ -382,6 +395,7 @@ TARGETS = (
     Target(name="certificate", make=_certificates, read=_read_certificate, share=30),
     Target(name="group-delay", make=_group_delays, read=_read_group_delays, share=40),
     Target(name="public-key", make=_public_keys, read=_read_public_key, share=40),
+    Target(name="private-key", make=_private_keys, read=_read_private_key, share=20),
     Target(name="merkle-tree", make=_trees, read=_read_tree, share=60),
     Target(name="keys-csv", make=_key_files, read=_read_keys, spoil=_spoil_keys, share=60),
     Target(name="keys-xml", make=_raw_keys, read=_read_raw_keys, share=20),

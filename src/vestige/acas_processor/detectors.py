@@ -36,12 +36,12 @@ without noise it happens for a peak exactly halfway between two taps.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from vestige.own_parts import OwnPartError, blamed_on_own_parts
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, made, require_members
 
 NOT_DETECTED = -1
 
@@ -135,6 +135,18 @@ class OwnDetector:
 
     kind: str  # how a scenario names it, `module:Name`
     detector: Detector
+
+    @classmethod
+    def of(cls, kind: str, detector_class: Any, *, spacing: int) -> OwnDetector:
+        """Return the detector that a class of the user's makes.
+
+        Raises `OwnPartError` if the class cannot be used.
+        """
+        detector = made(kind, detector_class, spacing=spacing)
+        require_members(kind, detector, Detector)
+        if detector.spacing != spacing:
+            raise OwnPartError(kind, f"spacing {detector.spacing}", f"{spacing}, as it was made with")
+        return cls(kind=kind, detector=detector)
 
     @property
     def spacing(self) -> int:

@@ -6,19 +6,23 @@ whether it looks at the whole receiver and not at each satellite (False), `confi
 (1), and `cadence` (every observation). Its `p_fa` is its own: it has no share of the level's budget.
 
 A check has no memory. What it says of an epoch may depend on that epoch, and on what `Evidence` holds of those before.
+
+Stored results hold all of the evidence but the samples. So that a check says the same of a recording, of a simulation
+and of stored results, it is offered neither E6 (`correlate`) nor the searches: a use of them is an `OwnPartError`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from types import MappingProxyType
+from typing import Any, NoReturn, Protocol, runtime_checkable
 
 import numpy as np
 
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
-from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, require_members
+from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, made, part, require_members
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -57,6 +61,14 @@ class OwnCheck:
     check: Any
     level: int  # the lowest mitigation level that has it
     spec: CheckSpec  # its row in the table of levels
+
+    @classmethod
+    def named(cls, kind: str) -> OwnCheck:
+        """Return the check that `module:Name` names.
+
+        Raises `OwnPartError` if there is none, or something that it says of itself cannot be.
+        """
+        return cls.of(made(kind, part(kind, object)))
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:
@@ -127,7 +139,7 @@ class OwnCheck:
         shape.
         """
         with blamed_on_own_parts():
-            found = self.check.series(evidence)
+            found = self.check.series(_offered(evidence, self.kind))
         if not isinstance(found, CheckSeries):
             raise OwnPartError(self.kind, f"a {type(found).__name__} from series", "a CheckSeries")
         if found.name != self.spec.name:
@@ -139,3 +151,46 @@ class OwnCheck:
                 what = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else repr(values)
                 raise OwnPartError(self.kind, f"{name} of {what} from series", f"float64 of shape {shape}")
         return found
+
+
+def _offered(evidence: Evidence, kind: str) -> Evidence:
+    """Return evidence as a check of the user's sees it: without what has samples, or a simulation, behind it."""
+    snapshots = evidence.measured.snapshots
+    offered = replace(
+        snapshots,
+        front_end=MappingProxyType(snapshots.front_end),
+        e6=_NotOffered(kind, "e6"),
+        searches=_NotOffered(kind, "searches"),
+    )
+    return replace(evidence, measured=replace(evidence.measured, snapshots=offered))
+
+
+class _NotOffered:
+    """Stands for E6 or the searches in the evidence of a check; every use of it is an error."""
+
+    __slots__ = ("_kind", "_what")
+
+    def __init__(self, kind: str, what: str) -> None:
+        self._kind, self._what = kind, what
+
+    def __getattr__(self, name: str) -> Any:
+        self._refuse(name)
+
+    def correlate(self, *_: Any) -> NoReturn:
+        """Raise `OwnPartError`."""
+        self._refuse("correlate")
+
+    def e1(self, *_: Any) -> NoReturn:
+        """Raise `OwnPartError`."""
+        self._refuse("e1")
+
+    def exhaustive(self, *_: Any) -> NoReturn:
+        """Raise `OwnPartError`."""
+        self._refuse("exhaustive")
+
+    def _refuse(self, name: str) -> NoReturn:
+        raise OwnPartError(
+            self._kind,
+            f"a use of evidence.measured.snapshots.{self._what}.{name}",
+            "the other fields of the evidence: stored results hold no samples, so no check may ask for them",
+        )

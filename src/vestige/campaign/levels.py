@@ -30,6 +30,7 @@ from vestige.campaign.columns.measured_columns import (
     Judged,
     measured_block,
 )
+from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.campaign.store.results import attributes_of, scenario_of, values
@@ -43,7 +44,7 @@ from vestige.scenario.stored import StoredScenario
 if TYPE_CHECKING:
     import xarray
 
-_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS
+_READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS | OWN_CHECK_COLUMNS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +72,14 @@ class LevelVerdicts(VerdictBlock):
         """Checks of the level for which the results hold nothing."""
         names = (spec.name for spec in self.processor.specs)
         return tuple(str(name) for name in names if name not in self.tests or not self.tests[name].any())
+
+    @property
+    def own_counts(self) -> Mapping[str, tuple[int, int]]:
+        """Of each check of the user's that the level has: how often it was made, and how often it failed."""
+        return {
+            one.name: (int(np.count_nonzero(self.tests[one.name])), int(np.count_nonzero(self.failed[one.name])))
+            for one in self.processor.own_of_level
+        }
 
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
@@ -146,14 +155,28 @@ def failures(check: CheckSeries) -> Proportion:
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
     """Return a run with the verdict of each RECS in the place of those of every epoch, and what its level says.
 
-    Nothing and None at level 1, which has no verdict between RECS, and of a run that has not ended (coordinate
-    `epoch`).
+    The run as it is and None at level 1 without checks of the user's, which has no verdict between RECS, and of a run
+    that has not ended (coordinate `epoch`).
     """
-    level = scenario_of(results).processor.level
-    if level == 1 or "epoch" in results.coords:
+    if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None
-    (found,) = level_verdicts(results, (level,))
+    (found,) = level_verdicts(results, (scenario_of(results).processor.level,))
     return results.assign(status=(("epoch", "satellite"), found.of_recs())), found
+
+
+def judged_between_recs(results: xarray.Dataset) -> bool:
+    """Return whether something else than steps 1 and 2 speaks in a run: a level above 1, or a check of the user's."""
+    processor = scenario_of(results).processor
+    return processor.level > 1 or bool(processor.checks)
+
+
+def highest_level(results: xarray.Dataset) -> int:
+    """Return the highest level at which results can be judged.
+
+    That is the level of the scenario if they hold too little for another one and have checks of the user's to show.
+    """
+    of_own_checks = "e1_taps" not in results and set(OWN_CHECK_COLUMNS) <= set(results.data_vars)
+    return scenario_of(results).processor.level if of_own_checks else max(LEVELS)
 
 
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:

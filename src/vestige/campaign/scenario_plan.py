@@ -30,6 +30,7 @@ from vestige.campaign.columns.measured_columns import (
     measured_columns,
     osnma_columns,
 )
+from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS, own_check_columns
 from vestige.campaign.columns.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
 from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord, column_table
 from vestige.campaign.store.build_id import PARTS, PROCESSOR, processor_name
@@ -103,6 +104,8 @@ class ScenarioPlan:
         found = MEASURED_COLUMNS | SCENARIO_COLUMNS | JUDGED_COLUMNS | (ATTACK_COLUMNS if self.scenario.attack else {})
         if self._receiver.with_taps:
             found |= E1_COLUMNS
+        if self.scenario.processor.checks:
+            found |= OWN_CHECK_COLUMNS
         return found | (OSNMA_COLUMNS | SKY_COLUMNS if self.scenario.constellation else {})
 
     @property
@@ -206,6 +209,8 @@ class ScenarioPlan:
             )
         if self._receiver.with_taps:
             columns |= e1_columns(snapshots, self._receiver.searches(of).finds)
+        if self.scenario.processor.checks:
+            columns |= own_check_columns(self.scenario.start_time, measured)
         if self.scenario.constellation:
             columns |= osnma_columns(snapshots, OsnmaReception(of=of).pages(self.scenario.interval_s))
             columns |= view_columns(truths)
@@ -244,7 +249,7 @@ class ScenarioPlan:
         """Return what the front end of E6 said around the RECS; without samples it is ideal, and only checks ask."""
         unknown = np.full(len(snapshots.time), np.nan)
         sampled = self.scenario.fidelity == "samples"
-        if not sampled and not self._receiver.with_taps:
+        if not (sampled or self._receiver.with_taps or self.scenario.processor.checks):
             return {"e6_total_power_db": unknown, "e6_agc_gain_db": unknown, "e6_saturated": np.full(unknown.size, -1)}
         said: FrontEndBlock = snapshots.front_end[Band.E6]
         clips = np.where(np.isnan(said.total_power_db), -1, said.saturated)

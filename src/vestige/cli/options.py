@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.own_parts import own_parts_from
+from vestige.own_parts import is_own, own_parts_from
 
 if TYPE_CHECKING:
     from vestige.crypto.recs.group_delay import GroupDelayConvention
@@ -62,8 +62,18 @@ def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
         expose_value=False,
         is_eager=True,
         callback=_name_folders,
-        help="Folder of your own detectors, attacks, error models and checks; scenarios name them `module:Name`.",
+        help="Folder of your own detectors, attacks, error models and checks, which are named `module:Name`.",
     )(command)
+
+
+DETECTORS = ("early", "maximum")
+
+
+def detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
+    """Return the name of a detector; a usage error if it is neither vestige's nor has the form of one of the user's."""
+    if name not in DETECTORS and not is_own(name):
+        raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTORS)} or module:Name")
+    return name
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:

@@ -81,6 +81,7 @@ class Simulation:
     time_uncertainty_s: float  # what the receiver believes of its clock
     n_chips: int  # of a RECS
     key_delay: int  # KDI
+    cipher_mode: CipherMode = CipherMode.CBC  # in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
     svid: int = SVID
     # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
@@ -221,11 +222,11 @@ class Simulation:
             ),
         )
 
-    def segment(self, number: int, mode: CipherMode = CipherMode.CBC) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return a RECS by its number, and its key."""
+    def segment(self, number: int, mode: CipherMode | None = None) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return a RECS by its number, and its key; `mode` takes the place of the service's own."""
         chips = self._chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
-        return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode), key
+        return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode or self.cipher_mode), key
 
     def _chips(self, sent: GalileoTime) -> ChipSequence:
         return _chips_sent(self.seed, self.svid, sent, self.n_chips)

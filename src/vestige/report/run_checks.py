@@ -30,8 +30,9 @@ def checks_section(
     processor, attributes = scenario.processor, attributes_of(results)
     offset_m = results["range_offset_m"].sel(detector=processor.detector).values
     beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
+    own = f" Checks of your own: {', '.join(processor.checks)}; their counts are below." if processor.checks else ""
     parts = [
-        element("p", f"Mitigation level {processor.level}; the {processor.detector} detector gives the verdicts."),
+        element("p", f"Mitigation level {processor.level}; the {processor.detector} detector gives the verdicts.{own}"),
         table(
             "Checks of steps 1 and 2",
             ("check", "threshold", "what it is", "failed"),

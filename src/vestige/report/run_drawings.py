@@ -32,7 +32,7 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and for each satellite what was thinned (see `Rows.every`).
 
-    The checks are those of a sky; none for a single line of sight.
+    The checks are those of a sky, or of a user who has some; none for a single line of sight without these.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]
@@ -61,6 +61,7 @@ def run_drawings(
     }
     if checks:
         data["checks"] = _checks(time_s, scenario.interval_s, checks)
+    if checks and scenario.constellation is not None:
         data["position"] = _position(results, time_s)
     return data, thinned
 

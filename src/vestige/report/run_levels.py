@@ -1,8 +1,7 @@
 """What the mitigation level of a run's scenario makes of it, as sections of its page.
 
-The status that a store keeps is that of steps 1 and 2; those of a higher level follow from the whole results
-(`campaign/levels.py`). A verdict of the page is that of a RECS: the gravest status since the RECS before, so that what
-was suspicious in between is in it.
+The status that a store keeps is that of each epoch, at the level of the scenario. A verdict of the page is that of a
+RECS: the gravest status since the RECS before (`campaign/levels.py`), so that what was suspicious in between is in it.
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ from typing import Any
 
 import xarray
 
-from vestige.acas_processor.levels import LEVELS
-from vestige.campaign.levels import level_verdicts, verdicts_of_run
+from vestige.campaign.levels import highest_level, judged_between_recs, level_verdicts, verdicts_of_run
 from vestige.campaign.outcomes import AttackReport, due_verdicts
 from vestige.campaign.statistics import Summary, summarise
 from vestige.campaign.store.results import attributes_of, scenario_of, scenario_text
@@ -38,7 +37,8 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
-    checks = tuple(level_verdicts(results, (max(LEVELS),))[0].checks.values()) if sky else ()
+    own = scenario.processor.checks
+    checks = tuple(level_verdicts(results, (highest_level(results),))[0].checks.values()) if sky or own else ()
     stored, (results, of_level) = results, verdicts_of_run(results)
     counts = verdict_counts(results)
     found = {str(name): summarise(results, str(name)) for name in results["detector"].values}
@@ -158,8 +158,8 @@ def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
     if "epoch" not in results.coords:
         return Html("")
     text = f"This run has not ended: {results.sizes['epoch']} of {scenario.epochs} epochs are here."
-    if scenario.processor.level > 1:
-        text += " Until then the verdicts are those of steps 1 and 2."
+    if judged_between_recs(results):
+        text += " Until then a verdict is that of its own epoch: failures between two RECS are not in it."
     return element("p", text, class_="notice")
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from vestige.crypto.recs.recs_segment import LENGTHS
+from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode
 from vestige.own_parts import digest, is_own, kind_of
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.bias import BiasResiduals
@@ -122,11 +122,15 @@ class ReceiverTable(Section):
 
 
 class RecsTable(Section):
-    """The RECS: length, the subframe of the key (0 its own, 1 the next), and every how many epochs there is one."""
+    """The RECS: length, the subframe of the key (0 its own, 1 the next), and every how many epochs there is one.
+
+    `cipher_mode` is the AES mode in which they are encrypted, which the service has not published.
+    """
 
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
     key_delay: Literal[0, 1] = 1
     every: Annotated[int, Field(ge=1, le=3600)] = 1
+    cipher_mode: Literal["cbc", "ctr"] = "cbc"
 
     @property
     def n_chips(self) -> int:
@@ -323,5 +327,6 @@ class CampaignScenario(Section):
             time_uncertainty_s=receiver.time_uncertainty_s,
             n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
+            cipher_mode=CipherMode(self.recs.cipher_mode),
             spoofer=Spoofer(attacks=self.attack),
         )

@@ -15,7 +15,7 @@ from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
-from vestige.own_parts import OwnPartError, blamed_on_own_parts, is_own, part, require_members
+from vestige.own_parts import OwnPartError, is_own
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS
@@ -84,7 +84,7 @@ class ProcessorTable(Section):
                 "detector", self.detector, f"{' or '.join(map(repr, DETECTORS))}, or 'module:Name'"
             )
         try:
-            self._own_checks = tuple(_made(one) for one in self.checks)
+            self._own_checks = tuple(OwnCheck.named(one) for one in self.checks)
         except OwnPartError as error:
             raise InconsistentSettingsError("checks", f"{error.kind} and {error.found}", error.expected) from error
 
@@ -97,11 +97,7 @@ class ProcessorTable(Section):
         return ours | ({self.detector: self._made_detector} if is_own(self.detector) else {})
 
     def _made_detector(self) -> Detector:
-        detector = _object(self.detector, self._own_detector, spacing=self.spacing)
-        require_members(self.detector, detector, Detector)
-        if detector.spacing != self.spacing:
-            raise OwnPartError(self.detector, f"spacing {detector.spacing}", f"{self.spacing}, as it was made with")
-        return OwnDetector(kind=self.detector, detector=detector)
+        return OwnDetector.of(self.detector, self._own_detector, spacing=self.spacing)
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -125,19 +121,3 @@ class ProcessorTable(Section):
             monitoring=MonitoringSettings() if monitoring is None else monitoring,
             own_checks=self._own_checks,
         )
-
-
-def _made(kind: str) -> OwnCheck:
-    return OwnCheck.of(_object(kind, part(kind, object)))
-
-
-def _object(kind: str, cls: Any, **settings: int) -> Any:
-    """Return an object of a user's class."""
-    try:
-        with blamed_on_own_parts():
-            return cls(**settings)
-    except TypeError as error:  # of the call itself: there is no line of the user's in it
-        how = ", ".join(f"{name}={value}" for name, value in settings.items())
-        raise OwnPartError(
-            kind, f"{type(error).__name__}: {error}", f"a class that {cls.__name__}({how}) makes"
-        ) from error

@@ -10,6 +10,7 @@ rough position when it is switched on. It never looks at later epochs, so a long
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,6 +27,7 @@ from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSett
 from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.receiver.correlators.e1_taps import INTEGRATION_S, POWER_AVERAGING_S, POWER_BANDWIDTH_HZ, TAP_CHIPS
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.recording.navigation.rinex_navigation import parse_rinex_navigation, rinex_navigation_text
@@ -103,7 +105,7 @@ def receiver_processor(
         ),
         exhaustive_period_s=table.search_s,
     )
-    return table.processor(monitoring)
+    return replace(table.processor(monitoring), cipher_mode=CipherMode(scenario.recs.cipher_mode))
 
 
 def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:

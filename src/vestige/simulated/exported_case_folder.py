@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.recording.assistance.assistance_writer import write_assistance
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations
@@ -23,7 +24,7 @@ ACAS test case, written by vestige. docs/test_cases.md of vestige explains every
   truth.csv                                            what a receiver must not know
 
 {satellites}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
-Check it: vestige inspect FOLDER; vestige process FOLDER
+Check it: vestige inspect FOLDER; vestige process FOLDER{mode}
 """
 
 _MESSAGE = """\
@@ -81,5 +82,6 @@ def _readme(case: AcasTestCase) -> str:
         last=case.end - 1,
         seed=simulation.seed,
         e1=simulation.cn0_e1_dbhz,
+        mode="" if simulation.cipher_mode is CipherMode.CBC else f" --cipher-mode {simulation.cipher_mode.value}",
         e6="without signal" if simulation.cn0_dbhz == -math.inf else f"{simulation.cn0_dbhz:g} dBHz",
     )

@@ -40,6 +40,7 @@ class Case:
     scenario: Callable[[int, bool], CampaignScenario]  # gives the campaign of a seed, with or without its attack
     row: Threat | None = None  # the row of the table it belongs to; None for a scenario of the user's
     notes: tuple[str, str, str] = ("", "", "")  # why it may differ, by level
+    settings: tuple[str, ...] = ()  # values of the user's in place of the scene's own, as of `--set`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,33 +69,37 @@ class SceneCell:
         return self.case.notes[self.level - 1] if differs else ""
 
 
-def cases(threats: Sequence[Threat]) -> tuple[Case, ...]:
-    """Return the scenes of threats."""
+def cases(threats: Sequence[Threat], settings: tuple[str, ...] = ()) -> tuple[Case, ...]:
+    """Return the scenes of threats; `settings` replace values of each of them, as those of `--set` do."""
     return tuple(
         Case(
             threat=threat.id,
             scene=scene.name,
-            scenario=_scenarios(threat, scene),
+            scenario=_scenarios(threat, scene, settings),
             row=threat,
             notes=(scene.notes.get("1", ""), scene.notes.get("2", ""), scene.notes.get("3", "")),
+            settings=settings,
         )
         for threat in threats
         for scene in threat.scene
     )
 
 
-def _scenarios(threat: Threat, scene: Scene) -> Callable[[int, bool], CampaignScenario]:
-    return lambda seed, attacked: scene_scenario(threat, scene, seed, attacked=attacked)
+def _scenarios(threat: Threat, scene: Scene, settings: tuple[str, ...]) -> Callable[[int, bool], CampaignScenario]:
+    return lambda seed, attacked: scene_scenario(threat, scene, seed, attacked=attacked, settings=settings)
 
 
-def case_of(name: str, scenario: CampaignScenario) -> Case:
-    """Return a scenario as a case; its seeds are those of the others."""
+def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = ()) -> Case:
+    """Return a scenario as a case; its seeds are those of the others.
+
+    `settings` is what it was loaded with, to be shown beside the results.
+    """
     all_columns = scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)})
 
     def seeded(seed: int, attacked: bool) -> CampaignScenario:
         return scenario.replaced(seed=seed, processor=all_columns, **({} if attacked else {"attack": ()}))
 
-    return Case(threat="–", scene=name, scenario=seeded)
+    return Case(threat="–", scene=name, scenario=seeded, settings=settings)
 
 
 def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:

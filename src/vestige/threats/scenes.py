@@ -91,17 +91,32 @@ def read_threats() -> tuple[Threat, ...]:
     return _table().threat
 
 
-def scene_scenario(threat: Threat, scene: Scene, seed: int, *, attacked: bool = True) -> CampaignScenario:
+def scene_scenario(
+    threat: Threat, scene: Scene, seed: int, *, attacked: bool = True, settings: tuple[str, ...] = ()
+) -> CampaignScenario:
     """Return the campaign of a scene with one seed, from which its draws follow too.
 
-    If it is not `attacked`, it is the same campaign without its attacks.
+    Parameters
+    ----------
+    threat, scene, seed
+        Row of the table, one of its scenes, and the seed.
+    attacked
+        Whether the attacks of the scene are there; without them it is the same campaign.
+    settings
+        Values of the user's that replace those of the scene, as of `--set`; those of attacks only where there are some.
 
-    Raises `InputFileError` if the scene is no campaign.
+    Raises
+    ------
+    InputFileError
+        If that is no campaign.
+    VestigeError
+        If a setting has not the form KEY=VALUE, or names what is not there.
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:
         # a draw may only replace what is there
         raw = overridden(raw | {"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
+    raw = overridden(raw, (one for one in settings if attacked or not one.startswith(("attack=", "attack."))))
     return validated(_CAMPAIGN, raw, THREATS_FILE)
 
 

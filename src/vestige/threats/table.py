@@ -26,6 +26,7 @@ from vestige.threats.matrix import SceneCell
 from vestige.threats.scenes import LEVEL_NUMBERS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
+SETTINGS = "settings"  # that replaced values of every scene
 VERSION = "vestige_version"  # with which all runs were measured
 _BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_exact_failures", "budget_range_failures")
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
@@ -45,6 +46,7 @@ def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
                 "e1": row.e1 if row else "",
                 "e6": row.e6 if row else "",
                 "source": row.source if row else "",
+                SETTINGS: " ".join(case.settings),
                 **{f"expected_level_{level}": row.expected[str(level)] if row else "" for level in LEVEL_NUMBERS},  # type: ignore[index]
                 **{f"level_{cell.level}": cell.agreement.value for cell in levels},
                 **{
@@ -157,7 +159,7 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
             "attack": ("scene", _text(attack)),
             "level": list(LEVEL_NUMBERS),
         },
-        attrs={VERSION: vestige_version()},
+        attrs={VERSION: vestige_version(), SETTINGS: " ".join(cells[0].case.settings) if cells else ""},
     )
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import START, validated_key
-from vestige.crypto.recs.recs_segment import LENGTHS, decrypt
+from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode, decrypt
 from vestige.recording.assistance.made_recs import make_segments, transmit_times
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
@@ -43,12 +43,13 @@ def test_the_interval_is_in_deciseconds(interval_s: float) -> None:
 
 @pytest.mark.parametrize("length", LENGTHS, ids=lambda length: f"{length.duration_ms} ms")
 @pytest.mark.parametrize("key_delay", [0, 1])
-def test_segments_decrypt_to_what_was_transmitted(length, key_delay: int) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("mode", CipherMode)
+def test_segments_decrypt_to_what_was_transmitted(length, key_delay: int, mode: CipherMode) -> None:  # type: ignore[no-untyped-def]
     keys = [validated_key(START.subframe), validated_key(START.subframe + 30)]
-    segments = make_segments([4, 9], [START], keys, length=length, key_delay=key_delay)
+    segments = make_segments([4, 9], [START], keys, length=length, key_delay=key_delay, cipher_mode=mode)
     assert [segment.svid for segment in segments] == [4, 9]
     for segment in segments:
-        chips = decrypt(segment, keys[key_delay]).chips
+        chips = decrypt(segment, keys[key_delay], mode=mode).chips
         assert np.array_equal(chips, tiered_code(E6C, segment.svid)[: length.n_chips])
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from vestige.errors import VestigeError
 from vestige.scenario.load import load_scenario
 from vestige.scenario.toml.campaign_toml import campaign_toml
 
@@ -30,3 +31,14 @@ def test_reading_it_gives_the_same_scenario(case: str, tmp_path: Path) -> None:
     again = load_scenario(tmp_path / "again.toml")
     assert again == load_scenario(SCENARIOS / f"{name}.toml", settings)
     assert again.model_dump_json() == text
+
+
+@pytest.mark.parametrize("text", ["samples", '"samples"', " samples "])
+def test_a_bare_word_of_a_setting_is_a_text(text: str) -> None:
+    assert load_scenario(SCENARIOS / "harsh.toml", ("epochs=3", f"fidelity={text}")).fidelity == "samples"  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("text", ["two words", "1x", "a:b:c", ""])
+def test_what_is_neither_a_word_nor_toml_is_refused(text: str) -> None:
+    with pytest.raises(VestigeError, match="expected a TOML value"):
+        load_scenario(SCENARIOS / "harsh.toml", (f"fidelity={text}",))

@@ -83,8 +83,9 @@ def test_a_path_will_do(tmp_path: Path) -> None:
 
 def test_a_cipher_that_the_processor_does_not_expect_gives_no_signal() -> None:
     """The service encrypts in CTR mode: a processor for CTR finds all RECS, one for CBC none."""
-    scenario = _quick("epochs=2", "receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45", 'fidelity="samples"')
-    receiver = replace(scenario.simulated_receiver, mode=CipherMode.CTR)
+    strong = ("receiver.cn0_dbhz=45", "receiver.cn0_e1_dbhz=45")
+    scenario = _quick("epochs=2", *strong, 'fidelity="samples"', 'recs.cipher_mode="ctr"')
+    receiver = scenario.simulated_receiver
     block = receiver.snapshots(0, tuple(one.advance(0, 2) for one in receiver.truth()))
     for mode, status in ((CipherMode.CTR, Status.AUTHENTIC), (CipherMode.CBC, Status.NOT_DETECTED)):
         processor = replace(processor_of(scenario), cipher_mode=mode)

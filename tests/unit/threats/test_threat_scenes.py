@@ -128,3 +128,14 @@ def test_impossible_draws(low: float, high: float, log: bool) -> None:
 def test_a_row_that_is_none_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         Threat.model_validate(THREATS[1].model_dump() | change)
+
+
+def test_settings_of_the_users_replace_values_of_every_scene() -> None:
+    """Those of an attack are left out where the scene is measured without its attack."""
+    settings = ("processor.kappa=2.5", "attack.0.start_s=77")
+    for threat, scene in SCENES:
+        if not scene.attack:
+            continue
+        attacked, quiet = (scene_scenario(threat, scene, 2, attacked=one, settings=settings) for one in (True, False))
+        assert (attacked.processor.kappa, quiet.processor.kappa) == (2.5, 2.5)
+        assert (attacked.attack[0].start_s, quiet.attack) == (77, ())

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int64
 from vestige.acas_processor.measurement import Availability, DetectedBlock, MeasurementBlock
 from vestige.acas_processor.position.fix_measurement import LazyFix
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.campaign.columns.own_check_columns import require_own_check_columns
 from vestige.campaign.plan import column_table
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.osnma_reception import as_mask, of_mask, pages_due
@@ -148,10 +149,12 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
     The columns are of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
     """
     scenario, processor = of.scenario, of.processor
+    if scenario.processor.checks:
+        require_own_check_columns(columns)
     time = _times(scenario, epoch)
     recs = _recs(scenario, time, columns, len(of.svids))
     e1 = _e1(columns)
-    received_s = np.asarray(columns["e6_received_s"])
+    received_s = np.asarray(columns.get("e6_received_at_s", columns["e6_received_s"]))
     availability = columns["availability"].astype(np.int8)
     shape = availability.shape
     snapshots = SnapshotBlock(
@@ -167,7 +170,6 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
         searches=_searches(scenario, columns, recs),
         **_of_sky(scenario, time, columns),
     )
-    unknown = np.full(shape, np.nan)
     noise_power = _double(columns["noise_power"])
     return MeasurementBlock(
         snapshots=snapshots,
@@ -181,14 +183,19 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
         ),
         detected=_detected(of, columns),
         predicted_pd=_double(columns["predicted_pd"]),
-        expected_s=unknown,
-        doppler_e6_hz=unknown,
+        expected_s=_known(columns, "e6_expected_s", shape),
+        doppler_e6_hz=_known(columns, "e6_expected_doppler_hz", shape),
         fixes=LazyFix(settings=processor.monitoring.fix, time=time, svids=of.svids, e1=e1),
     )
 
 
 def _double(values: np.ndarray) -> Float[np.ndarray, "*n"]:
     return values.astype(np.float64)
+
+
+def _known(columns: Columns, name: str, shape: tuple[int, ...]) -> Float[np.ndarray, "n m"]:
+    """Return a column; NaN if the results do not hold it."""
+    return _double(columns[name]) if name in columns else np.full(shape, np.nan)
 
 
 def _times(scenario: CampaignScenario | StoredScenario, epoch: Int64[np.ndarray, " n"]) -> GalileoTimes:
@@ -206,13 +213,13 @@ def _recs(
 
 def _e1(columns: Columns) -> E1Block:
     pseudorange_m = _double(columns["e1_pseudorange_m"])
-    unknown = np.full(pseudorange_m.shape, np.nan)
+    shape = pseudorange_m.shape
     with_taps = "e1_taps" in columns
     return E1Block(
         pseudorange_m=pseudorange_m,
-        carrier_phase_cycles=unknown,
-        doppler_hz=_double(columns["e1_doppler_hz"]) if with_taps else unknown,
-        doppler_rate_hz_per_s=unknown,
+        carrier_phase_cycles=_known(columns, "e1_carrier_phase_cycles", shape),
+        doppler_hz=_known(columns, "e1_doppler_hz", shape),
+        doppler_rate_hz_per_s=_known(columns, "e1_doppler_rate_hz_per_s", shape),
         cn0_dbhz=_double(columns["e1_cn0_dbhz"]),
         taps=columns["e1_taps"].astype(np.complex128) if with_taps else None,
         tap_chips=TAP_CHIPS if with_taps else (),
@@ -220,16 +227,18 @@ def _e1(columns: Columns) -> E1Block:
 
 
 def _front_ends(columns: Columns) -> dict[Band, FrontEndBlock]:
-    if "e1_power_db" not in columns:
-        return {}
-    e1_db, e6_db = _double(columns["e1_power_db"]), _double(columns["e6_power_db"])
-    never = np.zeros(e1_db.size, np.bool_)
-    return {
-        Band.E1: FrontEndBlock(agc_gain_db=-e1_db, total_power_db=e1_db, saturated=never),
-        Band.E6: FrontEndBlock(
-            agc_gain_db=_double(columns["e6_agc_gain_db"]), total_power_db=e6_db, saturated=columns["e6_saturated"] > 0
-        ),
-    }
+    found = {}
+    if "e1_power_db" in columns:
+        e1_db = _double(columns["e1_power_db"])
+        never = np.zeros(e1_db.size, np.bool_)
+        found[Band.E1] = FrontEndBlock(agc_gain_db=-e1_db, total_power_db=e1_db, saturated=never)
+    if "e6_power_db" in columns:
+        found[Band.E6] = FrontEndBlock(
+            agc_gain_db=_double(columns["e6_agc_gain_db"]),
+            total_power_db=_double(columns["e6_power_db"]),
+            saturated=columns["e6_saturated"] > 0,
+        )
+    return found
 
 
 def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, recs: RecsBlock) -> KnownSearches | None:

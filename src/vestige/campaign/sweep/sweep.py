@@ -2,8 +2,8 @@
 
 A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
 one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
-curves are drawn from; it is written anew after each value. Of an attack, and of a level above 1, a row says what came
-of it, as the threat table says of each of its runs (`threat_outcome.py`).
+curves are drawn from; it is written anew after each value. Of an attack, of a level above 1 and of checks of the
+user's, a row says what came of it, as the threat table says of each of its runs (`threat_outcome.py`).
 
 A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
 enough. That is decided after each chunk in the order of the chunks, so the epochs that count depend neither on the
@@ -79,8 +79,8 @@ class Row:
     p_d_theory: float  # Marcum Q on a tap; NaN without signal
     false_alarms: Proportion  # of single taps, on noise alone
     level: int
-    # what came of it at that level, from the first start of an attack to the last stop; None without an attack and at
-    # level 1, and of a campaign that was ended early.
+    # what came of it at that level, from the first start of an attack to the last stop; None without an attack at
+    # level 1 without checks of the user's, and of a campaign that was ended early.
     outcome: RunOutcome | None
 
 
@@ -146,7 +146,8 @@ def run_sweep(
 
 def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome | None:
     level = scenario.processor.level
-    if results.sizes["epoch"] < scenario.epochs or (level == 1 and not scenario.attack):
+    plain = level == 1 and not scenario.attack and not scenario.processor.checks
+    if plain or results.sizes["epoch"] < scenario.epochs:
         return None
     return outcomes_of(scenario, results, (level,), window_of(scenario))[0]
 

@@ -16,8 +16,10 @@ from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
 from vestige.campaign.store.results import attributes_of
 from vestige.campaign.sweep.sweep import Row
+from vestige.campaign.verdicts import verdict_counts
 from vestige.cli.campaigns.attack_report import attack_lines, attack_values
 from vestige.cli.campaigns.level_report import level_lines, level_values
+from vestige.records import Status
 from vestige.theory.thresholds import probability_of_detection
 
 
@@ -51,12 +53,15 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
     ]
     if attributes.signal:
         lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
-    undecided = results.sizes["epoch"] * results.sizes["satellite"] - summarise(results).detections.trials
-    if undecided:
-        lines.append(f"not available: {undecided}, without RECS or key, or not provably received before its disclosure")
+    judged, level = verdicts_of_run(results)
+    counts = verdict_counts(judged)
+    if undecided := counts.of[Status.NOT_AVAILABLE]:
+        lines.append(
+            f"not available: {undecided} of {counts.due} verdicts: no key, not provably received before its "
+            "disclosure, or too weak a signal"
+        )
     for name in detectors_of(results):
         lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
-    judged, level = verdicts_of_run(results)
     if level is not None:
         lines += level_lines(results, level)
     return "\n".join([*lines, *attack_lines(judged)])

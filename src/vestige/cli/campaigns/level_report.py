@@ -1,4 +1,4 @@
-"""What `vestige run` says of a campaign whose processor has level 2 or 3: which check failed when, what is in use."""
+"""What `vestige run` says of a campaign at level 2 or 3, or with own checks: what failed when, what is in use."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
             name: float(time_s[place]) for name, place in found.first_failures(np.ones(time_s.size, np.bool_))
         },
         "failures": {name: int(np.count_nonzero(failed)) for name, failed in found.failed.items() if failed.any()},
+        "own_checks": {name: {"tests": made, "failed": failed} for name, (made, failed) in found.own_counts.items()},
         "not_run": list(found.not_run),
         "alarms": int(np.count_nonzero(found.begins)),
         "state": {
@@ -42,6 +43,10 @@ def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]
     for name, first_s in values["first_failures"].items():
         lines.append(f"  {name} failed {values['failures'][name]} times, first at T = {first_s:g} s")
+    lines += [
+        f"  {name}, a check of yours: {one['failed']} of {one['tests']} tests failed"
+        for name, one in values["own_checks"].items()
+    ]
     if values["not_run"]:
         lines.append(f"  not run, the results hold nothing for it: {', '.join(values['not_run'])}")
     lines.append(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import parts_option
+from vestige.cli.options import DETECTORS, detector_name, parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -48,7 +48,9 @@ KINDS = {
     ),
     "sky": FigureKind(help="where the satellites are (of a sky)", of_sky=True),
     "position": FigureKind(help="error of the position fixes against time (of a sky)", of_sky=True),
-    "monitors": FigureKind(help="when each check was run, and when it failed (of a sky)", of_sky=True),
+    "monitors": FigureKind(
+        help="when each check was run, and when it failed (of a sky, or with own checks)", of_sky=True
+    ),
     "decision-map": FigureKind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
     "detection-curve": FigureKind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": FigureKind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
@@ -57,7 +59,6 @@ KINDS = {
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"
-_DETECTORS = ("early", "maximum")
 
 
 def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
@@ -77,12 +78,6 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 )
 
 
-def _detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
-    if name not in _DETECTORS and ":" not in name:
-        raise click.BadParameter(f"found {name!r}, expected {', '.join(_DETECTORS)} or module:Name")
-    return name
-
-
 @click.command(epilog=_EPILOG)
 @click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -94,7 +89,7 @@ def _detector_name(_context: click.Context, _parameter: click.Parameter, name: s
     default="early",
     show_default=True,
     metavar="NAME",
-    callback=_detector_name,
+    callback=detector_name,
     help="early, maximum, or `module:Name` of your own.",
 )
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
@@ -198,7 +193,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
     """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
-    other = replace(choice, detector=next(name for name in _DETECTORS if name != choice.detector))
+    other = replace(choice, detector=next(name for name in DETECTORS if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
         if (
@@ -248,8 +243,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
     import numpy as np
 
     from vestige import plots
-    from vestige.acas_processor.levels import LEVELS
-    from vestige.campaign.levels import level_verdicts
+    from vestige.campaign.levels import highest_level, level_verdicts
 
     if name == "sky":
         return plots.sky_plot(results)
@@ -264,7 +258,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
             run=np.any(check.run.reshape(n, -1), axis=1),
             failed=np.any(check.failed.reshape(n, -1), axis=1),
         )
-        for check in level_verdicts(results, (max(LEVELS),))[0].checks.values()
+        for check in level_verdicts(results, (highest_level(results),))[0].checks.values()
     ]
     return plots.monitor_timeline(results["time_s"].values, lines)
 

@@ -46,6 +46,13 @@ FIGURE = "threats.png"
     type=click.Path(path_type=Path),
     help="A campaign scenario of your own, in place of the table.",
 )
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace a value in every scene, `processor.detector=my_module:MyDetector`; `none` removes.",
+)
 @click.option("--expected", is_flag=True, help="Print what is expected, and why; measure nothing.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder: runs.csv, threats.csv, threats.zarr, threats.png."
@@ -60,6 +67,7 @@ def command(
     n_seeds: int | None,
     ids: tuple[str, ...],
     files: tuple[Path, ...],
+    settings: tuple[str, ...],
     expected: bool,
     output: Path | None,
     workers: int | None,
@@ -77,6 +85,11 @@ def command(
         raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
     if expected and files:
         raise click.UsageError("nothing is expected of a scenario of your own")
+    if expected and settings:
+        raise click.UsageError("nothing else is expected with --set: it belongs to a measurement")
+    for one in settings:
+        if one.partition("=")[0].strip() in ("seed", "kind", "processor.level"):
+            raise click.BadParameter(f"{one}: every seed and every level is measured", param_hint="--set")
     if scheduler is not None and workers is not None:
         raise click.UsageError("--scheduler has the cluster's workers: -j chooses nothing")
 
@@ -93,7 +106,8 @@ def command(
         tables = [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in shown]
         echo(*"\n".join(tables).split("\n"))
         return
-    chosen = tuple(case_of(path.stem, _load(path, quick)) for path in files) or cases(threats)
+    mine = tuple(case_of(path.stem, _load(path, quick, settings), settings) for path in files)
+    chosen = mine or cases(threats, settings)
     seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
     with nullcontext() if output is None else only_writer(output):
         with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
@@ -113,12 +127,12 @@ def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, 
     return tuple(threat for threat in threats if not ids or threat.id in ids)
 
 
-def _load(path: Path, quick: bool) -> CampaignScenario:
+def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenario:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import load_scenario
     from vestige.scenario.warnings import scenario_warnings
 
-    scenario = load_scenario(path, ('fidelity="correlators"',) if quick else ())
+    scenario = load_scenario(path, (*settings, *(('fidelity="correlators"',) if quick else ())))
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
     for line in scenario_warnings(scenario):

@@ -48,7 +48,7 @@ def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: 
         for cell in cells
         if cell.level in levels
     ]
-    return as_json({"threats": expected, "cells": found})
+    return as_json({"threats": expected, "settings": _settings(cells), "cells": found})
 
 
 def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
@@ -56,7 +56,9 @@ def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBE
     shown = [cell for cell in cells if cell.level in levels]
     attacked = [cell for cell in shown if cell.attacked]
     quiet = [cell for cell in shown if not cell.attacked]
-    parts = [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
+    settings = _settings(shown)
+    parts = [f"Every scene with {', '.join(settings)}; what is expected is of the scenes without."] if settings else []
+    parts += [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
     parts += [_rendered(_false_alarms(quiet))] if quiet else []
     parts += [
         f"{cell.case.threat} {cell.case.scene}, level {cell.level}: {cell.agreement.value.lower()}: {cell.note}"
@@ -64,6 +66,11 @@ def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBE
         if cell.note
     ]
     return "\n".join(parts)
+
+
+def _settings(cells: Sequence[SceneCell]) -> list[str]:
+    """Return the settings that replaced values of every scene."""
+    return list(dict.fromkeys(one for cell in cells for one in cell.case.settings))
 
 
 def _attacks(cells: Sequence[SceneCell]) -> Table:

@@ -14,6 +14,7 @@ import click
 from vestige.cli.options import assistance_folder
 from vestige.cli.terminal import echo
 from vestige.output import check_output
+from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
@@ -344,4 +345,6 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
     samples = ", ".join(f"{file.band.name} {file.form} at {file.sample_rate_hz!r} Hz" for file in bands)
     if recording != STDIN:  # a pipe begins anew each time
         samples += f", from {exact_gst(live.start)}"
+    if own := [kind for kind in (options["detector"], *options["checks"]) if is_own(kind)]:
+        settings["own parts"] = " ".join(f"{kind}@{digest(kind)}" for kind in own)
     return settings | {"vestige": version("vestige"), "recording": samples}

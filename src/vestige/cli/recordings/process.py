@@ -13,8 +13,10 @@ from vestige.cli.options import (
     assistance_folder,
     cipher_mode,
     cipher_mode_option,
+    detector_name,
     group_delay_convention,
     group_delay_option,
+    parts_option,
     time_option,
 )
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow, inputs
@@ -22,6 +24,7 @@ from vestige.cli.terminal import echo
 from vestige.output import check_output
 
 if TYPE_CHECKING:
+    from vestige.acas_processor.detectors import Detector
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.recording.recorded_block import OtherChannels
@@ -67,7 +70,16 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 )
 @click.option("--search-window", type=FiniteRange(1e-6, 1e5), help="Level 3: search E6 ± so many s, not everywhere.")
 @click.option("--search-every", type=FiniteRange(0, 1e9), default=3600.0, show_default=True, help="Level 3: seconds.")
-@click.option("--detector", type=click.Choice(["early", "maximum"]), default="early", show_default=True)
+@click.option(
+    "--detector",
+    default="early",
+    show_default=True,
+    metavar="NAME",
+    callback=detector_name,
+    help="early, maximum, or `module:Name` of your own.",
+)
+@click.option("--check", "checks", multiple=True, metavar="module:Name", help="A check of your own; several times.")
+@parts_option
 @click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
 @click.option("--p-fa", type=FiniteRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
 @click.option("--taps", type=click.IntRange(3, 63), default=11, show_default=True, help="Number of correlators.")
@@ -227,7 +239,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _processor(options: dict[str, Any]) -> AcasProcessor:
-    from vestige.acas_processor.detectors import DETECTORS
+    from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
 
@@ -236,9 +248,12 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
     if options["taps"] * options["tap_spacing_m"] / 2 > MAX_REACH_M:
         raise click.UsageError(f"--taps times --tap-spacing-m reach farther than {MAX_REACH_M:g} m on each side")
     budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
+    checks = tuple(OwnCheck.named(kind) for kind in options["checks"])
+    if len({one.name for one in checks}) < len(checks):
+        raise click.UsageError("--check: two checks have one name, expected one of its own for each")
     return AcasProcessor(
         level=int(options["level"]),
-        detector=DETECTORS[options["detector"]](spacing=options["spacing"]),
+        detector=_detector(options["detector"], options["spacing"]),
         p_fa=options["p_fa"],
         n_taps=options["taps"],
         tap_spacing_m=options["tap_spacing_m"],
@@ -248,6 +263,16 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         monitoring=_monitoring(options),
         cipher_mode=cipher_mode(options),
         group_delay_convention=group_delay_convention(options),
+        own_checks=checks,
+    )
+
+
+def _detector(name: str, spacing: int) -> Detector:
+    from vestige.acas_processor.detectors import DETECTORS, OwnDetector
+    from vestige.own_parts import is_own, part
+
+    return (
+        OwnDetector.of(name, part(name, object), spacing=spacing) if is_own(name) else DETECTORS[name](spacing=spacing)
     )
 
 

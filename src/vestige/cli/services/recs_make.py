@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from vestige.cli.options import FiniteRange, time_option
+from vestige.cli.options import FiniteRange, cipher_mode_option, time_option
 from vestige.cli.terminal import echo
 
 _path = click.Path(path_type=Path)
@@ -29,6 +29,7 @@ _path = click.Path(path_type=Path)
     help="Time between RECS in s.",
 )
 @click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
+@cipher_mode_option
 @click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
 @click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -39,7 +40,7 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
     """
     import json
 
-    from vestige.cli.options import parse_svids
+    from vestige.cli.options import cipher_mode, parse_svids
     from vestige.cli.progress import progress
     from vestige.recording.assistance.made_recs import make_assistance
     from vestige.recording.recording import open_recording
@@ -56,6 +57,7 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
             duration_ms=int(length_ms),
             interval_s=options["interval_s"],
             key_delay=options["kdi"],
+            cipher_mode=cipher_mode(options),
             svids=wanted,
             progress=lambda done, total: report("E1 search", done, total),
         )

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from vestige.constants import SUBFRAME_S
-from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.receiver.simulation import KEY_ON_AIR, Simulation
 from vestige.receiver.snapshots.e6 import DrawnE6, SimulatedE6Samples
 from vestige.receiver.snapshots.osnma import OsnmaReception
@@ -30,7 +29,6 @@ class SimulatedAssistance:
 
     simulations: tuple[Simulation, ...]  # of each satellite
     every: int  # every how many epochs there is a RECS
-    mode: CipherMode = CipherMode.CBC
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
@@ -53,7 +51,7 @@ class SimulatedRecs:
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
         number = (self.first + epoch) // self.assistance.every
-        return self.assistance.simulations[satellite].segment(number, self.assistance.mode)
+        return self.assistance.simulations[satellite].segment(number)
 
 
 def recs_block(of: ReceiverTruth) -> RecsBlock:

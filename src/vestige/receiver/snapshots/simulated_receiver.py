@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.sky.elevation import ElevationEffects
@@ -36,12 +35,11 @@ class SimulatedReceiver:
     every: int = 1  # every how many of them there is a RECS
     accelerometers: Accelerometers | None = None  # None without; only under a sky
     with_taps: bool = True  # whether E1 is tracked between RECS: its correlators and the power of its band
-    mode: CipherMode = CipherMode.CBC
 
     @property
     def assistance(self) -> SimulatedAssistance:
         """What the service gives it."""
-        return SimulatedAssistance(simulations=self.simulations, every=self.every, mode=self.mode)
+        return SimulatedAssistance(simulations=self.simulations, every=self.every)
 
     def truth(self) -> tuple[TruthProcess, ...]:
         """Return the truth of each satellite at its beginning."""

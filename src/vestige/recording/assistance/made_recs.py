@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs.recs_segment import LENGTHS, SegmentLength, encrypt, key_time
+from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode, SegmentLength, encrypt, key_time
 from vestige.errors import VestigeError
 from vestige.output import new_folder
 from vestige.recording.assistance.assistance_files import KEYS_NAME, assistance_kind
@@ -59,6 +59,7 @@ def make_segments(
     *,
     length: SegmentLength,
     key_delay: int = 0,
+    cipher_mode: CipherMode = CipherMode.CBC,
 ) -> tuple[EncryptedSegment, ...]:
     """Return the RECS of every satellite at every time for which there is a key."""
     by_time = {key.time: key for key in keys}
@@ -75,7 +76,7 @@ def make_segments(
                 chip_rate_hz=E6C.chip_rate_hz,
                 chips=tiered_code(E6C, svid)[: length.n_chips],
             )
-            segments.append(encrypt(chips, key.data, key_delay=key_delay))
+            segments.append(encrypt(chips, key.data, key_delay=key_delay, mode=cipher_mode))
     return tuple(segments)
 
 
@@ -97,6 +98,7 @@ def make_assistance(
     duration_ms: int = 16,
     interval_s: float = 30.0,
     key_delay: int = 0,
+    cipher_mode: CipherMode = CipherMode.CBC,
     svids: tuple[int, ...] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> MadeAssistance:
@@ -114,7 +116,7 @@ def make_assistance(
         for path, copy in ((keys_path, name), *((path, path.name) for path in (public_key, merkle_tree) if path)):
             shutil.copyfile(path, unfinished / copy)
         keys = read_assistance(unfinished, public_key=public_key, merkle_tree=merkle_tree, strict=True).assistance.keys
-        segments = _segments_of(recording, keys, duration_ms, interval_s, key_delay, svids, progress)
+        segments = _segments_of(recording, keys, duration_ms, interval_s, key_delay, cipher_mode, svids, progress)
         first = min(segment.transmit_time for segment in segments)
         delays = tuple(
             GroupDelay(svid=svid, bgd_e1_e6_s=0.0, valid_from=first) for svid in sorted({one.svid for one in segments})
@@ -129,6 +131,7 @@ def _segments_of(
     duration_ms: int,
     interval_s: float,
     key_delay: int,
+    cipher_mode: CipherMode,
     svids: tuple[int, ...],
     progress: Callable[[int, int], None] | None,
 ) -> tuple[EncryptedSegment, ...]:
@@ -150,7 +153,9 @@ def _segments_of(
             f"{recording.description.path}: {reader.duration_s:g} s of E6 hold no {duration_ms} ms of every satellite "
             "from a tenth of a second on; a longer recording or a shorter RECS does"
         )
-    segments = make_segments(svids or sorted(seen), times, keys, length=length, key_delay=key_delay)
+    segments = make_segments(
+        svids or sorted(seen), times, keys, length=length, key_delay=key_delay, cipher_mode=cipher_mode
+    )
     if not segments:
         span = f"{keys[0].time} to {keys[-1].time}" if keys else "none"
         raise VestigeError(f"no OSNMA key is of the recording's time, {first} to {last}; keys: {span}")

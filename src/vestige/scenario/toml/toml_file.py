@@ -22,6 +22,8 @@ NOTHING = "none"  # as the value of a setting
 OURS, OWN = "a kind of vestige", "a kind of the user"  # in places of errors, between the keys
 LARGEST_NUMBER = 1e15
 MAX_FILE_BYTES = 1 << 20
+_BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)
+_WORDS_OF_TOML = ("true", "false", "inf", "nan")
 _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
@@ -56,6 +58,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Return the tables with values replaced: each setting is `table.key=value`, the value in TOML.
 
+    A bare word is a text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
+
     TOML has no word for nothing. So the bare word `none`, which is no TOML value, removes a key or a whole table:
     `receiver.multipath=none`. What is left out has its default, and a model that is left out is not there.
 
@@ -87,7 +91,9 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
 
 
 def _value(setting: str, text: str) -> Any:
-    """Return what `text` says in TOML: one value, nothing behind it."""
+    """Return what `text` says in TOML, one value with nothing behind it, or the text itself if it is a bare word."""
+    if _BARE.fullmatch(text.strip()) and text.strip() not in _WORDS_OF_TOML:
+        return text.strip()
     try:
         parsed = parse_toml(f"value = {text}")
     except ValueError as error:
