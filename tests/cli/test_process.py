@@ -16,8 +16,10 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from night import TWO_SATELLITES, invoke
+from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.cli.options import DETECTOR_NAMES
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.recordings.verdicts import VERDICT_COLUMNS, csv_writer
@@ -353,3 +355,7 @@ def test_bad_satellite_lists(folder: Path, tmp_path: Path, svids: str) -> None:
         recs_make, ["--from-recording", str(folder), "--keys", "k", "-o", str(tmp_path / "a"), "--svids", svids]
     )
     assert result.exit_code == 2
+
+
+def test_the_detectors_of_the_command_line_are_those_that_there_are() -> None:
+    assert tuple(DETECTORS) == DETECTOR_NAMES

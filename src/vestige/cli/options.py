@@ -66,13 +66,13 @@ def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )(command)
 
 
-DETECTORS = ("early", "maximum")
+DETECTOR_NAMES = ("early", "maximum")
 
 
 def detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
     """Return the name of a detector; a usage error if it is neither vestige's nor has the form of one of the user's."""
-    if name not in DETECTORS and not is_own(name):
-        raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTORS)} or module:Name")
+    if name not in DETECTOR_NAMES and not is_own(name):
+        raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTOR_NAMES)} or module:Name")
     return name
 
 

@@ -200,9 +200,9 @@ class Meaconing(CheckedAttack):
     kind: Literal["meaconing"] = "meaconing"
 
     def __post_init__(self) -> None:
-        CheckedAttack.__post_init__(self)
         if not 0 <= self.delay_s <= MAX_DELAY_S:
             raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
+        CheckedAttack.__post_init__(self)
 
     @property
     def reacquired(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import DETECTORS, detector_name, parts_option
+from vestige.cli.options import DETECTOR_NAMES, detector_name, parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
     """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
-    other = replace(choice, detector=next(name for name in DETECTORS if name != choice.detector))
+    other = replace(choice, detector=next(name for name in DETECTOR_NAMES if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
         if (

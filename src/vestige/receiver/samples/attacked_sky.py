@@ -71,8 +71,8 @@ class CounterfeitSignal:
         return replace(
             true,
             at_s=t_s,
-            amplitude=complex(abs(true.amplitude) * 10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
-            doppler_hz=float(beyond_hz * self._kept(np.array([t_s]))[0]),
+            amplitude=complex(true.amplitude * 10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
+            doppler_hz=true.doppler_hz + float(beyond_hz * self._kept(np.array([t_s]))[0]),
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),
             ray_doppler_hz=np.zeros(0),
