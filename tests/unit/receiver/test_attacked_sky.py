@@ -80,11 +80,18 @@ def test_the_meaconer_repeats_noise() -> None:
 
 @pytest.mark.parametrize("phase", ['{kind = "coherent"}', '{kind = "locked", phase_rad = 1.0}'])
 def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
-    """The bank of every epoch is, but for one phase, what `vestige run` correlates: codes, powers, relative phase."""
+    """The bank of every epoch is, but for one phase, what `vestige run` correlates: codes, powers, relative phase.
+
+    Without E6-B, which a run has not, and whose correlation with 4 ms of E6-C is up to 2 %.
+    """
     path = tmp_path / "lift-off.toml"
     path.write_text(f"{LIFT_OFF}phase = {phase}\n")
     case = _case(path, 2, 5)
-    recorded = simulated(case)
+    whole = simulated(case)
+    encrypted = {
+        band: tuple(replace(one, components=one.components[-1:]) for one in sky) for band, sky in whole.sky.items()
+    }
+    recorded = replace(whole, sky=encrypted)
     for row, epoch in enumerate(range(2, 5)):
         taps = banks(case.simulation, "samples", epoch, rows_of(case.satellites[0].truth, slice(row, row + 1))).taps[0]
         handover = handover_of(case.simulation, epoch, row, case.satellites[0].truth)
