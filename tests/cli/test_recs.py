@@ -47,7 +47,7 @@ def write_recs(folder: Path, mode: CipherMode = CipherMode.CBC) -> Path:
     ]
     write_key_file(folder / "keys.csv", chain.validated_keys()[:2], [chain.root])
     pem(folder / "osnma.pem", chain.private_key)
-    return recs_file.write(recs_file.from_segments(segments), folder)
+    return recs_file.write_recs_file(recs_file.from_segments(segments), folder)
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def test_a_recs_of_forty_gigabytes_is_refused_before_it_is_read(file: Path) -> N
 
 
 def test_twelve_bit_week_follows_the_reference(file: Path, tmp_path: Path) -> None:
-    unitary = recs_file.write(recs_file.from_segments(recs_file.read(file).segments[:1]), tmp_path)
+    unitary = recs_file.write_recs_file(recs_file.from_segments(recs_file.read_recs_file(file).segments[:1]), tmp_path)
     renamed = unitary.rename(tmp_path / "renamed")
     described = json.loads(run("info", "--json", "--reference", "2095-01-01T00:00:00", renamed).stdout)["files"][0]
     assert described["start_week"] == 1251 + 4096
@@ -169,8 +169,8 @@ def test_decrypt_with_keys_that_are_not_validated(file: Path, tmp_path: Path) ->
 
 
 def test_decrypt_without_any_of_its_keys(file: Path, tmp_path: Path) -> None:
-    segments = recs_file.read(file).segments[2:]
-    path = recs_file.write(recs_file.from_segments(segments), tmp_path)
+    segments = recs_file.read_recs_file(file).segments[2:]
+    path = recs_file.write_recs_file(recs_file.from_segments(segments), tmp_path)
     result = run("decrypt", path, *keys_of(file), "-o", tmp_path / "ecs.bin")
     assert isinstance(result.exception, VestigeError)
     assert "has none of the keys that it needs" in str(result.exception)

@@ -13,7 +13,7 @@ from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
-from vestige.cli.services.osnma import verify
+from vestige.cli.services.osnma import verify_command
 from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -87,6 +87,6 @@ def test_a_sky_gives_a_position_and_a_message(tmp_path: Path) -> None:
     assert position["latitude_deg"] == pytest.approx(48.1, abs=5e-4)
     assert position["longitude_deg"] == pytest.approx(11.6, abs=5e-4)
     tree = folder / "assistance" / "merkle_tree.xml"
-    report = json.loads(written(verify, folder / "inav_pages.csv", "--merkle-tree", tree, "--json"))
+    report = json.loads(written(verify_command, folder / "inav_pages.csv", "--merkle-tree", tree, "--json"))
     assert report["tags"]["0"]["failed"] == 0
     assert report["tags"]["0"]["ok"] > 100

@@ -39,7 +39,7 @@ from vestige.crypto.osnma.operator.key_tree import read_private_key
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.crypto.recs import group_delay, recs_file
-from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify
+from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify_file
 from vestige.crypto.recs.recs_name import parse_name
 from vestige.crypto.recs.recs_segment import LENGTHS
 from vestige.navigation.inav.page import InavPage, page_checksum
@@ -52,8 +52,8 @@ from vestige.records import ValidatedKey
 
 def _recs_files() -> Sequence[Files]:
     unitary, aggregated = recs_file.from_segments(SEGMENTS[-1:]), recs_file.from_segments(SEGMENTS[:8:2])
-    return [{str(one.name): recs_file.serialize(one)} for one in (unitary, aggregated)] + [
-        {"renamed.bin": recs_file.serialize(aggregated)}
+    return [{str(one.name): recs_file.serialize_recs_file(one)} for one in (unitary, aggregated)] + [
+        {"renamed.bin": recs_file.serialize_recs_file(aggregated)}
     ]
 
 
@@ -77,7 +77,7 @@ def _spoil_recs(rng: Random, files: Files) -> Files:
         header[20], header[21], header[22:24] = header[20], length.code, period.to_bytes(2, "big")
     content = bytes(header) + body
     try:
-        name = str(recs_file.parse(content, Path("no name")).name)
+        name = str(recs_file.parse_recs_file(content, Path("no name")).name)
     except Exception:
         name = next(iter(files))
     return {rng.choice((name, name, name.swapcase(), "x.RCS")): content}
@@ -85,13 +85,13 @@ def _spoil_recs(rng: Random, files: Files) -> Files:
 
 def _read_recs(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
-        file = recs_file.read(path)
+        file = recs_file.read_recs_file(path)
         segments = file.segments
-        if recs_file.serialize(file) != path.read_bytes():
+        if recs_file.serialize_recs_file(file) != path.read_bytes():
             raise WrongAcceptanceError("a RECS file is not what was read of it")
         if len(segments) != file.n_segments or any(len(one.cipher) != len(segments[0].cipher) for one in segments):
             raise WrongAcceptanceError("RECS of unequal length")
-        recs_file.read(path, reference=START)
+        recs_file.read_recs_file(path, reference=START)
 
 
 def _names() -> Sequence[Files]:
@@ -108,8 +108,8 @@ def _read_name(folder: Path) -> None:
 
 def _signed() -> Sequence[Files]:
     def write(folder: Path) -> None:
-        sign(recs_file.write(recs_file.from_segments(SEGMENTS[:8:2]), folder), SERVER_KEY)
-        sign(group_delay.write(GROUP_DELAYS, folder), SERVER_KEY, certificate=2)
+        sign(recs_file.write_recs_file(recs_file.from_segments(SEGMENTS[:8:2]), folder), SERVER_KEY)
+        sign(group_delay.write_group_delay_file(GROUP_DELAYS, folder), SERVER_KEY, certificate=2)
         (folder / "server.pem").write_bytes(pem(SERVER_KEY.public_key()))
 
     return [files_of(write)]
@@ -120,7 +120,7 @@ def _read_signed(folder: Path) -> None:
     genuine = {name: data for name, data in SIGNED.corpus[0].items() if "p256" not in name}
     keys = (SERVER_KEY.public_key(),)
     for path in sorted(folder.iterdir()):
-        verified = path.name in genuine and verify(path, keys) is SignatureStatus.VERIFIED
+        verified = path.name in genuine and verify_file(path, keys) is SignatureStatus.VERIFIED
         if verified and path.read_bytes() != genuine[path.name]:
             raise WrongAcceptanceError(f"{path.name} was changed and its signature verifies")
 
@@ -149,13 +149,13 @@ def _read_certificate(folder: Path) -> None:
 
 
 def _group_delays() -> Sequence[Files]:
-    return [files_of(lambda folder: group_delay.write(GROUP_DELAYS, folder))]
+    return [files_of(lambda folder: group_delay.write_group_delay_file(GROUP_DELAYS, folder))]
 
 
 def _read_group_delays(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
-        file = group_delay.read(path, reference=START)
-        again = group_delay.parse(group_delay.serialize(file), path, reference=START)
+        file = group_delay.read_group_delay_file(path, reference=START)
+        again = group_delay.parse_group_delay_file(group_delay.serialize_group_delay_file(file), path, reference=START)
         if again.delays != file.delays:
             raise WrongAcceptanceError("group delays are not what was read of them")
 

@@ -89,13 +89,13 @@ def test_decrypted_chips(chips: ChipSequence, mode: CipherMode) -> None:
 
 def test_unitary_file(segment: EncryptedSegment, tmp_path: Path) -> None:
     file = recs_file.from_segments([segment])
-    data = recs_file.serialize(file)
+    data = recs_file.serialize_recs_file(file)
     assert data[:16].hex() == "475343580104e32a4cc00b0000010010"
     assert sha(data[16:]) == CBC_SHA
     assert str(file.name) == "GSCX01_232280500160_11_0_0_01.RCS"
-    path = recs_file.write(file, tmp_path)
+    path = recs_file.write_recs_file(file, tmp_path)
     assert path.name == str(file.name)
-    assert recs_file.read(path).segments == (segment,)
+    assert recs_file.read_recs_file(path).segments == (segment,)
 
 
 def test_aggregated_file(segment: EncryptedSegment, tmp_path: Path) -> None:
@@ -104,10 +104,10 @@ def test_aggregated_file(segment: EncryptedSegment, tmp_path: Path) -> None:
         n_chip_code=4,
         body=10 * segment.cipher, duration_ds=3000, period_ds=300,
     )  # fmt: skip
-    data = recs_file.serialize(file)
+    data = recs_file.serialize_recs_file(file)
     assert data[:25].hex() == "4753435800000000010004e32a4cc0000bb80b000004012c01"
     assert str(file.name) == "01_232280500160_000300_00300_11_0_0_4_01.bin"
-    read = recs_file.read(recs_file.write(file, tmp_path))
+    read = recs_file.read_recs_file(recs_file.write_recs_file(file, tmp_path))
     assert read == file
     assert read.segments[0] == segment
     assert [s.transmit_time for s in read.segments] == [EPOCH + 30 * i for i in range(10)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import xarray
 
+from vestige.campaign.columns.measured_columns import Columns
 from vestige.campaign.execution.executors import local_executor, measure_chunk
 from vestige.campaign.plan import CHUNK_EPOCHS, Plan, check_results, judged
 from vestige.campaign.store.build_id import build_id
@@ -31,7 +31,6 @@ from vestige.folder_lock import only_writer
 IN_FLIGHT = 3  # chunks for each worker: one runs, one waits, one may be held back by a slower neighbour
 
 ExecutorChoice = Literal["threads", "processes"] | Executor
-Columns = Mapping[str, np.ndarray]  # columns by name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

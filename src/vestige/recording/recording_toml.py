@@ -54,7 +54,7 @@ from vestige.time import GalileoTime
 
 NAME = "recording.toml"
 STANDARD_INPUT = Path("-")
-MAX_BYTES = 1 << 20
+_MAX_BYTES = 1 << 20
 
 SampleRate = Annotated[float, Field(ge=SAMPLE_RATE_RANGE_HZ[0], le=SAMPLE_RATE_RANGE_HZ[1])]
 
@@ -111,7 +111,7 @@ def read_recording_toml(path: Path) -> RecordingDescription:
 
 
 def _table(path: Path) -> _RecordingTable:
-    content = read_toml_file(path, at_most=MAX_BYTES)
+    content = read_toml_file(path, at_most=_MAX_BYTES)
     try:
         return _RecordingTable.model_validate(content)
     except ValidationError as error:

@@ -19,7 +19,7 @@ from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
 EXPECTED_LOG = "what an exhaustive search has kept"
-MAX_BYTES = 1 << 26  # a search keeps some kB
+_MAX_BYTES = 1 << 26  # a search keeps some kB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class SearchLog:
         if not path.exists():
             return cls(path=path, of=of)
         try:
-            content = TypeAdapter(_Content).validate_python(json.loads(read_bytes(path, at_most=MAX_BYTES)))
+            content = TypeAdapter(_Content).validate_python(json.loads(read_bytes(path, at_most=_MAX_BYTES)))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"]))[:80] or "content"

@@ -18,7 +18,7 @@ from pathlib import Path
 from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
-MAX_FILE_BYTES = 1 << 26
+_MAX_FILE_BYTES = 1 << 26
 KEYS = ("threat", "scene")
 EXPECTED_TABLE = "a table of threats, as `vestige threats -o` writes it"
 _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
@@ -86,7 +86,7 @@ def read_threat_table(path: Path) -> ThreatTable:
 
     Raises `InputFileError` if it is no such table.
     """
-    text = read_text(path, at_most=MAX_FILE_BYTES, expected=EXPECTED_TABLE)
+    text = read_text(path, at_most=_MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:
         lines = list(csv.reader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:

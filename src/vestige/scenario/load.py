@@ -38,7 +38,7 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     return scenario
 
 
-def schema() -> dict[str, Any]:
+def scenario_schema() -> dict[str, Any]:
     """Return the JSON schema of scenario files, for editors."""
     result: dict[str, Any] = _without_infinities(_ADAPTER.json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "vestige scenario"} | result

@@ -8,7 +8,7 @@ from pathlib import Path
 from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
-MAX_FILE_BYTES = 1 << 26  # 2 million points
+_MAX_FILE_BYTES = 1 << 26  # 2 million points
 _HEADER = "time_s,value"
 
 
@@ -18,7 +18,7 @@ def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
     Raises `InputFileError` if it is not such a file, holds fewer than two points or a number that is not finite, or
     times do not ascend.
     """
-    text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
+    text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     if not lines or lines[0][1].replace(" ", "") != _HEADER:

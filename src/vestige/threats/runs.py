@@ -14,7 +14,7 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 
 RUNS = "runs.csv"
-MAX_BYTES = 1 << 30  # a run and level has 200 bytes
+_MAX_BYTES = 1 << 30  # a run and level has 200 bytes
 RunKey = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
@@ -38,7 +38,7 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
     if not path.exists():
         return {}
     try:
-        content = read_bytes(path, at_most=MAX_BYTES)
+        content = read_bytes(path, at_most=_MAX_BYTES)
         if _HEADER.encode().startswith(content):
             return {}  # cut off in its first line, or empty
         whole = content[: content.rfind(b"\n") + 1].decode().splitlines()

@@ -10,7 +10,7 @@ import pytest
 
 from vestige.crypto.file_bytes import read_bytes, read_text
 from vestige.crypto.recs import recs_file
-from vestige.crypto.recs.file_signature import verify
+from vestige.crypto.recs.file_signature import verify_file
 from vestige.errors import InputFileError
 from vestige.plots.curves.sweep import read_sweep
 from vestige.receiver.errors.empirical_ionosphere import read_residuals
@@ -26,8 +26,8 @@ READERS = (
     read_residuals,
     read_sweep,
     read_threat_table,
-    recs_file.read,
-    verify,
+    recs_file.read_recs_file,
+    verify_file,
 )
 
 

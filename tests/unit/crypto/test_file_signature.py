@@ -43,7 +43,7 @@ A_CERTIFICATE = certificate(PRIVATE["p256"]).public_bytes(Encoding.DER)
 def test_signed_file_is_verified(file: Path, curve: str) -> None:
     signature = file_signature.sign(file, PRIVATE[curve], certificate=2)
     assert signature.name == f"{file.name}_02.{curve}"
-    assert file_signature.verify(file, [PRIVATE[curve].public_key()]) is SignatureStatus.VERIFIED
+    assert file_signature.verify_file(file, [PRIVATE[curve].public_key()]) is SignatureStatus.VERIFIED
 
 
 @pytest.mark.parametrize("curve", CURVES)
@@ -51,18 +51,18 @@ def test_signature_as_two_plain_integers(file: Path, curve: str) -> None:
     signature = file_signature.sign(file, PRIVATE[curve])
     r, s = decode_dss_signature(signature.read_bytes())
     signature.write_bytes(r.to_bytes(SIZE[curve], "big") + s.to_bytes(SIZE[curve], "big"))
-    assert file_signature.verify(file, [PRIVATE[curve].public_key()]) is SignatureStatus.VERIFIED
+    assert file_signature.verify_file(file, [PRIVATE[curve].public_key()]) is SignatureStatus.VERIFIED
     signature.write_bytes(bytes(2 * SIZE[curve]))
     with pytest.raises(AuthenticationError):
-        file_signature.verify(file, [PRIVATE[curve].public_key()])
+        file_signature.verify_file(file, [PRIVATE[curve].public_key()])
 
 
 def test_what_is_said_without_signature_or_key(file: Path) -> None:
     key = PRIVATE["p256"].public_key()
-    assert file_signature.verify(file, [key]) is SignatureStatus.NOT_SIGNED
+    assert file_signature.verify_file(file, [key]) is SignatureStatus.NOT_SIGNED
     file_signature.sign(file, PRIVATE["p256"])
-    assert file_signature.verify(file) is SignatureStatus.NO_CERTIFICATE
-    assert file_signature.verify(file, [PRIVATE["p384"].public_key()]) is SignatureStatus.NO_CERTIFICATE
+    assert file_signature.verify_file(file) is SignatureStatus.NO_CERTIFICATE
+    assert file_signature.verify_file(file, [PRIVATE["p384"].public_key()]) is SignatureStatus.NO_CERTIFICATE
 
 
 @pytest.mark.parametrize("damage", ["file", "signature", "key", "empty"])
@@ -76,14 +76,14 @@ def test_anything_wrong_is_an_authentication_error(file: Path, damage: str) -> N
     elif damage == "empty":
         signature.write_bytes(b"")
     with pytest.raises(AuthenticationError, match="is not one of this file by a given key"):
-        file_signature.verify(file, [key])
+        file_signature.verify_file(file, [key])
 
 
 def test_one_of_several_signatures_is_enough(file: Path) -> None:
     file_signature.sign(file, OTHER, certificate=1)
     file_signature.sign(file, PRIVATE["p384"], certificate=1)
     file_signature.sign(file, PRIVATE["p256"], certificate=2)
-    assert file_signature.verify(file, [PRIVATE["p256"].public_key()]) is SignatureStatus.VERIFIED
+    assert file_signature.verify_file(file, [PRIVATE["p256"].public_key()]) is SignatureStatus.VERIFIED
     names = [path.name for path in file_signature.signatures_in(file.parent)[file.name]]
     assert names == [f"{file.name}_01.p256", f"{file.name}_01.p384", f"{file.name}_02.p256"]
 
@@ -164,7 +164,7 @@ def test_garbage_is_no_signature(tmp_path: Path, data: bytes) -> None:
     path.write_bytes(b"content")
     (tmp_path / "a.bin_01.p256").write_bytes(data)
     with pytest.raises(AuthenticationError):
-        file_signature.verify(path, [PRIVATE["p256"].public_key()])
+        file_signature.verify_file(path, [PRIVATE["p256"].public_key()])
 
 
 VERSION_3, SERIAL_1 = b"\xa0\x03\x02\x01\x02", b"\x02\x01\x01"  # as a certificate has them, one after the other

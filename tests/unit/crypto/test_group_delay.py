@@ -32,7 +32,7 @@ def by_hand(values: dict[int, int], n_bytes: int = 191) -> bytes:
 
 
 def test_known_value() -> None:
-    file = group_delay.parse(by_hand({1: -1, 14: 192, 36: 511}), PATH)
+    file = group_delay.parse_group_delay_file(by_hand({1: -1, 14: 192, 36: 511}), PATH)
     assert file.valid_from == VALID_FROM
     assert [delay.svid for delay in file.delays] == [1, 14, 36]
     assert file.delays[1].bgd_e1_e6_s == pytest.approx(44.70e-9, abs=0.005e-9)
@@ -48,20 +48,24 @@ times = st.builds(time_of_deciseconds, st.integers(0, 4095), st.integers(0, 6_04
 def test_round_trip(raw: dict[int, int], time: GalileoTime, validity: bytes) -> None:
     delays = tuple(GroupDelay(svid=svid, bgd_e1_e6_s=raw[svid] * 2.0**-32, valid_from=time) for svid in sorted(raw))
     file = GroupDelayFile(provider="GSCX", valid_from=time, delays=delays, validity=validity)
-    assert group_delay.parse(group_delay.serialize(file), PATH, reference=time) == file
+    assert (
+        group_delay.parse_group_delay_file(group_delay.serialize_group_delay_file(file), PATH, reference=time) == file
+    )
 
 
 @given(values)
 def test_writer_agrees_with_the_table(raw: dict[int, int]) -> None:
     delays = tuple(GroupDelay(svid=svid, bgd_e1_e6_s=raw[svid] * 2.0**-32, valid_from=VALID_FROM) for svid in raw)
-    assert group_delay.serialize(GroupDelayFile(provider="GSCX", valid_from=VALID_FROM, delays=delays)) == by_hand(raw)
+    assert group_delay.serialize_group_delay_file(
+        GroupDelayFile(provider="GSCX", valid_from=VALID_FROM, delays=delays)
+    ) == by_hand(raw)
 
 
 def test_write_and_read(tmp_path: Path) -> None:
     delays = [GroupDelay(svid=svid, bgd_e1_e6_s=svid * 1e-9, valid_from=VALID_FROM) for svid in (30, 2)]
-    path = group_delay.write(delays, tmp_path)
+    path = group_delay.write_group_delay_file(delays, tmp_path)
     assert path.name == "GSCX01_232280500160.BGD"
-    read = group_delay.read(path).delays
+    read = group_delay.read_group_delay_file(path).delays
     assert [delay.svid for delay in read] == [2, 30]
     assert [delay.bgd_e1_e6_s for delay in read] == pytest.approx([2e-9, 30e-9], abs=2.0**-33)
 
@@ -80,21 +84,23 @@ def test_write_and_read(tmp_path: Path) -> None:
 def test_field_that_cannot_be(offset: int, change: bytes, message: str) -> None:
     data = by_hand({14: 192})
     with pytest.raises(InputFileError, match=message):
-        group_delay.parse(data[:offset] + change + data[offset + len(change) :], PATH)
+        group_delay.parse_group_delay_file(data[:offset] + change + data[offset + len(change) :], PATH)
 
 
 def test_unknown_interface_version() -> None:
     data = by_hand({14: 192})
     with pytest.raises(UnsupportedError, match="interface version 2"):
-        group_delay.parse(data[:4] + b"\x02" + data[5:], PATH)
+        group_delay.parse_group_delay_file(data[:4] + b"\x02" + data[5:], PATH)
 
 
 def test_truncated() -> None:
     data = by_hand({14: 192, 31: 5})
     for n_bytes in range(72 + 2 * 31):
         with pytest.raises(InputFileError):
-            group_delay.parse(data[:n_bytes], PATH)
-    assert group_delay.parse(data[: 72 + 2 * 31], PATH) == group_delay.parse(data, PATH)
+            group_delay.parse_group_delay_file(data[:n_bytes], PATH)
+    assert group_delay.parse_group_delay_file(data[: 72 + 2 * 31], PATH) == group_delay.parse_group_delay_file(
+        data, PATH
+    )
 
 
 @given(st.binary(max_size=300), st.dictionaries(st.integers(0, 190), st.integers(0, 255), max_size=4))
@@ -105,7 +111,7 @@ def test_garbage(data: bytes, changes: dict[int, int]) -> None:
     for candidate in (data, bytes(damaged)):
         delays, message = (), ""
         try:
-            delays = group_delay.parse(candidate, PATH).delays
+            delays = group_delay.parse_group_delay_file(candidate, PATH).delays
         except VestigeError as error:
             message = str(error)
         assert not message or message.startswith("some.BGD: ")
@@ -125,7 +131,7 @@ def test_garbage(data: bytes, changes: dict[int, int]) -> None:
 )
 def test_what_does_not_fit_is_not_written(tmp_path: Path, delays: list[GroupDelay]) -> None:
     with pytest.raises(ValueError, match="BGD file"):
-        group_delay.write(delays, tmp_path)
+        group_delay.write_group_delay_file(delays, tmp_path)
 
 
 def test_hand_over_vector() -> None:

@@ -13,7 +13,7 @@ from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
 from vestige.crypto.osnma.messages.subframe import PageStatus
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind
 from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.errors import AuthenticationError
@@ -34,7 +34,7 @@ PAGES = Broadcast(CHAIN, n_subframes=N).pages()
 
 
 def run(pages: list[InavPage], chain: SimulatedChain = CHAIN) -> OsnmaReport:
-    return verify(pages, (chain.public_key,), chain.tree)
+    return verify_pages(pages, (chain.public_key,), chain.tree)
 
 
 REPORT = run(PAGES)
@@ -297,7 +297,7 @@ def test_one_satellite_with_a_false_root_key_does_not_stop_the_others() -> None:
 
 def test_a_root_key_of_another_public_key_is_not_used() -> None:
     other = PublicKey(pkid=9, point=CHAIN.public_key.point, trust=Trust.USER)
-    report = verify(PAGES, (other,))
+    report = verify_pages(PAGES, (other,))
     assert report.keys == ()
     with pytest.raises(AuthenticationError, match=r"no root key is verified: .*PKID 4, which was not given"):
         report.raise_if_failed()
@@ -337,7 +337,7 @@ def test_a_new_root_key_of_the_same_chain_and_a_new_chain() -> None:
 
     next_chain = make_chain(b"next", START + N * 30, 8, chain_id=2, pkid=5)
     third = Broadcast(next_chain, n_subframes=8).pages()
-    report = verify([*first, *second, *third], (CHAIN.public_key, next_chain.public_key))
+    report = verify_pages([*first, *second, *third], (CHAIN.public_key, next_chain.public_key))
     assert [key.chain_id for key in report.keys] == [1] * N + [2] * 8
     assert report.failures == ()
 
@@ -353,7 +353,7 @@ def test_broadcast_public_keys_are_verified_and_reported() -> None:
         (MerkleTree(nodes={(4, 0): bytes(32)}), "not the trusted 0000"),
         (None, "no Merkle tree to verify it"),
     ):
-        report = verify(pages, (CHAIN.public_key,), given_tree)
+        report = verify_pages(pages, (CHAIN.public_key,), given_tree)
         assert any(words in problem.text for problem in report.problems)
         assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
 

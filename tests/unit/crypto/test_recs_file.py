@@ -70,8 +70,8 @@ UNITARY_FILE = RecsFile(
     n_chip_code=0,
     body=bytes(640),
 )
-A_UNITARY = recs_file.serialize(UNITARY_FILE)
-AN_AGGREGATE = recs_file.serialize(
+A_UNITARY = recs_file.serialize_recs_file(UNITARY_FILE)
+AN_AGGREGATE = recs_file.serialize_recs_file(
     dataclasses.replace(UNITARY_FILE, kind=RecsFileKind.AGGREGATED, body=bytes(3 * 640), duration_ds=900, period_ds=300)
 )
 
@@ -83,9 +83,9 @@ def random_chips(length: SegmentLength, time: GalileoTime) -> ChipSequence:
 
 @given(files)
 def test_every_field_survives(file: RecsFile) -> None:
-    data = recs_file.serialize(file)
-    assert recs_file.parse(data, PATH, reference=file.start) == file
-    assert recs_file.parse(data, Path(str(file.name)), reference=file.start) == file
+    data = recs_file.serialize_recs_file(file)
+    assert recs_file.parse_recs_file(data, PATH, reference=file.start) == file
+    assert recs_file.parse_recs_file(data, Path(str(file.name)), reference=file.start) == file
 
 
 @pytest.mark.parametrize(
@@ -95,8 +95,8 @@ def test_write_read_decrypt(tmp_path: Path, length: SegmentLength, kind: RecsFil
     times = [START + 30 * i for i in range(3 if kind is RecsFileKind.AGGREGATED else 1)]
     chips = [random_chips(length, time) for time in times]
     segments = [recs.encrypt(sequence, KEY, key_delay=key_delay, random_offset=1) for sequence in chips]
-    path = recs_file.write(recs_file.from_segments(segments), tmp_path)
-    file = recs_file.read(path)
+    path = recs_file.write_recs_file(recs_file.from_segments(segments), tmp_path)
+    file = recs_file.read_recs_file(path)
     assert file.kind is kind
     assert file.n_chip_code == length.code
     assert file.segments == tuple(segments)
@@ -129,15 +129,15 @@ def test_twelve_bit_week_is_the_nearest_to_the_reference(week: int, reference: i
 
 def test_name_resolves_the_twelve_bit_week(tmp_path: Path) -> None:
     start = GalileoTime.parse("2078-06-01T00:00:16")  # after week 4095
-    file = dataclasses.replace(recs_file.parse(A_UNITARY, PATH), start=start)
-    path = recs_file.write(file, tmp_path)
-    assert recs_file.read(path).start == start
-    assert recs_file.parse(path.read_bytes(), PATH).start.week == start.week - 4096
+    file = dataclasses.replace(recs_file.parse_recs_file(A_UNITARY, PATH), start=start)
+    path = recs_file.write_recs_file(file, tmp_path)
+    assert recs_file.read_recs_file(path).start == start
+    assert recs_file.parse_recs_file(path.read_bytes(), PATH).start.week == start.week - 4096
 
 
 def test_content_decides_not_the_suffix() -> None:
-    assert recs_file.parse(A_UNITARY, Path("a.bin")).kind is RecsFileKind.UNITARY
-    assert recs_file.parse(AN_AGGREGATE, Path("a.RCS")).kind is RecsFileKind.AGGREGATED
+    assert recs_file.parse_recs_file(A_UNITARY, Path("a.bin")).kind is RecsFileKind.UNITARY
+    assert recs_file.parse_recs_file(AN_AGGREGATE, Path("a.RCS")).kind is RecsFileKind.AGGREGATED
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_content_decides_not_the_suffix() -> None:
 )
 def test_name_that_disagrees_with_the_header(name: str) -> None:
     with pytest.raises(InputFileError, match=r"expected GSCX01_232280500160_11_0_0_01\.RCS as the header says"):
-        recs_file.parse(A_UNITARY, Path(name))
+        recs_file.parse_recs_file(A_UNITARY, Path(name))
 
 
 UNITARY_FAULTS = [
@@ -175,35 +175,35 @@ AGGREGATED_FAULTS = [
 def test_field_that_cannot_be(data: bytes, offset: int, change: bytes, place: str) -> None:
     damaged = data[:offset] + change + data[offset + len(change) :]
     with pytest.raises(InputFileError) as caught:
-        recs_file.parse(damaged, PATH)
+        recs_file.parse_recs_file(damaged, PATH)
     assert place in caught.value.place
 
 
 @pytest.mark.parametrize(("data", "offset"), [(A_UNITARY, 4), (AN_AGGREGATE, 8)])
 def test_unknown_interface_version(data: bytes, offset: int) -> None:
     with pytest.raises(UnsupportedError, match="interface version 2 is not known"):
-        recs_file.parse(data[:offset] + b"\x02" + data[offset + 1 :], PATH)
+        recs_file.parse_recs_file(data[:offset] + b"\x02" + data[offset + 1 :], PATH)
 
 
 @pytest.mark.parametrize("data", [A_UNITARY, AN_AGGREGATE], ids=["unitary", "aggregated"])
 def test_no_truncated_file_is_read(data: bytes) -> None:
     for n_bytes in range(len(data)):
         with pytest.raises(InputFileError):
-            recs_file.parse(data[:n_bytes], PATH)
+            recs_file.parse_recs_file(data[:n_bytes], PATH)
 
 
 def reads_or_says_why(data: bytes) -> None:
     """Check that garbage is one clear line, or a file that is exactly these bytes."""
     file, message = None, ""
     try:
-        file = recs_file.parse(data, PATH)
+        file = recs_file.parse_recs_file(data, PATH)
     except VestigeError as error:
         message = str(error)
     if file is None:
         assert message.startswith("renamed: ")
         assert "\n" not in message
     else:
-        assert recs_file.serialize(file) == data
+        assert recs_file.serialize_recs_file(file) == data
         assert len(file.segments) == file.n_segments
 
 
@@ -224,7 +224,7 @@ def test_damaged_header(data: bytes, changes: dict[int, int], grow: int) -> None
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     for path in (tmp_path / "missing.bin", tmp_path):
         with pytest.raises(InputFileError, match="file: found"):
-            recs_file.read(path)
+            recs_file.read_recs_file(path)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_what_does_not_fit_is_not_written(change: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=r"found|whole number of deciseconds"):
-        recs_file.serialize(dataclasses.replace(UNITARY_FILE, **change))
+        recs_file.serialize_recs_file(dataclasses.replace(UNITARY_FILE, **change))
 
 
 @pytest.mark.parametrize(
@@ -252,8 +252,8 @@ def test_unlike_segments_do_not_share_a_file(change: dict[str, int]) -> None:
 
 
 def test_a_file_of_forty_gigabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    path = recs_file.write(UNITARY_FILE, tmp_path)
+    path = recs_file.write_recs_file(UNITARY_FILE, tmp_path)
     os.truncate(path, 40_000_000_000)  # sparse: the disk has some kB of it
-    assert recs_file.MAX_FILE_BYTES == 25 + 86_400 * 10_240  # a day of RECS of 16 ms, one a second
+    assert recs_file.MAX_RECS_FILE_BYTES == 25 + 86_400 * 10_240  # a day of RECS of 16 ms, one a second
     with pytest.raises(InputFileError, match="length: found 40000000000 bytes, expected at most 884736025 bytes"):
-        recs_file.read(path)
+        recs_file.read_recs_file(path)

@@ -6,7 +6,7 @@ import pytest
 
 from osnma_builder import Broadcast, make_page
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.navigation.inav.page import InavPage
@@ -22,7 +22,7 @@ KEYS = [key.data for key in CHAIN.keys]
 
 
 def run(pages: list[InavPage]) -> OsnmaReport:
-    return verify(pages, (CHAIN.public_key,), CHAIN.tree)
+    return verify_pages(pages, (CHAIN.public_key,), CHAIN.tree)
 
 
 def with_header(pages: list[InavPage], svid: int, index: int, value: int) -> list[InavPage]:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from osnma_builder import Broadcast, make_page
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.osnma_receiver import verify
+from vestige.crypto.osnma.osnma_receiver import verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport
 from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.navigation.inav.page import InavPage
@@ -17,7 +17,7 @@ PAGES = Broadcast(CHAIN, n_subframes=N).pages()
 
 
 def run(pages: list[InavPage]) -> OsnmaReport:
-    return verify(pages, (CHAIN.public_key,), CHAIN.tree)
+    return verify_pages(pages, (CHAIN.public_key,), CHAIN.tree)
 
 
 REPORT = run(PAGES)

@@ -38,8 +38,8 @@ def lost_halves(es_n0_db: float, trials: int, rng: np.random.Generator) -> int:
     metric[:, 0] = 0.0
     left = np.zeros((trials, STATES), bool)
     for step in range(HALF_PAGE):
-        heard = level + rng.standard_normal((trials, 2)).astype(np.float32)
-        paths = [metric[:, source[:, k]] + heard @ sign[:, k].T for k in (0, 1)]
+        received = level + rng.standard_normal((trials, 2)).astype(np.float32)
+        paths = [metric[:, source[:, k]] + received @ sign[:, k].T for k in (0, 1)]
         second = paths[1] > paths[0]
         left = np.where(second, left[:, source[:, 1]], left[:, source[:, 0]])
         left[:, 1:] = True

@@ -316,7 +316,7 @@ def test_same_file_twice_is_no_contradiction(folder: Path, assistance: Assistanc
 def test_contradicting_recs_are_not_used(folder: Path, chain: SimulatedChain, assistance: Assistance) -> None:
     honest = assistance.segments[0]
     forged = dataclasses.replace(honest, cipher=bytes(640))
-    recs_file.write(recs_file.from_segments([forged]), folder)
+    recs_file.write_recs_file(recs_file.from_segments([forged]), folder)
     result = read_assistance(folder)
     assert result.assistance.segments == assistance.segments[1:]
     assert len(result.problems) == 1
@@ -404,7 +404,9 @@ def test_irregular_epochs_are_split_into_files(tmp_path: Path, chain: SimulatedC
     epochs = [time_of_deciseconds(START.week, 10 * START.second + ds) for ds in (0, 300, 600, 915, 1500, 1501, 1502)]
     assistance = Assistance(segments=tuple(segment_of(chain, 5, epoch) for epoch in epochs))
     write_assistance(tmp_path, assistance)
-    counts = sorted(recs_file.read(path).n_segments for path in [*tmp_path.glob("*.bin"), *tmp_path.glob("*.RCS")])
+    counts = sorted(
+        recs_file.read_recs_file(path).n_segments for path in [*tmp_path.glob("*.bin"), *tmp_path.glob("*.RCS")]
+    )
     assert sum(counts) == len(epochs)
     assert read_assistance(tmp_path).assistance.segments == assistance.segments
 

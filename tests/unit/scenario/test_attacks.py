@@ -11,7 +11,7 @@ import pytest
 from vestige.errors import InputFileError, VestigeError
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.load import load_scenario, scenario_schema
 from vestige.scenario.warnings import scenario_warnings
 from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import simulated
@@ -164,7 +164,7 @@ def test_an_attack_after_the_end(tmp_path: Path) -> None:
 
 
 def test_schema_names_every_attack() -> None:
-    text = str(schema())
+    text = str(scenario_schema())
     for attack in ALL_ATTACKS:
         (kind,) = (field.default for field in fields(attack) if field.name == "kind")
         assert f"'{kind}'" in text

@@ -14,7 +14,7 @@ from vestige.receiver.errors.empirical_ionosphere import EmpiricalIonosphere
 from vestige.receiver.errors.ionosphere import IONOSPHERE_PRESETS, HeavyTailedIonosphere
 from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.load import load_scenario, scenario_schema
 from vestige.scenario.toml.toml_file import overridden
 from vestige.scenario.warnings import scenario_warnings
 
@@ -183,7 +183,7 @@ def test_both_scenarios_of_the_paper_are_the_same_but_for_length() -> None:
 
 
 def _validator() -> Any:
-    return jsonschema.Draft202012Validator(schema())
+    return jsonschema.Draft202012Validator(scenario_schema())
 
 
 def _jsonable(value: Any) -> Any:
@@ -226,6 +226,6 @@ def test_the_schema_and_the_loader_agree(setting: str, good: bool) -> None:
 
 
 def test_schema_names_the_kinds() -> None:
-    text = str(schema())
+    text = str(scenario_schema())
     for kind in ("campaign", "recording", "two-state", "lms-lite", "heavy-tailed", "betz"):
         assert f"'{kind}'" in text

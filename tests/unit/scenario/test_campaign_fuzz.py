@@ -14,7 +14,7 @@ from tests.simulated_banks import snapshots
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.load import load_scenario, schema
+from vestige.scenario.load import load_scenario, scenario_schema
 from vestige.scenario.warnings import scenario_warnings
 
 HARSH = Path(__file__).resolve().parents[3] / "scenarios" / "harsh.toml"
@@ -30,7 +30,7 @@ def _keys(table: dict[str, Any], definitions: dict[str, Any], prefix: str = "") 
     return list(dict.fromkeys(found))
 
 
-DEFINITIONS = schema()["$defs"]
+DEFINITIONS = scenario_schema()["$defs"]
 KEYS = _keys(DEFINITIONS["CampaignScenario"], DEFINITIONS)
 NUMBERS = [key for key in KEYS if key.endswith(("_hz", "_m", "_mps", "_s", "_dbhz", "_db", "_probability"))]
 VALUES = """

@@ -31,7 +31,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.stored import StoredScenario
 from vestige.time import GalileoTime
 
-Columns = Mapping[str, np.ndarray]
+Columns = Mapping[str, np.ndarray]  # columns by name
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _AVAILABILITY = {
     "availability": {

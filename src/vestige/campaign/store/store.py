@@ -43,7 +43,7 @@ from vestige.campaign.store.store_skeleton import (
     coord_text,
     identity,
     mended,
-    schema,
+    store_schema,
     work_digest,
     write_skeleton,
 )
@@ -233,7 +233,7 @@ def _check_sizes(store: Store) -> None:
 
 def _check_identity(store: Store, plan: Plan) -> None:
     found = {name: value for name, value in store.attrs.items() if name not in (CHUNK, WORK)}
-    expected = {**identity(plan), **schema(plan)}
+    expected = {**identity(plan), **store_schema(plan)}
     # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):

@@ -40,7 +40,7 @@ def work_digest(attributes: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(dict(attributes), sort_keys=True).encode()).hexdigest()
 
 
-def schema(plan: Plan) -> dict[str, Any]:
+def store_schema(plan: Plan) -> dict[str, Any]:
     """Return what the arrays of a store must be, as text."""
     columns = {
         COLUMN + name: column_text(column.dtype, column.dims, shape_of(plan, column, plan.n_epochs))
@@ -96,7 +96,7 @@ def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
                 }
             ),
         )
-    own = {**schema(plan), CHUNK: chunk_epochs, WORK: work_digest(identity(plan))}
+    own = {**store_schema(plan), CHUNK: chunk_epochs, WORK: work_digest(identity(plan))}
     progress = group.create_group(PROGRESS, attributes=own)
     n_chunks = -(-plan.n_epochs // chunk_epochs)
     progress.create_array(DIGEST, shape=(n_chunks,), chunks=(1,), dtype="uint64", fill_value=UNFINISHED)

@@ -24,8 +24,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vestige.campaign.columns.measured_columns import Columns
 from vestige.campaign.plan import CHUNK_EPOCHS
-from vestige.campaign.run import Columns, ExecutorChoice, RunProgress, run
+from vestige.campaign.run import ExecutorChoice, RunProgress, run
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     import xarray
 
 SWEEP_TABLE = "sweep.csv"
-MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
+_MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
 _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
 
@@ -174,7 +175,7 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
         return
     expected = "the table of a sweep"
     try:
-        text = read_text(folder / SWEEP_TABLE, at_most=MAX_FILE_BYTES, expected=expected)
+        text = read_text(folder / SWEEP_TABLE, at_most=_MAX_FILE_BYTES, expected=expected)
         heading = next(csv.reader(StringIO(text, newline="")), [])
     except csv.Error as error:
         raise InputFileError(folder / SWEEP_TABLE, "heading", str(error), expected) from error

@@ -28,13 +28,13 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
     import json
 
     from vestige.errors import VestigeError
-    from vestige.scenario.load import load_scenario, schema
+    from vestige.scenario.load import load_scenario, scenario_schema
     from vestige.scenario.warnings import scenario_warnings
 
     if bool(files) == as_schema:
         raise click.UsageError("expected scenario FILES, or --schema alone")
     if as_schema:
-        echo(*json.dumps(schema(), indent=2, allow_nan=False).split("\n"))
+        echo(*json.dumps(scenario_schema(), indent=2, allow_nan=False).split("\n"))
         return
     resolved: dict[str, object] = {}
     errors: list[VestigeError | OSError] = []

@@ -58,7 +58,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
     return (recording, *(options[name] for name in _READ), *options["certificates"])
 
 
-def follow(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
+def follow_recording(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
     """Print verdicts and changes of state as they become available, until there is nothing more to come."""
     from vestige.recording.live.follow_journal import FollowJournal
 

@@ -19,7 +19,7 @@ from vestige.cli.options import (
     parts_option,
     time_option,
 )
-from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow, inputs
+from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -121,7 +121,7 @@ def command(recording_path: Path, **options: Any) -> None:
     """
     check_usage(recording_path, options)
     if options["follow"]:
-        follow(recording_path, options, _processor(options))
+        follow_recording(recording_path, options, _processor(options))
     else:
         _finished(recording_path, options)
 

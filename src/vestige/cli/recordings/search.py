@@ -214,7 +214,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     """
     from vestige.acas_processor.searches.vestigial import decide_vestigial, reception_proof
     from vestige.cli.recordings.search_figure import SearchFigure
-    from vestige.cli.recordings.search_report import Answer, follow, print_answers, print_budget
+    from vestige.cli.recordings.search_report import Answer, follow_search, print_answers, print_budget
     from vestige.records import Band
     from vestige.sample_processor.search.engines.choice import choose_engine
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
@@ -249,7 +249,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
         print_budget(budget, search, engine)
         name = str(group[0].transmit_time)
         before = None if log is None else log.states.get(name)
-        peaks, unsearched = follow(
+        peaks, unsearched = follow_search(
             search.run(e6, group, first, last, budget.threshold, after=before),
             before=before,
             each=figure.add,

@@ -59,7 +59,7 @@ def places_line(svid: int, budget: SearchBudget) -> str:
     )
 
 
-def follow(
+def follow_search(
     states: Iterable[SearchState],
     *,
     before: SearchState | None,

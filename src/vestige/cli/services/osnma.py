@@ -27,7 +27,7 @@ def command() -> None:
     """Verify OSNMA messages and extract validated keys."""
 
 
-@command.command()
+@command.command(name="verify")
 @click.argument("file", type=_path)
 @click.option("--public-key", type=_path, help="OSNMA public key: XML of the GSC, or PEM.")
 @click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, XML of the GSC; its root is trusted.")
@@ -42,7 +42,7 @@ def command() -> None:
     help="Start of a test-vector CSV; default: as its navigation data says.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def verify(
+def verify_command(
     file: Path, public_key: Path | None, merkle_tree: Path | None, output: Path | None, fill_gaps: bool,
     start: GalileoTime | None, as_json: bool,
 ) -> None:  # fmt: skip

@@ -71,7 +71,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
 
     from vestige.crypto.file_bytes import read_bytes
     from vestige.crypto.recs.file_signature import load_public_key, signatures_in, verify_data
-    from vestige.crypto.recs.recs_file import MAX_FILE_BYTES, parse
+    from vestige.crypto.recs.recs_file import MAX_RECS_FILE_BYTES, parse_recs_file
     from vestige.errors import VestigeError
 
     public_keys = [load_public_key(path) for path in certificates]
@@ -80,8 +80,8 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     errors: list[VestigeError] = []
     for path in files:
         try:
-            data = read_bytes(path, at_most=MAX_FILE_BYTES)
-            file = parse(data, path, reference=reference)
+            data = read_bytes(path, at_most=MAX_RECS_FILE_BYTES)
+            file = parse_recs_file(data, path, reference=reference)
             if path.parent not in signatures:
                 signatures[path.parent] = signatures_in(path.parent)
             status = verify_data(data, path, signatures[path.parent].get(path.name, ()), public_keys)
@@ -96,7 +96,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     raise_last(errors)
 
 
-@command.command()
+@command.command(name="decrypt")
 @click.argument("file", type=_path)
 @click.option("--keys", "key_file", required=True, type=_path, help="Key file, as `vestige osnma verify` writes it.")
 @click.option("--public-key", type=_path, help="OSNMA public key (XML or PEM) that the key file must lead to.")
@@ -107,7 +107,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
 )
 @_reference
 @_json
-def decrypt(
+def decrypt_command(
     file: Path, key_file: Path, public_key: Path | None, merkle_tree: Path | None, output: Path | None, mode: str,
     reference: GalileoTime | None, as_json: bool,
 ) -> None:  # fmt: skip
@@ -120,14 +120,14 @@ def decrypt(
 
     from vestige.crypto.keys.key_file import read_key_file
     from vestige.crypto.keys.public_key_file import load_public_keys
-    from vestige.crypto.recs.recs_file import read
+    from vestige.crypto.recs.recs_file import read_recs_file
     from vestige.crypto.recs.recs_segment import CipherMode
     from vestige.errors import VestigeError
 
     if public_key is None and merkle_tree is None:
         raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
     check_output(output, (file, key_file, public_key, merkle_tree))
-    recs = read(file, reference=reference)
+    recs = read_recs_file(file, reference=reference)
     keys = {key.time: key for key in read_key_file(key_file, load_public_keys(public_key, merkle_tree))}
     packed, rows = _decrypt_segments(recs.segments, keys, CipherMode(mode))
     if not packed:

@@ -47,7 +47,7 @@ from vestige.validated_key import ValidatedKey
 KEY_FILE_FIRST_LINE = "# vestige OSNMA keys 2"
 FIRST_LINE_1 = "# vestige OSNMA keys 1"
 KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
-MAX_FILE_BYTES = 100_000_000  # a year of keys
+_MAX_FILE_BYTES = 100_000_000  # a year of keys
 
 _ROOT_PREFIX, _ALERT_PREFIX = "# root,", "# alert,"
 _ROOT_FIELDS = "week,second,status,NMA header,DSM-KROOT"
@@ -150,7 +150,7 @@ def read_raw_keys(path: Path) -> tuple[Key, ...]:
     Raises `InputFileError` if the file is not of this kind.
     """
     try:
-        document = ElementTree.fromstring(read_bytes(path, at_most=MAX_FILE_BYTES))
+        document = ElementTree.fromstring(read_bytes(path, at_most=_MAX_FILE_BYTES))
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputFileError(path, "document", str(error), "well-formed XML without entities") from None
     if document.tag != "OsnmaKeys":
@@ -169,7 +169,7 @@ def read_raw_keys(path: Path) -> tuple[Key, ...]:
 
 def _lines(path: Path) -> list[str]:
     try:
-        text = read_bytes(path, at_most=MAX_FILE_BYTES).decode("ascii")
+        text = read_bytes(path, at_most=_MAX_FILE_BYTES).decode("ascii")
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "not ASCII", "a key file") from None
     # Spreadsheets fill short lines up with commas.

@@ -23,7 +23,7 @@ from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, compress
 from vestige.crypto.keys.signature_scheme import NAMES, P256, SCHEMES, scheme_of_curve
 from vestige.errors import InputFileError, UnsupportedError
 
-MAX_FILE_BYTES = 1_000_000  # the published files have 2 kB; nothing larger is one of them
+_MAX_FILE_BYTES = 1_000_000  # the published files have 2 kB; nothing larger is one of them
 _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 
 
@@ -103,7 +103,7 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
 
 def _read_text(path: Path) -> str:
     try:
-        return read_bytes(path, at_most=MAX_FILE_BYTES).decode("utf-8-sig")
+        return read_bytes(path, at_most=_MAX_FILE_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "not UTF-8", "XML or PEM text") from None
 

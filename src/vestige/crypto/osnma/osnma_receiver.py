@@ -325,7 +325,9 @@ class OsnmaReceiver:
         return chains[0], None
 
 
-def verify(pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> OsnmaReport:
+def verify_pages(
+    pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
+) -> OsnmaReport:
     """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
     return OsnmaReceiver(public_keys, tree).process_all(pages)
 

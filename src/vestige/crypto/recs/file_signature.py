@@ -29,7 +29,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_public_key
 from cryptography.utils import CryptographyDeprecationWarning
 
 from vestige.crypto.file_bytes import list_folder, read_bytes
-from vestige.crypto.recs.recs_file import MAX_FILE_BYTES
+from vestige.crypto.recs.recs_file import MAX_RECS_FILE_BYTES
 from vestige.errors import AuthenticationError, InputFileError
 
 _NAME = re.compile(r"(?P<signed>.+)_(?P<certificate>\d{2})\.(?P<curve>p256|p384|p521)", re.ASCII | re.DOTALL)
@@ -120,12 +120,12 @@ def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: in
     return path.parent / str(name)
 
 
-def verify(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = ()) -> SignatureStatus:
+def verify_file(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = ()) -> SignatureStatus:
     """Return what is known of the origin of the file `path`, from the signatures that stand beside it.
 
     See `verify_data` for parameters and errors.
     """
-    data = read_bytes(path, at_most=MAX_FILE_BYTES)
+    data = read_bytes(path, at_most=MAX_RECS_FILE_BYTES)
     return verify_data(data, path, signatures_in(path.parent).get(path.name, ()), public_keys)
 
 

@@ -51,13 +51,13 @@ from vestige.records import GroupDelay
 from vestige.time import GalileoTime
 
 LSB_S = 2.0**-32  # [OS-ICD, 5.1.5], and [SASLIB] for the file
-INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+BGD_INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
 
 _HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
 _FILLING = b"\x12" * 36
 _SHORTEST_BYTES = 72 + 2 * 30  # the part that is known
 _TYPICAL_BYTES = 191
-MAX_FILE_BYTES = 1 << 16  # far more than any file of this layout
+MAX_GROUP_DELAY_FILE_BYTES = 1 << 16  # far more than any file of this layout
 _RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
 
 
@@ -114,10 +114,10 @@ class GroupDelayFile:
     @property
     def name(self) -> str:
         """Name that we give such a file, after that of a unitary RECS; the service's pattern is not known."""
-        return f"{self.provider}{INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
+        return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 
-def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
+def read_group_delay_file(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     """Return the BGD file at `path`.
 
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 …
@@ -126,11 +126,11 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     Raises `InputFileError` if it is not a file of the layout above, or a value is beyond the ± 119 ns that the field
     can hold. Raises `UnsupportedError` if its interface version is not known.
     """
-    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
+    return parse_group_delay_file(read_bytes(path, at_most=MAX_GROUP_DELAY_FILE_BYTES), path, reference=reference)
 
 
-def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file that `data` is; `path` is only for error messages. See `read`."""
+def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
+    """Return the BGD file that `data` is; `path` is only for error messages. See `read_group_delay_file`."""
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
     provider, interface, week, atow, validity, mask, filling = _HEADER.unpack_from(data)
@@ -138,8 +138,10 @@ def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> G
         raise InputFileError(path, "byte 0: provider", provider, "four letters or digits, as a BGD file begins")
     if filling != _FILLING:
         raise InputFileError(path, "byte 36: filling", filling, "36 bytes 0x12, as a BGD file has")
-    if interface != INTERFACE_VERSION:
-        raise UnsupportedError(f"{path}: BGD interface version {interface} is not known, only {INTERFACE_VERSION} is")
+    if interface != BGD_INTERFACE_VERSION:
+        raise UnsupportedError(
+            f"{path}: BGD interface version {interface} is not known, only {BGD_INTERFACE_VERSION} is"
+        )
     deciseconds = int.from_bytes(atow, "big")
     if deciseconds >= DECISECONDS_PER_WEEK:
         raise InputFileError(path, "time of week", f"{deciseconds} ds", f"less than a week, {DECISECONDS_PER_WEEK} ds")
@@ -155,7 +157,7 @@ def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> G
     )
 
 
-def serialize(file: GroupDelayFile) -> bytes:
+def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
     """Return the bytes of a BGD file, values rounded to 2⁻³² s.
 
     Raises `ValueError` if a field does not fit the format.
@@ -173,7 +175,7 @@ def serialize(file: GroupDelayFile) -> bytes:
         raise ValueError(f"provider {file.provider!r} is four letters or digits, validity six bytes")
     header = _HEADER.pack(
         provider,
-        INTERFACE_VERSION,
+        BGD_INTERFACE_VERSION,
         exact.week % WEEK_MODULUS,
         atow,
         file.validity,
@@ -183,14 +185,14 @@ def serialize(file: GroupDelayFile) -> bytes:
     return (header + slots.tobytes()).ljust(_TYPICAL_BYTES, b"\0")
 
 
-def write(delays: Sequence[GroupDelay], folder: Path) -> Path:
+def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
     """Write the values of one time as a BGD file into `folder` and return its path."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")
     file = GroupDelayFile(provider="GSCX", valid_from=ordered[0].valid_from, delays=ordered)
     path = folder / file.name
-    path.write_bytes(serialize(file))
+    path.write_bytes(serialize_group_delay_file(file))
     return path
 
 

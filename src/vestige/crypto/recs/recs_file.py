@@ -36,10 +36,10 @@ from vestige.errors import InputFileError, UnsupportedError
 from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
 
-INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+RECS_INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
-MAX_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
+MAX_RECS_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
 
 # The fields are Provider, IntV, reserved, WN, ATOW, tDur, SVID, KDI, RAND, NChip, RTBA and FileVersion [SASLIB].
 _AGGREGATED = struct.Struct(">8s B B H 3s 3s B B B B H B")
@@ -91,7 +91,7 @@ class RecsFile:
     duration_ds: int = 0
     period_ds: int = 0
     file_version: int = 1
-    interface_version: int = INTERFACE_VERSION
+    interface_version: int = RECS_INTERFACE_VERSION
     reserved: int = 0
 
     @property
@@ -135,7 +135,7 @@ class RecsFile:
         )
 
 
-def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
+def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
     Raises `InputFileError` if it is not a RECS file, or is truncated, or contradicts itself or its name. Raises
@@ -149,11 +149,11 @@ def read(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. Without it
         the file name does, and without a RECS name the week is taken as 0 … 4095, right until 2078.
     """
-    return parse(read_bytes(path, at_most=MAX_FILE_BYTES), path, reference=reference)
+    return parse_recs_file(read_bytes(path, at_most=MAX_RECS_FILE_BYTES), path, reference=reference)
 
 
-def parse(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
-    """Return the RECS file that `data`, the content of `path`, is. See `read`."""
+def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
+    """Return the RECS file that `data`, the content of `path`, is. See `read_recs_file`."""
     name = parse_name(path.name)
     if len(data) < _AGGREGATED.size:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_AGGREGATED.size} bytes")
@@ -173,12 +173,12 @@ def has_recs_header(head: bytes) -> bool:
     """Return whether a file that begins with `head` looks like a RECS file, whatever its name; 25 bytes are enough."""
     if len(head) < _AGGREGATED.size:
         return False
-    if head[4] == INTERFACE_VERSION:
+    if head[4] == RECS_INTERFACE_VERSION:
         return _PROVIDER.fullmatch(head[:4]) is not None and head[14:16] == _UNITARY.size.to_bytes(2, "big")
-    return head[8] == INTERFACE_VERSION and _PROVIDER.fullmatch(head[:8].rstrip(b"\0")) is not None
+    return head[8] == RECS_INTERFACE_VERSION and _PROVIDER.fullmatch(head[:8].rstrip(b"\0")) is not None
 
 
-def serialize(file: RecsFile) -> bytes:
+def serialize_recs_file(file: RecsFile) -> bytes:
     """Return the bytes of a RECS file.
 
     Raises `ValueError` if a field does not fit the format or contradicts another.
@@ -200,10 +200,10 @@ def serialize(file: RecsFile) -> bytes:
     )  # fmt: skip
 
 
-def write(file: RecsFile, folder: Path) -> Path:
+def write_recs_file(file: RecsFile, folder: Path) -> Path:
     """Write `file` under its own name into `folder` and return the path."""
     path = folder / str(file.name)
-    path.write_bytes(serialize(file))
+    path.write_bytes(serialize_recs_file(file))
     return path
 
 
@@ -296,8 +296,10 @@ def _provider(field: bytes, path: Path) -> str:
 
 
 def _require_interface(version: int, path: Path) -> None:
-    if version != INTERFACE_VERSION:
-        raise UnsupportedError(f"{path}: RECS interface version {version} is not known, only {INTERFACE_VERSION} is")
+    if version != RECS_INTERFACE_VERSION:
+        raise UnsupportedError(
+            f"{path}: RECS interface version {version} is not known, only {RECS_INTERFACE_VERSION} is"
+        )
 
 
 def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
@@ -312,7 +314,7 @@ def _fault(file: RecsFile) -> tuple[str, object, object] | None:
     unitary = file.kind is RecsFileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),
-        ("IntV", file.interface_version, range(INTERFACE_VERSION, INTERFACE_VERSION + 1)),
+        ("IntV", file.interface_version, range(RECS_INTERFACE_VERSION, RECS_INTERFACE_VERSION + 1)),
         ("reserved", file.reserved, range(16 if unitary else 256)),
         ("WN", file.start.week, range(1 << 16)),
         ("tDur", file.duration_ds, range(1) if unitary else range(1, MAX_DURATION_DS + 1)),

@@ -15,7 +15,7 @@ from vestige.errors import InputFileError, VestigeError
 from vestige.plots.curves.sweep_curves import KEY
 from vestige.plots.epochs import attribute, is_detected, is_missed, select
 
-MAX_FILE_BYTES = 1 << 26
+_MAX_FILE_BYTES = 1 << 26
 _CONSTANT = ("integration_s", "p_fa")  # attributes of a sweep; in a table, columns with one value throughout
 _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
 
@@ -57,7 +57,7 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     Raises `InputFileError` if it is no such table.
     """
     path = Path(path)
-    text = read_text(path, at_most=MAX_FILE_BYTES, expected="a CSV file")
+    text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")
     try:
         table = list(csv.DictReader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:

@@ -103,8 +103,8 @@ def counterfeit_satellites(
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:
     """Return the largest delay of a counterfeit that is on air at some times, at least 0, in s."""
-    heard = [
+    delays_m = [
         float(np.max(effects.delay_m, initial=0.0, where=effects.power_db > -math.inf))
         for effects in (spoofer.effects(band, svid, times_s) for band in Band)
     ]
-    return max(heard) / SPEED_OF_LIGHT_MPS
+    return max(delays_m) / SPEED_OF_LIGHT_MPS

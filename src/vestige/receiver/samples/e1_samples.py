@@ -157,12 +157,12 @@ def _signals(
     ray_doppler_hz: Float[np.ndarray, " k"],
 ) -> tuple[ReceivedSignal, ...]:
     """Return everything of a satellite that is on air: what is near together, what is far off with its own chips."""
-    heard = np.abs(amplitude) > 0
+    present = np.abs(amplitude) > 0
     delay_chips = delay_m / SPEED_OF_LIGHT_MPS * _CHIP_RATE_HZ
     shift = np.where(np.abs(delay_chips) < _SPARE_CHIPS - 2, 0, np.floor(delay_chips)).astype(np.int64)
     found = []
-    for one in np.unique(shift[heard]).tolist():
-        mine = heard & (shift == one)
+    for one in np.unique(shift[present]).tolist():
+        mine = present & (shift == one)
         found.append(
             ReceivedSignal(
                 chips=_sequence(svid, _on_air(svid, one % _PERIOD_CHIPS, n_chips)),

@@ -141,8 +141,8 @@ def assistance_kind(path: Path) -> FileKind | None:
 
 def read_recs(path: Path, settings: Settings) -> Contents:
     """Return the RECS of a file, within the window."""
-    data, signature = _signed(path, settings, recs_file.MAX_FILE_BYTES)
-    file = recs_file.parse(data, path, reference=settings.reference)
+    data, signature = _signed(path, settings, recs_file.MAX_RECS_FILE_BYTES)
+    file = recs_file.parse_recs_file(data, path, reference=settings.reference)
     segments = file.segments
     if settings.window is not None:
         first, last = settings.window
@@ -153,8 +153,8 @@ def read_recs(path: Path, settings: Settings) -> Contents:
 
 def read_group_delays(path: Path, settings: Settings) -> Contents:
     """Return the group delays of a file."""
-    data, signature = _signed(path, settings, group_delay.MAX_FILE_BYTES)
-    file = group_delay.parse(data, path, reference=settings.reference)
+    data, signature = _signed(path, settings, group_delay.MAX_GROUP_DELAY_FILE_BYTES)
+    file = group_delay.parse_group_delay_file(data, path, reference=settings.reference)
     summary = f"group delays of {len(file.delays)} satellites, from {file.valid_from}"
     return Contents(summary=summary, signature=signature, group_delays=file.delays)
 

@@ -48,10 +48,10 @@ def write_assistance(
         raise ValueError(
             "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
         )
-    signed = [recs_file.write(file, folder) for file in files]
+    signed = [recs_file.write_recs_file(file, folder) for file in files]
     delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
     for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
-        signed.append(group_delay.write(list(same_time), folder))
+        signed.append(group_delay.write_group_delay_file(list(same_time), folder))
     written = list(signed)
     if server_key is not None:
         written += [file_signature.sign(path, server_key) for path in signed]

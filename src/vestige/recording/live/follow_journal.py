@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 
 LINES, STATE = "verdicts.jsonl", "state.json"
 FORMAT = 2
-MAX_BYTES = 1 << 24
+_MAX_BYTES = 1 << 24
 
 _BLOCK_BYTES = 1 << 20
 _Count = Annotated[int, Field(ge=0)]
@@ -96,7 +96,7 @@ class FollowJournal:
     def _read(self) -> _State:
         path = self._folder / STATE
         try:
-            content = json.loads(read_bytes(path, at_most=MAX_BYTES))
+            content = json.loads(read_bytes(path, at_most=_MAX_BYTES))
             if isinstance(content, dict) and content.get("format") != FORMAT:
                 raise InputFileError(path, "format", content.get("format"), FORMAT)
             state = self._adapter.validate_python(content)

@@ -55,7 +55,7 @@ from vestige.time import GalileoTime
 
 META, DATA, COLLECTION, ARCHIVE = ".sigmf-meta", ".sigmf-data", ".sigmf-collection", ".sigmf"
 NAMESPACE, NAMESPACE_VERSION = "vestige", "1.0.0"
-MAX_BYTES = 1 << 26  # of metadata; recordings with thousands of annotations have a few megabytes
+_MAX_BYTES = 1 << 26  # of metadata; recordings with thousands of annotations have a few megabytes
 
 EXACT_AGREEMENT_S = 1e-9
 DATETIME_AGREEMENT_S = 1e-3
@@ -132,7 +132,7 @@ def read_collection(path: Path) -> RecordingDescription:
             raise InputFileError(path, place, stream, "an object with the name and hash of a recording")
         meta = sample_file(path, f"{place}.name", name + META)
         stated = stream.get("hash")
-        if stated is not None and hashlib.sha512(read_bytes(meta, at_most=MAX_BYTES)).hexdigest() != stated:
+        if stated is not None and hashlib.sha512(read_bytes(meta, at_most=_MAX_BYTES)).hexdigest() != stated:
             raise InputFileError(path, f"{place}.hash", stated, f"the SHA-512 of {meta.name} as it is now")
         metas.append(meta)
     return read_sigmf(metas, described_in=path)
@@ -143,7 +143,7 @@ def _json(path: Path) -> Any:
         raise ValueError(f"{constant} is not a number")
 
     try:
-        return json.loads(read_bytes(path, at_most=MAX_BYTES), parse_constant=refuse)
+        return json.loads(read_bytes(path, at_most=_MAX_BYTES), parse_constant=refuse)
     except (ValueError, RecursionError) as error:
         raise InputFileError(path, "content", str(error), "JSON") from error
 

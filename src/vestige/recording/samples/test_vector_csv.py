@@ -20,7 +20,7 @@ from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"
-MAX_FILE_BYTES = 500_000_000  # a week of all satellites; read at once, because time runs across the lines
+_MAX_FILE_BYTES = 500_000_000  # a week of all satellites; read at once, because time runs across the lines
 
 _UNPLACED = GalileoTime(0, 1)
 
@@ -72,7 +72,7 @@ def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> No
 def _read_lines(path: Path) -> dict[int, bytes]:
     """Return the pages of each satellite."""
     try:
-        lines = read_bytes(path, at_most=MAX_FILE_BYTES).decode("ascii").splitlines()
+        lines = read_bytes(path, at_most=_MAX_FILE_BYTES).decode("ascii").splitlines()
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "not ASCII", "a test-vector CSV") from None
     if not lines or lines[0].strip() != HEADER:

@@ -21,7 +21,7 @@ from vestige.errors import InputFileError, VestigeError
 NOTHING = "none"  # as the value of a setting
 OURS, OWN = "a kind of vestige", "a kind of the user"  # in places of errors, between the keys
 LARGEST_NUMBER = 1e15
-MAX_FILE_BYTES = 1 << 20
+_MAX_FILE_BYTES = 1 << 20
 _BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)
 _WORDS_OF_TOML = ("true", "false", "inf", "nan")
 _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
@@ -50,7 +50,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises `InputFileError` if it cannot be read, is not TOML, or has keys or tables beyond all reason (`parse_toml`).
     """
     try:
-        return parse_toml(read_text(path, at_most=MAX_FILE_BYTES, expected="a TOML file"))
+        return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
     except ValueError as error:  # tomllib's own errors, integers of 5000 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 

@@ -32,7 +32,7 @@ from vestige.crypto.osnma.operator.operator_chain import OperatorChain, draw_cha
 from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes
 from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_dsm
 from vestige.crypto.osnma.operator.tag_plan import NavigationHistory, plan_tags
-from vestige.crypto.osnma.operator.timeline import Phase, RootSource, phase_at, phases
+from vestige.crypto.osnma.operator.timeline import OperatorPhase, RootSource, phase_at, phases
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
@@ -205,16 +205,16 @@ class OsnmaOperator:
         )
         return tuple(hkroot[k : k + 1] + mack[4 * k : 4 * k + 4] for k in range(PAGES_A_SUBFRAME))
 
-    def _header(self, phase: Phase) -> NmaHeader:
+    def _header(self, phase: OperatorPhase) -> NmaHeader:
         return NmaHeader(phase.nma_status << 6 | self._chain_id(phase.chain) << 4 | phase.key_status << 1)
 
     def _chain_id(self, chain: int) -> int:
         return (self.configuration.chain_id + chain) % 4
 
     @property
-    def _first_use(self) -> dict[int, tuple[Phase, RootSource]]:
+    def _first_use(self) -> dict[int, tuple[OperatorPhase, RootSource]]:
         """By chain, the phase in which its root key is on air first, and what signs it."""
-        found: dict[int, tuple[Phase, RootSource]] = {}
+        found: dict[int, tuple[OperatorPhase, RootSource]] = {}
         for phase in self._phases:
             for root in phase.roots:
                 found.setdefault(root.chain, (phase, root))
@@ -232,14 +232,14 @@ class OsnmaOperator:
                 self._header(phase), root.pkid, self.keys.private_key(root.pkid), redraw=given is None,
             )  # fmt: skip
 
-    def _root(self, root: RootSource, phase: Phase, time: GalileoTime) -> DsmKroot:
+    def _root(self, root: RootSource, phase: OperatorPhase, time: GalileoTime) -> DsmKroot:
         private_key = self.keys.private_key(root.pkid)
         return self.chains[root.chain].signed_root(time, self._header(phase), root.pkid, private_key)
 
-    def _sign_all(self) -> dict[tuple[Phase, GalileoTime], Sequence[SignedMessage]]:
+    def _sign_all(self) -> dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]]:
         """Return the DSMs of each phase and hour; a new content has a new DSM id."""
         ids: dict[bytes, int] = {}
-        signed: dict[tuple[Phase, GalileoTime], Sequence[SignedMessage]] = {}
+        signed: dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]] = {}
         for number in range(self.configuration.n_subframes):
             time = self.configuration.start + SUBFRAME_S * number
             place = phase_at(self._phases, time), root_key_time(time)
@@ -250,7 +250,7 @@ class OsnmaOperator:
                 )
         return signed
 
-    def _contents(self, phase: Phase, time: GalileoTime) -> Iterator[tuple[bytes, bool]]:
+    def _contents(self, phase: OperatorPhase, time: GalileoTime) -> Iterator[tuple[bytes, bool]]:
         """Yield the DSMs of a phase, and whether each is a DSM-KROOT."""
         root = self.keys.published(()).root
         if phase.alert:

@@ -1,7 +1,7 @@
 """What is on air in each subframe: status, chain, and the DSMs that take turns.
 
-A `Phase` lasts from one step of an event to the next. It holds the content of the NMA header, the chain whose keys are
-sent, and the root keys, public keys or notices that are broadcast. Only `phases` turns events into steps.
+An `OperatorPhase` lasts from one step of an event to the next. It holds the content of the NMA header, the chain whose
+keys are sent, and the root keys, public keys or notices that are broadcast. Only `phases` turns events into steps.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class RootSource:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Phase:
+class OperatorPhase:
     """What is on air from a time on."""
 
     since: GalileoTime
@@ -39,7 +39,7 @@ class Phase:
     silent: bool = False  # whether there is no OSNMA at all
 
 
-def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[OsnmaEvent]) -> tuple[Phase, ...]:
+def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[OsnmaEvent]) -> tuple[OperatorPhase, ...]:
     """Return all phases in the order of time.
 
     Parameters
@@ -63,7 +63,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
     >>> [phase.key_status for phase in phases(GalileoTime(1400, 0), 2, 1, ())]
     [1]
     """
-    first = Phase(
+    first = OperatorPhase(
         since=start, nma_status=nma_status, key_status=NOMINAL, chain=0, roots=(RootSource(chain=0, pkid=pkid),)
     )
     found = [first]
@@ -72,12 +72,12 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
     return tuple(found)
 
 
-def phase_at(all_phases: Sequence[Phase], time: GalileoTime) -> Phase:
+def phase_at(all_phases: Sequence[OperatorPhase], time: GalileoTime) -> OperatorPhase:
     """Return the phase of a subframe; before the first one, the first."""
     return all_phases[max(bisect_right([phase.since for phase in all_phases], time) - 1, 0)]
 
 
-def _steps(event: OsnmaEvent, before: Phase) -> Iterator[Phase]:
+def _steps(event: OsnmaEvent, before: OperatorPhase) -> Iterator[OperatorPhase]:
     """Yield the phases of an event that begins in a nominal phase."""
     (source,) = before.roots
     step_1 = replace(before, since=event.announced)

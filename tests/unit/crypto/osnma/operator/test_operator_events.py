@@ -16,7 +16,7 @@ from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.subframe import Content
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.events import EVENT_NAMES, OsnmaEvent, OsnmaEventKind
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.errors import VestigeError
 from vestige.navigation.inav.page import InavPage
@@ -46,7 +46,7 @@ def event_of(kind: OsnmaEventKind) -> OsnmaEvent:
 def scene(kind: OsnmaEventKind) -> tuple[OperatorSky, list[InavPage], OsnmaReport]:
     sky = OperatorSky(OperatorConfiguration(seed=b"events", start=START, n_subframes=N, events=(event_of(kind),)))
     pages = sky.pages()
-    return sky, pages, verify(pages, sky.operator.public_keys, sky.operator.merkle_tree)
+    return sky, pages, verify_pages(pages, sky.operator.public_keys, sky.operator.merkle_tree)
 
 
 def keys_by_chain(report: OsnmaReport) -> dict[int, list[int]]:
@@ -113,7 +113,7 @@ def test_key_renewal() -> None:
     assert any("new public key PKID 2" in problem.text for problem in report.problems)
     assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
     # A receiver that has only the old key keeps its chain.
-    old = verify(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    old = verify_pages(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
     assert len(old.keys) == N
     assert set(pkids(old)) == {1}
 
@@ -127,7 +127,7 @@ def test_key_revocation() -> None:
     assert pkids(report)[0] == 1
     assert set(pkids(report)[1:]) == {2}
     # A receiver that has only the old key gets no key of the new chain.
-    old = verify(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    old = verify_pages(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
     assert set(keys_by_chain(old)) == {1}
     assert keys_by_chain(old)[1] == list(range(STEP_1))
 
@@ -169,7 +169,7 @@ def test_silence_of_some_and_of_all() -> None:
     assert (report.failures, no_tag_failed(report)) == ((), True)
     event = OsnmaEvent(kind=OsnmaEventKind.SILENCE, announced=at(2), ended=at(4), svids=frozenset({7, 11}))
     sky = OperatorSky(OperatorConfiguration(seed=b"some", start=START, n_subframes=6, events=(event,)))
-    some = verify(sky.pages(), sky.operator.public_keys)
+    some = verify_pages(sky.pages(), sky.operator.public_keys)
     assert (len(some.keys), some.problems) == (6, ())
     assert some.subframes[Content.NONE] == 4
     # Their neighbours go on authenticating them.
@@ -183,7 +183,7 @@ def test_two_events_one_after_the_other() -> None:
         OsnmaEvent(kind=OsnmaEventKind.CHAIN_RENEWAL, announced=at(44), in_force=at(60)),
     )
     sky = OperatorSky(OperatorConfiguration(seed=b"two", start=START, n_subframes=63, chain_id=3, events=events[::-1]))
-    report = verify(sky.pages(), sky.operator.public_keys)
+    report = verify_pages(sky.pages(), sky.operator.public_keys)
     assert keys_by_chain(report) == {3: [0, 1], 0: list(range(4, 60)), 1: [60, 61, 62]}
     assert no_tag_failed(report)
     assert len(sky.operator.chains) == 3
