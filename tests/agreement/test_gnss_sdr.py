@@ -35,11 +35,6 @@ cn0_e1_dbhz = {CN0_DBHZ}
 sample_rate_hz = {FS}.0
 [receiver.clock]
 kind = "two-state"
-[receiver.ionosphere]
-kind = "heavy-tailed"
-core_sigma_m = 1.24
-tail_start_m = 2.65
-tail_scale_m = 1.17
 """
 
 # one record of the tracking dump of gnss-sdr 0.0.17

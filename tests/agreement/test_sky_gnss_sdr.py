@@ -99,11 +99,11 @@ def fixes_of(printed: str) -> Fixes:
 
 def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     """Six satellites or more, a first fix within a minute of signal, mean and every epoch near the truth."""
-    found = fixes_of(gnss_sdr(tmp_path, case_of(150), Band.E1, 600))
+    found = fixes_of(gnss_sdr(tmp_path, case_of(100), Band.E1, 500))
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
     mean_m = error_m.mean(axis=0)
     assert found.at_s[0] < 60
-    assert found.at_s.size > 60
+    assert found.at_s.size > 40
     assert np.median(found.used) >= 6
     assert np.hypot(*mean_m[:2]) < 2.0
     assert abs(mean_m[2]) < 4.0
@@ -113,12 +113,12 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
 def test_the_fix_of_a_receiver_on_a_circle(tmp_path: Path) -> None:
     """20 m/s round a radius of 400 m: within 10 m in 95 % of the epochs."""
     place = "latitude_deg=48.1, longitude_deg=11.6, height_m=500.0"
-    case = case_of(75, f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}')
+    case = case_of(60, f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}')
     found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 300))
     path = case.satellites[0].simulation.elevation.path.trajectory
     there_m = path.motion(found.at_s).position_m
     error_m = np.linalg.norm(found.position_m - there_m, axis=1)
-    assert found.at_s.size > 20
+    assert found.at_s.size > 15
     assert np.quantile(error_m, 0.95) < 10.0
 
 
@@ -129,7 +129,7 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
         'attack=[{kind="meaconing", start_s=0, power_db=20, delay_s=1e-6, reception_gain_db=30, antenna='
         "{latitude_deg=48.11, longitude_deg=11.62, height_m=520.0}}]"
     )
-    found = fixes_of(gnss_sdr(tmp_path, case_of(75, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
+    found = fixes_of(gnss_sdr(tmp_path, case_of(60, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
     error_m = found.east_north_up_m(*antenna).mean(axis=0)
     assert np.linalg.norm(found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M).mean(axis=0)) > 1500
     assert np.hypot(*error_m[:2]) < 5.0
