@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -38,6 +38,7 @@ class CounterfeitSignal:
     spoofer: Spoofer
     number: int  # which of the spoofer's attacks makes it
     band: Band
+    _motions: dict[int, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P'(t) in m."""
@@ -62,7 +63,8 @@ class CounterfeitSignal:
 
     def __call__(self, t_s: float) -> Propagation:
         """Return what holds at a time: the group delay of the true signal, and the counterfeit's own phasor."""
-        effects, k = self._effects(np.array([t_s])), self.number
+        range_m, rate_mps = self._motion_near(t_s)
+        effects, k = self._effects_sent(np.array([t_s - range_m / SPEED_OF_LIGHT_MPS])), self.number
         carrier_hz = CARRIER_HZ[self.band]
         cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
         turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
@@ -72,7 +74,7 @@ class CounterfeitSignal:
             true,
             at_s=t_s,
             amplitude=complex(true.amplitude * 10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
-            doppler_hz=true.doppler_hz + float(beyond_hz * self._kept(np.array([t_s]))[0]),
+            doppler_hz=true.doppler_hz + float(beyond_hz * (1 - rate_mps / SPEED_OF_LIGHT_MPS)),
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),
             ray_doppler_hz=np.zeros(0),
@@ -86,8 +88,20 @@ class CounterfeitSignal:
         """Return the seconds of transmission, on which the profiles run, in a second of reception."""
         return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
 
+    def _motion_near(self, t_s: float) -> tuple[float, float]:
+        """Return P(t) and its rate for the phasor, from those in the middle of the second: right to metres, 10 ns."""
+        second = int(np.floor(t_s))
+        if second not in self._motions:
+            middle = np.array([second + 0.5])
+            self._motions[second] = float(self.path.range_m(middle)[0]), float(self.path.rate_mps(middle)[0])
+        range_m, rate_mps = self._motions[second]
+        return range_m + rate_mps * (t_s - second - 0.5), rate_mps
+
     def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
-        sent_s = t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS
+        return self._effects_sent(t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS)
+
+    def _effects_sent(self, sent_s: Float[np.ndarray, " n"]) -> BandEffects:
+        """Return the effects on what was sent at some times."""
         return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
