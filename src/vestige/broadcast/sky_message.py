@@ -57,9 +57,9 @@ class SkyMessage:
     Attributes
     ----------
     pages
-        Of each satellite in the order of time, by SVID, one every 2 s.
+        The pages of each satellite by SVID, in the order of time, one every 2 s.
     transmissions
-        What makes them, by SVID.
+        The message of each satellite, which makes its pages, by SVID.
     """
 
     pages: Mapping[int, tuple[InavPage, ...]]

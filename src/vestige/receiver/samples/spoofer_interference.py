@@ -18,7 +18,7 @@ _STREAMS = {Band.E1: 161, Band.E6: 166}  # first stream numbers of the waveforms
 
 @dataclass(frozen=True, kw_only=True)
 class SpooferInterference:
-    """What the attacks of a simulation add to a band beside counterfeits; it is the same for all satellites."""
+    """The noise and jamming that the attacks of a simulation add to a band, the same for all satellites."""
 
     simulation: Simulation
     band: Band
