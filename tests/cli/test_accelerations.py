@@ -22,8 +22,8 @@ from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.recording.live.follow_journal import LINES, FollowJournal, FollowProgress
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 from whole_sky import sky
 

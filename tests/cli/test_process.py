@@ -24,11 +24,11 @@ from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.recordings.verdicts import VERDICT_COLUMNS, csv_writer
 from vestige.cli.services.recs_make import command as recs_make
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.recording.observations.e1_observation import observe
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf

@@ -30,7 +30,7 @@ from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
 from vestige.recording.observations.accelerations import ACCELERATION_COLUMNS, GrowingAccelerations, read_accelerations
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.growing_observations import GrowingObservations
-from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch
+from vestige.recording.observations.observation_epoch import LIMITS
 from vestige.recording.observations.observation_file import ObservationTrack, open_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.recording.recording import open_recording
@@ -39,6 +39,7 @@ from vestige.recording.samples.sample_stream import SampleStream
 from vestige.recording.search_log import SearchLog
 from vestige.records import Band, E1Observation, Status
 from vestige.records.checks import CheckName
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.search.exhaustive_search import SearchState
 from vestige.sample_processor.search.peak import Peak

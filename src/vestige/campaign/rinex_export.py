@@ -21,9 +21,9 @@ from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
 from vestige.output import new_folder
 from vestige.recording.navigation.rinex_navigation import parse_rinex_navigation, write_rinex_navigation
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 OBSERVATIONS, NAVIGATION, OPTIONS = "observations.rnx", "navigation.rnx", "rtklib.conf"

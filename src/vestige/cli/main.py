@@ -25,6 +25,7 @@ from vestige.own_parts import blamed_on_own_parts
 # verb: module of `command` within this room, one line of help
 VERBS = {
     "process": ("recordings.process", "Authenticate a recording: one verdict for each satellite and RECS."),
+    "track": ("recordings.track", "Track E1 of a recording: RINEX, navigation pages, correlators."),
     "inspect": (
         "recordings.inspect",
         "Say what a recording or folder holds, and what is missing for ACAS.",

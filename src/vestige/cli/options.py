@@ -108,6 +108,11 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
 
 
 # The two points on which the interface of the service is not public: the AES mode, and what a BGD value means
+def workers_option(what: str) -> Callable[..., Any]:
+    """Return the option `-j` of a verb that works on the samples of a recording; `what` is its help."""
+    return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, show_default=True, help=what)
+
+
 cipher_mode_option = click.option(
     "--cipher-mode",
     type=click.Choice(["cbc", "ctr"]),

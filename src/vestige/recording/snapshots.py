@@ -8,19 +8,20 @@ a recording may be far larger than memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
-from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S, observe
+from vestige.constants import MAX_SVID, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
+from vestige.recording.observations.e1_observation import observe
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import Recording
 from vestige.recording.samples.front_end_power import front_end_status
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.records import Assistance, Band, E1Observation, EncryptedSegment, FrontEndStatus, SampleBatch, Snapshot
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, NOISE_FLOOR
@@ -47,11 +48,13 @@ class RecordingSource:
         The opened recording.
     assistance
         RECS, group delays, keys and corrections.
+    tracked
+        Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without.
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
     time_tag_error_s
-        By how much the time tag of the samples is late, as `time_tag_search` found it. It places what E1 samples leave
-        open, a multiple of 100 ms; observations of a tracking receiver need no such thing.
+        By how much the time tag of the samples is late, as the message or `time_tag_search` tell it. It says where in
+        the recording a RECS is, and places what 100 ms of E1 leave open, a multiple of 100 ms.
     searchable
         Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
     cn0_estimator
@@ -64,6 +67,7 @@ class RecordingSource:
 
     recording: Recording
     assistance: Assistance
+    tracked: Sequence[ObservationEpoch] | None = None
     time_uncertainty_s: float | None = None
     time_tag_error_s: float = 0.0
     searchable: bool = False
@@ -84,8 +88,8 @@ class RecordingSource:
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield one snapshot for each epoch of `epochs`."""
-        file = self.recording.observations
-        track = ObservationTrack(file) if file is not None else None
+        observations = self.recording.observations if self.tracked is None else self.tracked
+        track = ObservationTrack(observations) if observations is not None else None
         for index, (transmit_time, segments) in enumerate(self.epochs().items()):
             yield self.snapshot(index, transmit_time, segments, track)
 
@@ -145,7 +149,7 @@ class RecordingSource:
         self, transmit_time: GalileoTime, svids: frozenset[int], track: ObservationTrack | None
     ) -> tuple[GalileoTime, dict[int, E1Observation]]:
         if track is not None:
-            time = transmit_time + MEDIAN_TRAVEL_TIME_S
+            time = transmit_time + (MEDIAN_TRAVEL_TIME_S + self.time_tag_error_s)
             return time, {svid: seen for svid, seen in track.at(time).items() if svid in svids}
         reader = self.recording.e1
         if reader is None:

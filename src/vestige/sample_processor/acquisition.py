@@ -62,11 +62,14 @@ def acquire(
     *,
     overall_pfa: float = 1e-3,
     doppler_span_hz: float = 5000.0,
+    doppler_center_hz: float = 0.0,
+    max_stretches: int = MAX_STRETCHES,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
-    The batch has at least 8 ms; up to 100 ms are used. `overall_pfa` is the probability that noise alone gives any
+    The batch has at least 8 ms; `max_stretches` code periods are used at most, up to 100 ms. Dopplers are looked at
+    within `doppler_span_hz` of `doppler_center_hz`. `overall_pfa` is the probability that noise alone gives any
     acquisition, and `progress` is called with the number of satellites that are done, and of all.
     """
 
@@ -76,7 +79,14 @@ def acquire(
         return (best,) if best.statistic > powers.threshold else ()
 
     return search_cells(
-        batch, tuple(svids), strongest, overall_pfa=overall_pfa, doppler_span_hz=doppler_span_hz, progress=progress
+        batch,
+        tuple(svids),
+        strongest,
+        max_stretches=max_stretches,
+        overall_pfa=overall_pfa,
+        doppler_span_hz=doppler_span_hz,
+        doppler_center_hz=doppler_center_hz,
+        progress=progress,
     )
 
 
@@ -115,6 +125,7 @@ def search_cells(
     max_stretches: int = MAX_STRETCHES,
     overall_pfa: float,
     doppler_span_hz: float,
+    doppler_center_hz: float = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
@@ -123,12 +134,12 @@ def search_cells(
     `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any
     cell of any satellite.
     """
-    stretches = _stretches(batch, doppler_span_hz, max_stretches)
+    stretches = _stretches(batch, abs(doppler_center_hz) + doppler_span_hz, max_stretches)
     n_added = len(stretches.starts_s) * len(signals)
     if n_added == 0 or not svids:
         return ()
     reach = int(doppler_span_hz / stretches.spacing_hz)
-    shifts = np.arange(-reach, reach + 1)
+    shifts = np.arange(-reach, reach + 1) + round(doppler_center_hz / stretches.spacing_hz)
     cells = len(svids) * shifts.size * stretches.n_phases
     threshold = 2.0 * float(special.gammainccinv(n_added, -np.expm1(np.log1p(-overall_pfa) / cells)))
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex128, Float
 
 _NODES_PER_LOBE = 24  # Gauss-Legendre nodes a spectral lobe: relative error of the integrals below 1e-9
 
@@ -74,11 +74,16 @@ def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: 
     chip_rate_hz
         Chip rate in chips/s.
     """
+    return np.abs(_line(pulse, frequency_hz, chip_rate_hz)) ** 2 * chip_rate_hz
+
+
+def _line(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: float) -> Complex128[np.ndarray, " n"]:
+    """Return the Fourier transform of one pulse in s."""
     levels = np.asarray(pulse.levels)
     width = 1.0 / (chip_rate_hz * levels.size)
     centers = (np.arange(levels.size) + 0.5) * width
-    line = np.exp(-2j * np.pi * np.multiply.outer(frequency_hz, centers)) @ levels
-    return (width * np.sinc(frequency_hz * width)) ** 2 * np.abs(line) ** 2 * chip_rate_hz
+    turns = np.exp(-2j * np.pi * np.multiply.outer(frequency_hz, centers)) @ levels
+    return width * np.sinc(frequency_hz * width) * turns
 
 
 def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -116,6 +121,33 @@ def band_limited_autocorrelation(
     """
     f, weight = _frequency_nodes(bandwidth_hz, chip_rate_hz, float(np.max(np.abs(delay_chips), initial=0.0)))
     density = weight * spectrum(pulse, f, chip_rate_hz)
+    return 2 * np.cos(2 * np.pi * np.multiply.outer(delay_chips / chip_rate_hz, f)) @ density
+
+
+def band_limited_correlation(
+    received: Pulse,
+    replica: Pulse,
+    delay_chips: Float[np.ndarray, " n"],
+    *,
+    chip_rate_hz: float,
+    bandwidth_hz: float,
+) -> Float[np.ndarray, " n"]:
+    """Return the correlation of a received pulse behind an ideal filter with the replica of another pulse.
+
+    R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. With both pulses equal it
+    is `band_limited_autocorrelation`. Both pulses have the same symmetry about the middle of the chip, so it is real.
+
+    Parameters
+    ----------
+    delay_chips
+        How much later the received pulse is than the replica, in chips.
+    chip_rate_hz
+        Chip rate in chips/s.
+    bandwidth_hz
+        Two-sided bandwidth B in Hz.
+    """
+    f, weight = _frequency_nodes(bandwidth_hz, chip_rate_hz, float(np.max(np.abs(delay_chips), initial=0.0)))
+    density = weight * (_line(received, f, chip_rate_hz) * np.conj(_line(replica, f, chip_rate_hz))).real * chip_rate_hz
     return 2 * np.cos(2 * np.pi * np.multiply.outer(delay_chips / chip_rate_hz, f)) @ density
 
 

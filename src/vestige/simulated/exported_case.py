@@ -14,15 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from vestige.broadcast.sky_message import SkyMessage, make_sky_message
-from vestige.constants import SUBFRAME_S
+from vestige.constants import MEDIAN_TRAVEL_TIME_S, SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.spoofer_interference import SpooferInterference
 from vestige.receiver.simulation import Simulation
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import Assistance, Band, EncryptedSegment, GroupDelay
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.scenario.campaign import CampaignScenario
 from vestige.simulated.exported_satellite import ExportedSatellite
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.broadcast.cnav import cnav_symbols
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
 from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest_s
 from vestige.receiver.samples.continuous import ContinuousTruth
@@ -17,7 +17,6 @@ from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
 from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.records import Band, E1Observation
 from vestige.signal_generator.keystream import encrypted_component, encryption_key
 from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.observations.csv_observations import CsvParser, write_csv_observations
-from vestige.recording.observations.observation_epoch import LIMITS, ObservationEpoch, read_epochs
+from vestige.recording.observations.observation_epoch import LIMITS, read_epochs
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 

@@ -20,12 +20,12 @@ from vestige.recording.description import BandFile
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.growing_observations import GrowingObservations
 from vestige.recording.observations.interpolation import interpolate, is_final
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sample_stream import BLOCK_BYTES, SampleStream
 from vestige.recording.text_lines import LONGEST_LINE, GrowingLines
 from vestige.records import Band, E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 
 GAP_S = 2.0 + 1e-6  # epochs one second apart
 

@@ -16,10 +16,10 @@ from vestige.crypto.recs import recs_segment as recs
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.inspection import Inspection, inspect_recording
 from vestige.recording.observations.csv_observations import write_csv_observations
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_sigmf
 from vestige.records import Band, ChipSequence, E1Observation, SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 START = GalileoTime(1161, 348018)

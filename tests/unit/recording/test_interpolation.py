@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.recording.observations.interpolation import interpolate
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = 299_792_458 / 1575.42e6

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from vestige.errors import InputFileError
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.interpolation import interpolate
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.observations.observation_file import ObservationTrack, observation_kind, open_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 START = GalileoTime(1161, 348018)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.observations.csv_observations import write_csv_observations
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.recording import describe_recording, find_recording, open_recording
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.records import Band, E1Observation, SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 START = GalileoTime(1161, 348018, 0.1)

@@ -10,8 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
-from vestige.recording.observations.observation_epoch import ObservationEpoch, read_epochs
+from vestige.recording.observations.observation_epoch import read_epochs
 from vestige.recording.observations.rinex_observations import RinexParser
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vestige.recording.observations.observation_epoch import ObservationEpoch, read_epochs
+from vestige.recording.observations.observation_epoch import read_epochs
 from vestige.recording.observations.rinex_observations import RinexParser
 from vestige.recording.observations.rinex_writer import write_rinex_observations
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 

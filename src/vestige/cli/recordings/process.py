@@ -18,6 +18,7 @@ from vestige.cli.options import (
     group_delay_option,
     parts_option,
     time_option,
+    workers_option,
 )
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.terminal import echo
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
     from vestige.acas_processor.detectors import Detector
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
+    from vestige.navigation.ephemeris import Ephemeris
     from vestige.recording.recorded_block import OtherChannels
     from vestige.recording.recording import Recording
     from vestige.recording.snapshots import RecordingSource
+    from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
 
 _path = click.Path(path_type=Path)
@@ -59,7 +62,15 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
     "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
 )
 @click.option("--level", type=click.Choice(["1", "2", "3"]), default="1", show_default=True, help="Mitigation level.")
-@click.option("--navigation", type=_path, help="RINEX navigation file: positions; at levels 2, 3 checks of the fix.")
+@click.option(
+    "--navigation", type=_path, help="RINEX navigation file, in place of the orbits in the message: positions."
+)
+@click.option(
+    "--track/--no-track",
+    default=None,
+    help="Track E1 in the samples, or measure it in 100 ms around each RECS. [track where there are no observations]",
+)
+@workers_option("Threads that track E1.")
 @click.option("--second-channel", type=_path, help="Folder with OSNMA keys or pages of another channel, level 3.")
 @click.option("--accelerations", type=_path, help="CSV of inertial sensors, for level 3.")
 @click.option(
@@ -137,20 +148,24 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
+    from vestige.recording.tracked.message_navigation import ephemerides_in
 
     recording = open_recording(recording_path, start=options["start"])
-    around_s = _label_uncertainty_s(recording, options["time_uncertainty"])
     folder = assistance_folder(recording_path, options["assistance_path"])
     check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
+    tracked = _tracked(recording, options)
+    told_s = None if tracked is None else tracked.time_tag_error_s
+    around_s = _label_uncertainty_s(recording, options["time_uncertainty"]) if told_s is None else 0.0
     found = read_assistance(
         folder,
         public_key=options["public_key"],
         merkle_tree=options["merkle_tree"],
         certificates=options["certificates"],
-        window=time_span(recording, uncertainty_s=around_s),
+        window=time_span(recording, told_s or 0.0, uncertainty_s=around_s),
         strict=options["strict"],
+        message=None if tracked is None else (recording.description.path, tracked.pages),
     )
     for line in (*recording.notes, *found.problems, *found.missing, *found.warnings):
         echo(f"warning: {line}", err=True)
@@ -160,14 +175,18 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
         )
-    processor = _processor(options)
+    processor = _processor(options, () if tracked is None else ephemerides_in(tracked.pages))
+    error_s = told_s or 0.0
+    if around_s:
+        error_s = _label_error_s(recording, found.assistance, around_s, processor)
     source = RecordingSource(
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
+        tracked=None if tracked is None else tracked.epochs,
         time_uncertainty_s=options["time_uncertainty"],
-        time_tag_error_s=_label_error_s(recording, found.assistance, around_s, processor) if around_s else 0.0,
+        time_tag_error_s=error_s,
         searchable=options["level"] != "1",
-        cn0_estimator=cn0_estimator(options, measured=recording.observations is None),
+        cn0_estimator=cn0_estimator(options, measured=recording.observations is None and tracked is None),
         channels=_channels(options),
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
@@ -238,7 +257,21 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
     return assistance if bias_m is None else replace(assistance, hardware_bias_e1_e6_s=bias_m / SPEED_OF_LIGHT_MPS)
 
 
-def _processor(options: dict[str, Any]) -> AcasProcessor:
+def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording | None:
+    """Return what tracking makes of E1, None if observations are given, or there is too little to track."""
+    from vestige.cli.progress import progress
+    from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
+
+    e1, wish = recording.e1, options["track"]
+    if wish is False or e1 is None:
+        return None
+    if wish is None and (recording.observations is not None or e1.duration_s < MIN_TRACKED_S):
+        return None
+    with progress() as report:
+        return track_recording(recording, workers=options["workers"], progress=report)
+
+
+def _processor(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...] = ()) -> AcasProcessor:
     from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
@@ -260,7 +293,7 @@ def _processor(options: dict[str, Any]) -> AcasProcessor:
         budget=budget(),
         kappa=options["kappa"],
         min_pd=options["min_pd"],
-        monitoring=_monitoring(options),
+        monitoring=_monitoring(options, ephemerides),
         cipher_mode=cipher_mode(options),
         group_delay_convention=group_delay_convention(options),
         own_checks=checks,
@@ -276,8 +309,8 @@ def _detector(name: str, spacing: int) -> Detector:
     )
 
 
-def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
-    """Return the settings of levels 2 and 3."""
+def _monitoring(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...]) -> MonitoringSettings:
+    """Return the settings of levels 2 and 3, with the orbits of a file, or those of the message."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
@@ -290,7 +323,7 @@ def _monitoring(options: dict[str, Any]) -> MonitoringSettings:
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
-        fix=FixSettings(ephemerides=() if navigation is None else read_rinex_navigation(navigation)),
+        fix=FixSettings(ephemerides=ephemerides if navigation is None else read_rinex_navigation(navigation)),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         inertial=replace(settings.inertial, sigma_bias_mps2=options["acceleration_bias_mps2"]),

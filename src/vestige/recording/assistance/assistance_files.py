@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -30,6 +30,7 @@ from vestige.crypto.recs import group_delay, recs_file
 from vestige.crypto.recs.file_signature import SignatureStatus, verify_data
 from vestige.crypto.recs.recs_name import parse_name
 from vestige.errors import AuthenticationError, VestigeError
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.receiver_corrections import (
     IONOSPHERE_NAME,
     RECEIVER_NAME,
@@ -177,9 +178,14 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     What was demodulated is returned beside them: a forged key is in it. So are the root keys: they may withdraw keys of
     other files.
     """
+    return contents_of_pages(path, read_pages(path), settings)
+
+
+def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings) -> Contents:
+    """Return the same for pages wherever they come from; `path` names their source in messages."""
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
-    report = receiver.process_all(read_pages(path))
+    report = receiver.process_all(pages)
     keys = receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",

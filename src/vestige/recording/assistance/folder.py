@@ -22,6 +22,7 @@ from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
+from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import (
     READERS,
     Contents,
@@ -29,6 +30,7 @@ from vestige.recording.assistance.assistance_files import (
     FileTrust,
     Settings,
     assistance_kind,
+    contents_of_pages,
 )
 from vestige.records import Assistance
 from vestige.time import GalileoTime
@@ -120,6 +122,7 @@ def read_assistance(
     window: tuple[GalileoTime, GalileoTime] | None = None,
     strict: bool = False,
     remembered: FileCache | None = None,
+    message: tuple[Path, Sequence[InavPage]] | None = None,
 ) -> AssistanceFolder:
     """Return all usable assistance in `folder`, and what is wrong with the rest.
 
@@ -140,6 +143,9 @@ def read_assistance(
         Raise the first problem instead of collecting it.
     remembered
         What the same call found before, brought up to date: RECS and BGD files that did not change are not read again.
+    message
+        Navigation pages that the receiver itself has decoded, in the order of time, and the recording that they are
+        from. Their keys are used like those of a file of pages.
 
     Raises
     ------
@@ -193,6 +199,13 @@ def read_assistance(
                 files.append(
                     AssistanceFile(path=path, kind=kind, content=contents.summary, signature=contents.signature)
                 )
+    if message is not None and message[1]:
+        path, pages = message
+        contents = problems.attempt(partial(contents_of_pages, path, pages, settings))
+        if contents is not None:
+            problems.add(contents.problems)
+            read.append((path, contents))
+            files.append(AssistanceFile(path=path, kind=FileKind.PAGES, content=contents.summary))
     if remembered is not None:
         for path in remembered.keys() - {path for path, _ in read}:
             del remembered[path]

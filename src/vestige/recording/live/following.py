@@ -28,11 +28,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
-from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
+from vestige.constants import MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.recording.assistance.growing_assistance import GrowingAssistance
 from vestige.recording.live.live_recording import LiveRecording
 from vestige.recording.observations.accelerations import GrowingAccelerations
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.snapshots import RecordingSource
 from vestige.records import Assistance, EncryptedSegment, Snapshot

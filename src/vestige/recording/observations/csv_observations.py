@@ -22,12 +22,12 @@ from vestige.recording.exact_time import exact_second
 from vestige.recording.observations.observation_epoch import (
     LIMITS,
     NUMBER,
-    ObservationEpoch,
     check_order,
     checked,
     checked_svid,
 )
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 REQUIRED = ("gst_week", "gst_second", "svid", "pseudorange_m")

@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from vestige.constants import E1_CARRIER_HZ, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.records import E1Observation, SampleBatch
 from vestige.sample_processor.acquisition import acquire
 from vestige.sample_processor.e1_snapshot import MIN_SECONDARY_MARGIN_DB, NOISE_FLOOR, E1Snapshot, measure_e1
 from vestige.time import GalileoTime
 
-MEDIAN_TRAVEL_TIME_S = 0.086  # Galileo, 29,600 km orbits: 77.5 ms at the zenith, 95 ms at 5° elevation
 TIME_TAG_TOLERANCE_S = (
     0.04  # half the secondary code period, less 9 ms by which a median travel time may differ from 86
 )

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from vestige.errors import InputFileError, VestigeError
-from vestige.recording.observations.observation_epoch import EpochParser, ObservationEpoch
+from vestige.recording.observations.observation_epoch import EpochParser
 from vestige.recording.observations.observation_file import FIRST_LINE, OBSERVATION_READERS, kind_of_line
 from vestige.recording.text_lines import GrowingLines
+from vestige.records.observation_epoch import ObservationEpoch
 
 
 class GrowingObservations:

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ

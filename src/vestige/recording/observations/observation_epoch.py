@@ -1,17 +1,16 @@
-"""One epoch of E1 observations as it stands in a file, and what a value in such a file may be."""
+"""How a file of E1 observations is read epoch by epoch, and what a value in it may be."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from vestige.constants import MAX_SVID
 from vestige.errors import InputFileError
 from vestige.recording.text_lines import numbered_lines
-from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
@@ -24,16 +23,6 @@ LIMITS = {
     "doppler_rate_hz_per_s": (-1e6, 1e6),
     "cn0_dbhz": (-50.0, 100.0),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObservationEpoch:
-    """E1 observations of one moment."""
-
-    time: GalileoTime  # receiver-clock time of the observations
-    # By SVID. Whatever but the pseudorange was not measured is NaN.
-    observations: Mapping[int, E1Observation]
-    slipped: frozenset[int] = frozenset()  # satellites whose carrier phase is not continuous with the epoch before
 
 
 @runtime_checkable

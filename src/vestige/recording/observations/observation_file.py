@@ -16,10 +16,11 @@ from pathlib import Path
 from vestige.errors import InputFileError
 from vestige.recording.observations.csv_observations import CsvParser, is_csv_observations
 from vestige.recording.observations.interpolation import interpolate, is_final
-from vestige.recording.observations.observation_epoch import EpochParser, ObservationEpoch, read_epochs
+from vestige.recording.observations.observation_epoch import EpochParser, read_epochs
 from vestige.recording.observations.rinex_observations import RinexParser, is_rinex_observations
 from vestige.recording.text_lines import numbered_lines
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 # kind: (does the first line say so, how to read it)

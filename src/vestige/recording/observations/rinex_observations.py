@@ -18,12 +18,12 @@ from pathlib import Path
 
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.observations.observation_epoch import (
-    ObservationEpoch,
     check_order,
     checked,
     checked_svid,
 )
 from vestige.records import E1Observation
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 # RINEX signal of E1, in order of preference: C/N0 of E1-C minus C/N0 of the signal, dB. E1-B and E1-C have equal power

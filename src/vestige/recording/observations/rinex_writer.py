@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 
-from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.recording.observations.rinex_observations import FIELDS, SIGNALS
+from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 VERSIONS = ("3.05", "4.00")

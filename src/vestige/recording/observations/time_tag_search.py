@@ -20,9 +20,9 @@ from vestige.acas_processor.searches.vestigial import (
     handover_peaks,
     line_stretches,
 )
+from vestige.constants import MEDIAN_TRAVEL_TIME_S
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode, decrypt
-from vestige.recording.observations.e1_observation import MEDIAN_TRAVEL_TIME_S
 from vestige.recording.recording import Recording
 from vestige.records import Assistance
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S

@@ -1,0 +1,118 @@
+"""`vestige track`: track E1 of a recording, and write what a receiver would have written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import FiniteRange, time_option, workers_option
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from vestige.recording.tracked.track_recording import TrackedRecording
+    from vestige.sample_processor.tracking.settings import TrackingSettings
+
+_path = click.Path(path_type=Path)
+
+
+def tracking_options(command: Any) -> Any:
+    """Add the options of the loops."""
+    options = (
+        click.option("--pll-bandwidth-hz", type=FiniteRange(0.1, 100), default=15.0, show_default=True),
+        click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", show_default=True),
+        click.option("--fll-bandwidth-hz", type=FiniteRange(0.1, 60), default=10.0, show_default=True),
+        click.option("--dll-bandwidth-hz", type=FiniteRange(0.01, 20), default=1.0, show_default=True),
+        click.option("--integration-ms", type=click.Choice(["4", "20"]), default="4", show_default=True),
+        click.option("--early-late-chips", type=FiniteRange(0.01, 0.66), default=0.3, show_default=True),
+        click.option("--correlators", type=click.Choice(["5", "7", "9", "11"]), default="5", show_default=True),
+        click.option("--replica", type=click.Choice(["BOC(1,1)", "CBOC"]), default="BOC(1,1)", show_default=True),
+        workers_option("Threads that track E1."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
+    """Return the settings that the options of the loops name."""
+    from vestige.constants import E1_CODE_PERIOD_S
+    from vestige.sample_processor.tracking.settings import TrackingSettings
+
+    return TrackingSettings(
+        pll_bandwidth_hz=options["pll_bandwidth_hz"],
+        pll_order=int(options["pll_order"]),
+        fll_bandwidth_hz=options["fll_bandwidth_hz"],
+        dll_bandwidth_hz=options["dll_bandwidth_hz"],
+        integration_periods=round(int(options["integration_ms"]) / (1e3 * E1_CODE_PERIOD_S)),
+        early_late_chips=options["early_late_chips"],
+        n_correlators=int(options["correlators"]),
+        replica=options["replica"],
+    )
+
+
+@click.command()
+@click.argument("recording_path", metavar="RECORDING", type=_path)
+@click.option("-o", "--output", type=_path, required=True, help="Folder for the files; must not exist.")
+@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
+@tracking_options
+def command(recording_path: Path, **options: Any) -> None:
+    """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
+
+    Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, and the correlators.
+    """
+    from vestige.cli.progress import progress
+    from vestige.errors import InputFileError
+    from vestige.recording.recording import open_recording
+    from vestige.recording.tracked.track_recording import track_recording
+    from vestige.recording.tracked.tracked_folder import write_tracked
+
+    folder: Path = options["output"]
+    if folder.exists():
+        raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
+    recording = open_recording(recording_path, start=options["start"])
+    if recording.e1 is None:
+        raise InputFileError(recording.description.path, "bands", "no E1", "samples of E1, the band that is tracked")
+    for line in recording.notes:
+        echo(f"warning: {line}", err=True)
+    settings = tracking_settings(options)
+    with progress() as report:
+        tracked = track_recording(recording, settings, workers=options["workers"], progress=report)
+    _print(tracked)
+    folder.mkdir(parents=True)
+    for path in write_tracked(folder, tracked):
+        echo(f"wrote {path}")
+
+
+def _print(tracked: TrackedRecording) -> None:
+    """Print a line for each satellite, and what the message says of the clock."""
+    import math
+    import statistics
+
+    from vestige.recording.tracked.message_navigation import ephemerides_in
+    from vestige.recording.tracked.tracked_folder import clock_set_s
+
+    issues = {one.svid: one.iod_nav for one in ephemerides_in(tracked.pages)}
+    seen: dict[int, list[float]] = {}
+    slips: dict[int, int] = {}
+    for epoch in tracked.epochs:
+        for svid, one in epoch.observations.items():
+            seen.setdefault(svid, []).append(one.cn0_dbhz)
+            slips[svid] = slips.get(svid, 0) + (svid in epoch.slipped)
+    if not seen:
+        echo("no satellite was tracked; `vestige inspect` says what may be wrong with the recording")
+        return
+    echo("  sat   tracked    C/N0        starts and slips   pages   IODnav")
+    for svid, strengths in sorted(seen.items()):
+        pages = sum(page.svid == svid for page in tracked.pages)
+        known = [value for value in strengths if not math.isnan(value)]
+        cn0 = f"{statistics.median(known):5.1f} dBHz" if known else "     -     "
+        issue = str(issues.get(svid, "-"))
+        echo(f"  E{svid:02d} {len(strengths) / 10:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
+    if tracked.time_tag_error_s is None:
+        echo("no message told the time; ranges are placed by the time tag of the samples")
+    else:
+        echo(f"the time tag of the samples is {tracked.time_tag_error_s:+.3f} s late by the message, ± 0.010 s")
+        if offset_s := clock_set_s(tracked):
+            echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")

@@ -1,0 +1,1 @@
+"""What tracking makes of a recording: observations, navigation pages, ephemerides."""

@@ -1,0 +1,114 @@
+"""E1 of a recording, tracked from the first sample to the last.
+
+What comes out is what a receiver beside the recorder would have written: observations ten times a second and the
+navigation pages. The pages tell the time. As long as they have not, pseudoranges are placed by the time tag of the
+samples, to multiples of 100 ms; when the whole recording is tracked, all of them are placed by the message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from vestige.constants import MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.navigation.inav.page import InavPage
+from vestige.recording.recording import Recording
+from vestige.recording.samples.sample_file import SampleReader
+from vestige.records import E1Observation, SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.sample_processor.tracking.settings import TrackingSettings
+from vestige.sample_processor.tracking.tracking_receiver import STRETCH_S, TrackingReceiver
+
+MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each RECS: loops would hardly have settled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackedRecording:
+    """What the loops made of a whole recording.
+
+    Attributes
+    ----------
+    epochs
+        Observations in the order of time, on the clock of the recording.
+    pages
+        I/NAV pages with good checksums, with the time that the message tells.
+    time_tag_error_s
+        By how much the time tag of the samples is late by the message, give or take the receiver's travel time of
+        10 ms; None if no message told the time.
+    """
+
+    epochs: tuple[ObservationEpoch, ...]
+    pages: tuple[InavPage, ...]
+    time_tag_error_s: float | None
+
+
+def track_recording(
+    recording: Recording,
+    settings: TrackingSettings | None = None,
+    *,
+    workers: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> TrackedRecording:
+    """Return what tracking makes of E1 of a recording.
+
+    Parameters
+    ----------
+    recording
+        With E1 samples.
+    settings
+        Of all channels.
+    workers
+        Threads.
+    progress
+        Called with what is done, how much of it is done, and how much there is.
+
+    Raises
+    ------
+    ValueError
+        If the recording has no E1.
+    VestigeError
+        If its rate is too low for tracking, or the samples cannot be read.
+    """
+    if recording.e1 is None:
+        raise ValueError("a recording without E1 cannot be tracked")
+    reader = recording.e1
+    receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
+    epochs: list[ObservationEpoch] = []
+    pages: list[InavPage] = []
+    for done, stretch in enumerate(receiver.run(stretches(reader)), start=1):
+        epochs += stretch.epochs
+        pages += stretch.pages
+        if progress is not None:
+            progress("tracking E1", done, -(-reader.n_samples // round(STRETCH_S * reader.file.sample_rate_hz)))
+    told = receiver.time_tag_error_s if receiver.time_is_told else None
+    return TrackedRecording(
+        epochs=tuple(epochs if told is None else (placed(epoch, told) for epoch in epochs)),
+        pages=tuple(pages),
+        time_tag_error_s=told,
+    )
+
+
+def stretches(reader: SampleReader) -> Iterator[SampleBatch]:
+    """Yield all samples in the pieces that the tracking receiver works on."""
+    return reader.blocks(round(STRETCH_S * reader.file.sample_rate_hz))
+
+
+def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
+    """Return an epoch with each travel time moved by whole periods of the secondary code to where it can be.
+
+    Parameters
+    ----------
+    epoch
+        Whose pseudoranges are right modulo 100 ms.
+    time_tag_error_s
+        By how much the receiver's clock is late.
+    """
+    expected_s = MEDIAN_TRAVEL_TIME_S + time_tag_error_s
+
+    def move(one: E1Observation) -> E1Observation:
+        periods = round((expected_s - one.pseudorange_m / SPEED_OF_LIGHT_MPS) / SECONDARY_PERIOD_S)
+        if periods == 0:
+            return one
+        return replace(one, pseudorange_m=one.pseudorange_m + periods * SECONDARY_PERIOD_S * SPEED_OF_LIGHT_MPS)
+
+    return replace(epoch, observations={svid: move(one) for svid, one in epoch.observations.items()})

@@ -1,0 +1,247 @@
+"""One tracking channel: a satellite on E1, followed from its acquisition to its loss."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex64, Float32
+
+from vestige.constants import E1_CARRIER_HZ
+from vestige.errors import VestigeError
+from vestige.records import SampleBatch
+from vestige.sample_processor.e1_snapshot import E1Snapshot
+from vestige.sample_processor.tracking.channel_kernel import (
+    CODE_LENGTH,
+    CONSTANTS,
+    LOST,
+    PERIOD,
+    STATE,
+    track_periods,
+)
+from vestige.sample_processor.tracking.loop_gains import loop_gains
+from vestige.sample_processor.tracking.replica_kernel import half_chip_windows
+from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, TrackingSettings
+from vestige.signals.codes import primary_code, secondary_code
+from vestige.signals.definitions import E1B, E1C
+from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
+
+MAX_SPACING_CHIPS = 1 / 3  # of a correlator from the prompt: BOC(1,1)'s main peak ends there
+MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS  # below it a correlator one sample away leaves the peak
+_SLOPE_STEP_CHIPS = 1e-4
+
+
+def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[int]:
+    """Return the places of the correlators in samples from the prompt, in ascending order; positive is later.
+
+    Parameters
+    ----------
+    settings
+        Their number and the wished distance from early to late.
+    sample_rate_hz
+        Sampling rate in Hz.
+
+    Raises
+    ------
+    VestigeError
+        If the rate is so low that the correlator one sample from the prompt lies outside the main peak.
+
+    Examples
+    --------
+    >>> correlator_lags(TrackingSettings(), 12.5e6)
+    [-4, -2, 0, 2, 4]
+    """
+    samples_per_chip = sample_rate_hz / E1C.chip_rate_hz
+    spacing = max(1, round(settings.early_late_chips / 2 * samples_per_chip))
+    if spacing / samples_per_chip >= MAX_SPACING_CHIPS:
+        raise VestigeError(
+            f"E1 samples at {sample_rate_hz:g} Hz, with the early correlator {spacing / samples_per_chip:.2f} chips "
+            f"from the prompt, cannot be tracked: expected less than {MAX_SPACING_CHIPS:.2f} chips, a rate above "
+            f"{MIN_SAMPLE_RATE_HZ:.3g} Hz"
+        )
+    reach = settings.n_correlators // 2
+    return [spacing * place for place in range(-reach, reach + 1)]
+
+
+def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, bandwidth_hz: float) -> float:
+    """Return what turns (|L|² − |E|²)/A² into the code error in chips, for small errors.
+
+    Parameters
+    ----------
+    settings
+        Distance of the correlators, and the replica.
+    sample_rate_hz
+        Sampling rate in Hz.
+    bandwidth_hz
+        Two-sided bandwidth in front of the correlators in Hz.
+    """
+    lags = correlator_lags(settings, sample_rate_hz)
+    half = lags[len(lags) // 2 + 1] / sample_rate_hz * E1C.chip_rate_hz
+    replica: Pulse = BOC11 if settings.replica == "BOC(1,1)" else CBOC_MINUS
+    places = np.array([0.0, half - _SLOPE_STEP_CHIPS, half, half + _SLOPE_STEP_CHIPS])
+    peak, before, there, after = band_limited_correlation(
+        CBOC_MINUS, replica, places, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=bandwidth_hz
+    )
+    slope = (after - before) / (2 * _SLOPE_STEP_CHIPS)
+    return float(peak**2 / (-4 * there * slope))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedPeriods:
+    """What a channel says of consecutive code periods.
+
+    Attributes
+    ----------
+    periods
+        One `PERIOD` for each.
+    banks
+        complex64[period, correlator] of E1-C, the secondary chip taken off.
+    """
+
+    periods: np.ndarray
+    banks: Complex64[np.ndarray, "n k"]
+
+
+class Channel:
+    """The loops of one satellite.
+
+    Parameters
+    ----------
+    found
+        What an acquisition measured; the channel starts where the samples of it started.
+    batch
+        Those samples. Only their rate, centre frequency and counter are used.
+    settings
+        Loops and correlators.
+    bandwidth_hz
+        Two-sided bandwidth of the front end in Hz; None for the sampling rate.
+
+    Raises
+    ------
+    VestigeError
+        If the sampling rate is too low for the correlators, or a loop for its bandwidth.
+
+    Notes
+    -----
+    `run` is given samples that follow one another, and keeps none of them: the caller gives those again of which the
+    channel still needs some, from `first_sample` on.
+    """
+
+    def __init__(
+        self,
+        found: E1Snapshot,
+        batch: SampleBatch,
+        settings: TrackingSettings | None = None,
+        *,
+        bandwidth_hz: float | None = None,
+    ) -> None:
+        settings = settings or TrackingSettings()
+        rate = batch.sample_rate_hz
+        self.svid = found.svid
+        self.lags = np.array(correlator_lags(settings, rate), np.int64)
+        self._secondary = secondary_code(E1C, found.svid).astype(np.float64)
+        self._pilot = half_chip_windows(primary_code(E1C, found.svid))
+        self._data = half_chip_windows(primary_code(E1B, found.svid))
+        self._constants = self._constants_of(settings, batch, min(rate, bandwidth_hz or rate))
+        self._state = self._start(found, batch)
+        self._total = np.zeros(self.lags.size, np.complex128)
+
+    def _constants_of(self, settings: TrackingSettings, batch: SampleBatch, bandwidth_hz: float) -> np.ndarray:
+        interval_s = settings.integration_periods * E1C.period_s
+        middle = self.lags.size // 2
+        constants = np.zeros(1, CONSTANTS)
+        for name, value in {
+            "sample_rate_hz": batch.sample_rate_hz,
+            "chip_rate_hz": E1C.chip_rate_hz,
+            "carrier_hz": E1_CARRIER_HZ,
+            "intermediate_hz": E1_CARRIER_HZ - batch.center_frequency_hz,
+            "interval_s": interval_s,
+            "periods": settings.integration_periods,
+            "pll": loop_gains(settings.pll_order, settings.pll_bandwidth_hz, interval_s),
+            "dll": loop_gains(1, settings.dll_bandwidth_hz, interval_s),
+            "fll": loop_gains(1, settings.fll_bandwidth_hz, interval_s)[0],
+            "code_scale": code_discriminator_scale(settings, batch.sample_rate_hz, bandwidth_hz),
+            "early": middle - 1,
+            "prompt": middle,
+            "late": middle + 1,
+            "pull_in": max(2, round(settings.pull_in_s / interval_s)),
+            "min_cn0_dbhz": settings.min_cn0_dbhz,
+            "min_phase_lock": settings.min_phase_lock,
+            "slip_phase_lock": settings.slip_phase_lock,
+            "patience": round(settings.patience_s / (PERIODS_PER_SECONDARY * E1C.period_s)),
+            "high": 0.0 if settings.replica == "BOC(1,1)" else float(np.sqrt(1 / 11)),
+        }.items():
+            constants[name] = value
+        return constants
+
+    def _start(self, found: E1Snapshot, batch: SampleBatch) -> np.ndarray:
+        """Return the state at the first code period that begins in the batch."""
+        constants = self._constants[0]
+        rate = E1C.chip_rate_hz * (1 + found.doppler_hz / E1_CARRIER_HZ) / batch.sample_rate_hz
+        elapsed = (found.time - batch.start) * batch.sample_rate_hz
+        phase = found.transmit_phase_s * E1C.chip_rate_hz - elapsed * rate  # of the first sample
+        period = int(np.ceil(phase / CODE_LENGTH))
+        skipped = int(np.ceil((period * CODE_LENGTH - phase) / rate))
+        state = np.zeros(1, STATE)
+        for name, value in {
+            "first_sample": batch.first_sample + skipped,
+            "code_phase": max(phase + skipped * rate - period * CODE_LENGTH, 0.0),
+            "code_rate": rate,
+            "carrier_step": (constants["intermediate_hz"] + found.doppler_hz) / batch.sample_rate_hz,
+            "doppler_hz": found.doppler_hz,
+            "period": period % PERIODS_PER_SECONDARY,
+            "cn0_dbhz": found.cn0_dbhz,
+        }.items():
+            state[name] = value
+        return state
+
+    @property
+    def first_sample(self) -> int:
+        """Number of the first sample that the channel still needs."""
+        return int(self._state["first_sample"][0])
+
+    @property
+    def lost(self) -> bool:
+        """Whether the signal is lost: `run` does nothing any more."""
+        return bool(self._state["mode"][0] == LOST)
+
+    @property
+    def doppler_hz(self) -> float:
+        """Doppler by the integrator of the carrier loop."""
+        return float(self._state["doppler_hz"][0])
+
+    def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
+        """Track all code periods that lie in some samples whole.
+
+        Parameters
+        ----------
+        samples
+            E1, from `first_sample` of the channel or before on.
+        first
+            Number of the first of them.
+
+        Raises
+        ------
+        ValueError
+            If the samples begin too late.
+        """
+        if first > self.first_sample:
+            raise ValueError(f"samples from number {first} on, the channel needs {self.first_sample}")
+        x: Float32[np.ndarray, " n"] = samples.view(np.float32)
+        most = int(samples.size / (self._constants["sample_rate_hz"][0] * E1C.period_s) * 1.01) + 2
+        periods = np.zeros(most, PERIOD)
+        banks = np.zeros((most, self.lags.size), np.complex64)
+        n = track_periods(
+            x,
+            first,
+            self._secondary,
+            self._pilot,
+            self._data,
+            self.lags,
+            self._constants,
+            self._state,
+            self._total,
+            periods,
+            banks,
+        )
+        return TrackedPeriods(periods[:n], banks[:n])

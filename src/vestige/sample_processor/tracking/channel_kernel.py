@@ -1,0 +1,241 @@
+"""The compiled loops of a tracking channel: code periods of one satellite, one after the other.
+
+Theory of operation
+-------------------
+The code oscillator cuts the samples into code periods: period k begins with the first sample whose code phase is not
+negative. Each period gives the bank P_j of E1-C, with the secondary chip taken off, and the prompt of E1-B. After every
+integration the discriminators tell the errors, with the early (E), prompt (P) and late (L) correlator:
+
+    carrier phase     arg P / 2π                     four quadrants: the pilot has no data
+    carrier frequency arg(P_k P*_{k−1}) / (2π T)     while the carrier is pulled in
+    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ-KOLODZIEJSKI]; A is the smoothed amplitude of P
+
+with R the correlation of the received pulse with the replica at half the distance d from early to late. The gains are
+those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
+
+Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 (narrow to wide power ratio) and the phase
+lock, (I² − Q²)/(I² + Q²) of their sum, the estimate of cos 2φ [VAN-DIERENDONCK96].
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vestige.sample_processor.tracking.replica_kernel import correlate_period
+from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
+
+CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
+PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
+_AMPLITUDE_TIME_S = 0.2  # over which the amplitude of the prompt is smoothed
+_RATIO_SHARE = 0.1  # of the newest 100 ms in the smoothed power ratio: 1 s
+
+# What a channel carries from period to period.
+STATE = np.dtype(
+    [
+        ("first_sample", "i8"),  # of the next code period
+        ("code_phase", "f8"),  # of that sample, in chips
+        ("code_rate", "f8"),  # chips a sample
+        ("carrier_cycles", "f8"),  # carrier phase of that sample
+        ("carrier_step", "f8"),  # cycles a sample
+        ("doppler_hz", "f8"),  # integrator of the carrier loop
+        ("doppler_rate", "f8"),  # of order 3, in Hz/s
+        ("code_drift", "f8"),  # integrator of the code loop in chips/s; not used by order 1
+        ("period", "i8"),  # number of the next code period; 0 starts a secondary code
+        ("mode", "i8"),
+        ("integrated", "i8"),  # periods in the present integration
+        ("pulled_in", "i8"),  # integrations since the channel started
+        ("amplitude", "f8"),  # smoothed amplitude of the prompt of an integration
+        ("last_re", "f8"),
+        ("last_im", "f8"),
+        ("sum_re", "f8"),  # of the prompts of the present secondary code
+        ("sum_im", "f8"),
+        ("sum_power", "f8"),
+        ("summed", "i8"),
+        ("ratio", "f8"),  # smoothed power ratio; 0 before the first
+        ("cn0_dbhz", "f8"),
+        ("phase_lock", "f8"),
+        ("bad", "i8"),  # secondary codes in a row below the thresholds
+        ("slipped", "i8"),
+    ]
+)
+
+# What it does not change.
+CONSTANTS = np.dtype(
+    [
+        ("sample_rate_hz", "f8"),
+        ("chip_rate_hz", "f8"),
+        ("carrier_hz", "f8"),
+        ("intermediate_hz", "f8"),  # where the carrier stands in the samples without Doppler
+        ("interval_s", "f8"),  # integration time
+        ("periods", "i8"),  # in an integration
+        ("pll", "f8", (3,)),
+        ("dll", "f8", (3,)),
+        ("fll", "f8"),
+        ("code_scale", "f8"),  # 1 / (4 R R') in chips
+        ("early", "i8"),  # places of the correlators in the bank
+        ("prompt", "i8"),
+        ("late", "i8"),
+        ("pull_in", "i8"),  # integrations
+        ("min_cn0_dbhz", "f8"),
+        ("min_phase_lock", "f8"),
+        ("slip_phase_lock", "f8"),
+        ("patience", "i8"),  # secondary codes
+        ("high", "f8"),  # BOC(6,1) part of the replica
+    ]
+)
+
+# What a code period says.
+PERIOD = np.dtype(
+    [
+        ("number", "i8"),
+        ("first_sample", "i8"),
+        ("code_phase", "f8"),  # of the first sample, in chips
+        ("code_rate", "f8"),  # chips a sample
+        ("carrier_cycles", "f8"),  # of the first sample
+        ("carrier_step", "f8"),  # cycles a sample
+        ("doppler_rate", "f8"),
+        ("data", "c16"),  # prompt of E1-B
+        ("cn0_dbhz", "f8"),
+        ("phase_lock", "f8"),
+        ("locked", "?"),
+        ("slipped", "?"),
+    ]
+)
+
+
+@njit(cache=True, nogil=True)
+def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, constants, state, total, periods, banks):
+    """Track as many code periods as the samples hold; return their number.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n], real and imaginary parts of the samples in turn.
+    x_first
+        Number of the first of them.
+    secondary
+        float64[25], the secondary code of E1-C.
+    pilot_windows, data_windows
+        `half_chip_windows` of E1-C and E1-B.
+    lags
+        int64[k], the places of the correlators in samples.
+    constants, state
+        Arrays of one `CONSTANTS` and one `STATE`; the state is carried on.
+    total
+        complex128[k], the bank of the integration that is under way; carried on.
+    periods, banks
+        `PERIOD`[m] and complex64[m, k], filled; m is at least the number of periods in the samples.
+    """
+    c, s = constants[0], state[0]
+    pilot = np.empty(lags.size, np.complex128)
+    x_end = x_first + x.size // 2
+    n_done = 0
+    while s.mode != LOST and n_done < periods.size:
+        count = np.int64(np.ceil((CODE_LENGTH - s.code_phase) / s.code_rate))
+        begin = s.first_sample - x_first
+        if s.first_sample + count > x_end:
+            break
+        data = correlate_period(
+            x[2 * begin : 2 * (begin + count)],
+            pilot_windows,
+            data_windows,
+            c.high,
+            2 * s.code_phase,
+            2 * s.code_rate,
+            s.carrier_cycles,
+            s.carrier_step,
+            lags,
+            pilot,
+        )
+        pilot *= secondary[s.period % PERIODS_PER_SECONDARY]
+        out = periods[n_done]
+        out.number, out.first_sample = s.period, s.first_sample
+        out.code_phase, out.code_rate = s.code_phase, s.code_rate
+        out.carrier_cycles, out.carrier_step, out.doppler_rate = s.carrier_cycles, s.carrier_step, s.doppler_rate
+        out.data = data
+        for k in range(lags.size):
+            banks[n_done, k] = pilot[k]
+
+        s.first_sample += count
+        s.code_phase += count * s.code_rate - CODE_LENGTH
+        s.carrier_cycles += count * s.carrier_step
+        total += pilot
+        s.integrated += 1
+        _lock(c, s, pilot[c.prompt])
+        s.period += 1
+        if s.integrated == c.periods:
+            _update(c, s, total)
+            s.integrated, total[:] = 0, 0.0
+        out.cn0_dbhz, out.phase_lock = s.cn0_dbhz, s.phase_lock
+        out.locked = s.mode == TRACKING and s.pulled_in > c.pull_in
+        out.slipped = s.slipped != 0
+        n_done += 1
+    return n_done
+
+
+@njit(cache=True, nogil=True)
+def _update(c, s, total):
+    """Close the loops with the bank of one integration."""
+    early, prompt, late = total[c.early], total[c.prompt], total[c.late]
+    angle = np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
+    t = c.interval_s
+    # the in-phase part has no noise in its mean; it is no measure while the phase is not locked
+    size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
+    s.amplitude = size if s.amplitude == 0.0 else s.amplitude + t / _AMPLITUDE_TIME_S * (size - s.amplitude)
+    rate_hz = 0.0
+    if s.mode == PULL_IN:
+        if s.pulled_in > 0:
+            cross = prompt.imag * s.last_re - prompt.real * s.last_im
+            dot = prompt.real * s.last_re + prompt.imag * s.last_im
+            s.doppler_hz += c.fll * np.arctan2(cross, dot) / (2 * np.pi * t)
+        s.pulled_in += 1
+        if s.pulled_in == c.pull_in:
+            s.mode = TRACKING
+            s.carrier_cycles += angle  # the PLL starts without a phase error
+            s.ratio = 0.0  # what was measured while the carrier still turned does not count
+    else:
+        s.pulled_in += 1
+        s.doppler_rate += c.pll[2] * angle / t**2
+        s.doppler_hz += s.doppler_rate * t + c.pll[1] * angle / t
+        rate_hz = c.pll[0] * angle / t
+    s.last_re, s.last_im = prompt.real, prompt.imag
+    s.carrier_step = (c.intermediate_hz + s.doppler_hz + rate_hz) / c.sample_rate_hz
+
+    difference = (late.real**2 + late.imag**2) - (early.real**2 + early.imag**2)
+    # chips; positive: the signal is later
+    error = c.code_scale * difference / s.amplitude**2 if s.amplitude > 0.0 else 0.0
+    error = min(max(error, -0.5), 0.5)
+    s.code_drift -= c.dll[1] * error / t
+    drift = s.code_drift - c.dll[0] * error / t
+    s.code_rate = (c.chip_rate_hz * (1.0 + s.doppler_hz / c.carrier_hz) + drift) / c.sample_rate_hz
+
+
+@njit(cache=True, nogil=True)
+def _lock(c, s, prompt):
+    """Add a prompt to those of its secondary code; at the end tell C/N0, phase lock and whether the signal is lost."""
+    s.sum_re += prompt.real
+    s.sum_im += prompt.imag
+    s.sum_power += prompt.real**2 + prompt.imag**2
+    s.summed += 1
+    if s.period % PERIODS_PER_SECONDARY != PERIODS_PER_SECONDARY - 1:
+        return
+    if s.summed == PERIODS_PER_SECONDARY and s.sum_power > 0.0:
+        wide = s.sum_re**2 + s.sum_im**2
+        ratio = wide / s.sum_power
+        s.ratio = ratio if s.ratio == 0.0 else s.ratio + _RATIO_SHARE * (ratio - s.ratio)
+        signal, noise = s.ratio - 1.0, PERIODS_PER_SECONDARY - s.ratio
+        period_s = c.interval_s / c.periods
+        s.cn0_dbhz = 10 * np.log10(signal / noise / period_s) if signal > 0.0 and noise > 0.0 else np.nan
+        s.phase_lock = (s.sum_re**2 - s.sum_im**2) / wide if wide > 0.0 else 0.0
+        if s.mode == TRACKING:
+            weak = not s.cn0_dbhz >= c.min_cn0_dbhz
+            s.bad = s.bad + 1 if weak or s.phase_lock < c.min_phase_lock else 0
+            s.slipped = 1 if s.phase_lock < c.slip_phase_lock else 0
+    elif s.summed == PERIODS_PER_SECONDARY:
+        s.bad += 1  # no power at all
+    if s.bad > c.patience:
+        s.mode = LOST
+    s.sum_re, s.sum_im, s.sum_power, s.summed = 0.0, 0.0, 0.0, 0

@@ -1,0 +1,104 @@
+"""Gains of a digital tracking loop that has exactly the noise bandwidth it is asked for.
+
+Theory of operation
+-------------------
+The loop measures the error e_k of phase k (of a code or a carrier) over an integration time T, and sets the rate of its
+oscillator for the next one:
+
+    a_{k+1} = a_k + γ₃ e_k / T²        order 3
+    f_{k+1} = f_k + a_{k+1} T + γ₂ e_k / T        order 2 and 3
+    r_{k+1} = f_{k+1} + γ₁ e_k / T        rate of the oscillator
+
+The oscillator's phase, as the correlator sees it, is the one at the middle of an integration:
+φ_{k+1} = φ_k + T (r_k + r_{k+1})/2. With noise n_k that is white from one integration to the next, φ = Σ h_j n_{k−j},
+and the one-sided noise bandwidth is B = Σ h_j² / (2T): then σ_φ² = 2 B T σ_n² holds exactly.
+
+The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for
+order 3 [KAPLAN, Table 8.23]. The textbook has B as a function of ω for T → 0; here ω is chosen so that the digital loop
+with its delay has the B that was asked for.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy import optimize
+
+from vestige.errors import VestigeError
+
+_SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN, Table 8.23]
+_LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # x beyond which the loop rings so much that nobody wants it
+
+
+def gains_of(order: int, x: float) -> tuple[float, float, float]:
+    """Return (γ₁, γ₂, γ₃) for x = ω T."""
+    first, second, third = _SHAPES[order]
+    return first * x, second * x**2, third * x**3
+
+
+def noise_bandwidth_hz(gains: tuple[float, float, float], interval_s: float) -> float:
+    """Return the one-sided noise bandwidth B of a loop; infinite if the loop is not stable.
+
+    Parameters
+    ----------
+    gains
+        (γ₁, γ₂, γ₃).
+    interval_s
+        Integration time T in s.
+    """
+    g1, g2, g3 = gains
+    # State (φ, r, f, a), all in units of T. One step: φ' = φ + (r + r')/2 with e = n − φ.
+    e = np.array([-1.0, 0.0, 0.0, 0.0])
+    rate_rate = np.array([0.0, 0.0, 0.0, 1.0]) + g3 * e
+    frequency = np.array([0.0, 0.0, 1.0, 0.0]) + rate_rate + g2 * e
+    rate = frequency + g1 * e
+    phase = np.array([1.0, 0.5, 0.0, 0.0]) + rate / 2
+    step = np.stack((phase, rate, frequency, rate_rate))
+    kept = [0, 1] + [2] * (g2 > 0) + [3] * (g3 > 0)  # integrators that a lower order does not have
+    noise = np.array([(g1 + g2 + g3) / 2, g1 + g2 + g3, g2 + g3, g3])[kept]
+    step = step[np.ix_(kept, kept)]
+    if np.max(np.abs(np.linalg.eigvals(step))) >= 1.0:
+        return float("inf")
+    # covariance of the state for white noise of variance 1: C = step C stepᵀ + noise noiseᵀ
+    size = len(kept)
+    covariance = np.linalg.solve(np.eye(size**2) - np.kron(step, step), np.outer(noise, noise).ravel())
+    return float(covariance[0] / (2 * interval_s))
+
+
+@lru_cache(maxsize=64)
+def loop_gains(order: int, bandwidth_hz: float, interval_s: float) -> tuple[float, float, float]:
+    """Return the gains (γ₁, γ₂, γ₃) of a loop.
+
+    Parameters
+    ----------
+    order
+        1, 2 or 3.
+    bandwidth_hz
+        One-sided noise bandwidth B in Hz.
+    interval_s
+        Integration time T in s.
+
+    Raises
+    ------
+    VestigeError
+        If B T is too large for a loop that updates once in T.
+
+    Examples
+    --------
+    >>> gains = loop_gains(3, 15.0, 0.004)
+    >>> round(noise_bandwidth_hz(gains, 0.004), 6)
+    15.0
+    """
+
+    def misfit(x: float) -> float:
+        return noise_bandwidth_hz(gains_of(order, x), interval_s) / bandwidth_hz - 1.0
+
+    largest = _LARGEST[order]
+    if not misfit(largest) > 0:
+        raise VestigeError(
+            f"tracking: a loop of order {order} with {bandwidth_hz:g} Hz cannot be updated every "
+            f"{1e3 * interval_s:g} ms; take a smaller bandwidth or a shorter integration time"
+        )
+    smallest = 0.1 * bandwidth_hz * interval_s  # T → 0: x is 1.3 to 4 times B T
+    return gains_of(order, float(optimize.brentq(misfit, smallest, largest, xtol=1e-15)))

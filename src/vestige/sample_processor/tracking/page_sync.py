@@ -1,0 +1,117 @@
+"""From the E1-B prompts of a tracking channel to I/NAV pages.
+
+A code period of E1-B is a symbol, so the symbols need no clock of their own. A half-page begins with a period of the
+secondary code of E1-C, because both begin with the Galileo second: of the 500 places at which a page may begin, 20 are
+left. At each, the sign of the symbols follows from the synchronisation pattern, and the checksum tells whether it is
+the right place [OS-ICD, 4.3.2]. From then on pages are taken every 500 symbols, until none of `LOST_PAGES` in a row is
+good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Complex, Float, Int64
+
+from vestige.navigation.inav.coding.channel_coding import HALF_SYMBOLS, PAGE_SYMBOLS, SYNC_PATTERN, page_from_symbols
+from vestige.navigation.inav.page import InavPage
+from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
+from vestige.time import GalileoTime
+
+LOST_PAGES = 15  # without a good one in 30 s the place of the pages is looked for again
+_PATTERN = 1.0 - 2.0 * np.array(SYNC_PATTERN, np.float64)
+_MAX_SYNC_ERRORS = 3  # of both patterns of a page, 20 symbols: more are not decoded
+_ANY_TIME = GalileoTime(0, 1)  # of a page whose time is not known yet
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivedPage:
+    """A page with a good checksum."""
+
+    period: int  # number of the code period, in its channel, with which the page begins
+    data: bytes  # 30 bytes, the even half first
+
+
+@dataclass(slots=True, kw_only=True)
+class PageSync:
+    """Takes the E1-B prompts of one channel in order and gives the pages in them.
+
+    Attributes
+    ----------
+    svid
+        The satellite.
+    tried, good
+        Pages that were decoded since the place of the pages is known, and those of them with a good checksum.
+    """
+
+    svid: int
+    tried: int = 0
+    good: int = 0
+    _soft: Float[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0))
+    _first: int = 0  # number of the period of the first kept symbol
+    _place: int | None = None  # period with which the next page begins, once it is known
+    _bad: int = 0  # pages in a row without a good checksum
+
+    def take(self, numbers: Int64[np.ndarray, " n"], prompts: Complex[np.ndarray, " n"]) -> list[ReceivedPage]:
+        """Return the pages that some prompts complete.
+
+        Parameters
+        ----------
+        numbers
+            Numbers of the code periods, consecutive from those given before; a secondary code begins where 25 divides
+            them.
+        prompts
+            E1-B, its carrier locked to E1-C.
+        """
+        if numbers.size == 0:
+            return []
+        if self._soft.size and int(numbers[0]) != self._first + self._soft.size:
+            self._soft, self._place = np.empty(0), None
+        if not self._soft.size:
+            self._first = int(numbers[0])
+        self._soft = np.concatenate((self._soft, np.nan_to_num(prompts.real)))
+        pages = []
+        while (page := self._next()) is not None:
+            if page.data:
+                pages.append(page)
+        return pages
+
+    def _next(self) -> ReceivedPage | None:
+        """Return the next page, one with no data if it was not good, or None if there are too few symbols."""
+        if self._place is not None:
+            if self._place + PAGE_SYMBOLS > self._first + self._soft.size:
+                return None
+            at, self._place = self._place, self._place + PAGE_SYMBOLS
+            data = self._decode(at)
+            self.tried, self.good = self.tried + 1, self.good + bool(data)
+            self._bad = 0 if data else self._bad + 1
+            if self._bad == LOST_PAGES:
+                self._place = None
+            self._drop(at + PAGE_SYMBOLS)
+            return ReceivedPage(period=at, data=data)
+        at = self._first + -self._first % PERIODS_PER_SECONDARY
+        if at + PAGE_SYMBOLS > self._first + self._soft.size:
+            return None
+        data = self._decode(at)
+        if data:
+            self._place, self._bad = at + PAGE_SYMBOLS, 0
+            self.tried, self.good = self.tried + 1, self.good + 1
+            self._drop(at + PAGE_SYMBOLS)
+        else:
+            self._drop(at + 1)
+        return ReceivedPage(period=at, data=data)
+
+    def _drop(self, until: int) -> None:
+        self._soft = self._soft[until - self._first :]
+        self._first = until
+
+    def _decode(self, at: int) -> bytes:
+        """Return the page that begins with a period, empty if it is not good."""
+        soft = self._soft[at - self._first : at - self._first + PAGE_SYMBOLS]
+        signs = np.sign(soft.reshape(2, HALF_SYMBOLS)[:, : _PATTERN.size]) * _PATTERN
+        if abs(signs.sum()) < signs.size - 2 * _MAX_SYNC_ERRORS:
+            return b""
+        data = page_from_symbols(soft)
+        page = InavPage(svid=self.svid, time=_ANY_TIME, data=data)
+        return data if page.crc_ok else b""

@@ -1,0 +1,73 @@
+"""What a user may set of E1 tracking, with the field's names and the usual values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vestige.errors import VestigeError
+
+PERIODS_PER_SECONDARY = 25  # code periods of E1-C in a period of its secondary code [OS-ICD, 3.5]
+REPLICAS = ("BOC(1,1)", "CBOC")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingSettings:
+    """Loop bandwidths, integration time, correlators and thresholds of every E1 channel.
+
+    Attributes
+    ----------
+    pll_bandwidth_hz
+        One-sided noise bandwidth of the phase-locked loop in Hz.
+    pll_order
+        2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
+    fll_bandwidth_hz
+        Of the frequency-locked loop that pulls the carrier in, in Hz.
+    dll_bandwidth_hz
+        One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids it, so it follows what code and
+        carrier do not share: ionosphere, multipath, noise.
+    integration_periods
+        Code periods of 4 ms that are added coherently before the loops are updated: 1 or 5.
+    early_late_chips
+        Wished distance from the early to the late correlator in chips. Correlators stand at whole samples from the
+        prompt, so the nearest distance is taken.
+    n_correlators
+        Correlators in the bank, 5 to 11, an odd number: evenly spaced around the prompt by half of the distance above.
+    replica
+        `BOC(1,1)`, which narrow front ends pass, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
+    pull_in_s
+        Time for which the FLL runs before the PLL takes over.
+    min_cn0_dbhz, min_phase_lock
+        A channel whose C/N0 or phase lock (mean of cos 2φ over 100 ms) stays below for `patience_s` is lost.
+    slip_phase_lock
+        A carrier phase is flagged as slipped while the phase lock is below.
+    """
+
+    pll_bandwidth_hz: float = 15.0
+    pll_order: int = 3
+    fll_bandwidth_hz: float = 10.0
+    dll_bandwidth_hz: float = 1.0
+    integration_periods: int = 1
+    early_late_chips: float = 0.3
+    n_correlators: int = 5
+    replica: str = "BOC(1,1)"
+    pull_in_s: float = 0.2
+    min_cn0_dbhz: float = 24.0
+    min_phase_lock: float = 0.2
+    patience_s: float = 0.5
+    slip_phase_lock: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("pll_bandwidth_hz", "fll_bandwidth_hz", "dll_bandwidth_hz", "early_late_chips", "pull_in_s"):
+            value = getattr(self, name)
+            if not (value > 0 and math.isfinite(value)):
+                raise VestigeError(f"tracking: {name} = {value}, expected a positive number")
+        for name, allowed in (
+            ("pll_order", (2, 3)),
+            ("integration_periods", (1, 5)),
+            ("n_correlators", (5, 7, 9, 11)),
+            ("replica", REPLICAS),
+        ):
+            if getattr(self, name) not in allowed:
+                expected = ", ".join(str(one) for one in allowed)
+                raise VestigeError(f"tracking: {name} = {getattr(self, name)}, expected one of {expected}")

@@ -1,0 +1,304 @@
+"""A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
+
+Samples are given in stretches that follow one another; what comes out does not depend on how they are cut. All
+satellites are looked for at the beginning; then one that was never seen every 5 s, and those that were lost every
+second, around their last Doppler. Observables come `epochs_per_s` times a second at whole fractions of a second of the
+receiver's clock.
+
+The time of transmission is known in steps: the secondary code tells it modulo 100 ms, the message tells it wholly,
+after up to 30 s. Until the message of some satellite has told it, the clock of the receiver places it
+(`time_tag_error_s`); from then on the median of those that were told it places all others, whose travel times differ by
+less than 25 ms.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Complex64
+
+from vestige.constants import MAX_SVID, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.navigation.inav.page import InavPage
+from vestige.records import E1Observation, SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.sample_processor.acquisition import Acquisition, acquire
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, measure_e1
+from vestige.sample_processor.tracking.channel import Channel, correlator_lags
+from vestige.sample_processor.tracking.channel_track import ChannelTrack, Observables
+from vestige.sample_processor.tracking.page_sync import ReceivedPage
+from vestige.sample_processor.tracking.settings import TrackingSettings
+from vestige.signals.definitions import E1C
+from vestige.time import GalileoTime
+
+EPOCHS_PER_S = 10
+STRETCH_S = (
+    0.2  # of samples between two looks at the loops; a batch of it stays small enough for its memory to be used again
+)
+_SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: more than two code periods
+_SEARCHED_PERIODS = 8  # code periods in which satellites are looked for: enough for 30 dBHz
+_NEW_EVERY = 25  # stretches from one satellite that was never seen to the next
+_LOST_EVERY = 5  # stretches from one search for satellites that were lost to the next
+_LOST_SPAN_HZ = 500.0  # around their last Doppler, with all of 100 ms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackedStretch:
+    """What some samples gave: observations, and the pages whose time is known."""
+
+    epochs: list[ObservationEpoch]
+    pages: list[InavPage]
+
+
+@dataclass(slots=True, kw_only=True)
+class TrackingReceiver:
+    """Tracks E1 of all satellites.
+
+    Attributes
+    ----------
+    svids
+        Satellites that are looked for.
+    settings
+        Of all channels.
+    bandwidth_hz
+        Two-sided bandwidth of the front end in Hz; None for the sampling rate.
+    time_tag_error_s
+        By how much the time tag of the samples is late, as far as it is known.
+    epochs_per_s
+        Observations a second.
+    workers
+        Threads.
+    """
+
+    svids: tuple[int, ...] = tuple(range(1, MAX_SVID + 1))
+    settings: TrackingSettings = field(default_factory=TrackingSettings)
+    bandwidth_hz: float | None = None
+    time_tag_error_s: float = 0.0
+    epochs_per_s: int = EPOCHS_PER_S
+    workers: int = 1
+    tracks: dict[int, ChannelTrack] = field(default_factory=dict)
+    time_is_told: bool = False  # whether a message has told the time
+    _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
+    _stretch: int = 0
+    _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
+    _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
+    _seen: set[int] = field(default_factory=set)  # satellites in the epoch before
+
+    def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
+        """Yield what each stretch of samples gives, `STRETCH_S` long; the last one is shorter.
+
+        Parameters
+        ----------
+        batches
+            Samples of E1 that follow one another without a gap, in pieces of any length.
+        """
+        with ThreadPoolExecutor(self.workers) as pool:
+            for batch in recut(batches, STRETCH_S):
+                self._search(batch)
+                self._stretch += 1
+                yield self._take(batch, pool)
+
+    def _take(self, batch: SampleBatch, pool: ThreadPoolExecutor) -> TrackedStretch:
+        running = self._alive()
+        seam = np.concatenate((self._rest, batch.samples[: round(_SEAM_S * batch.sample_rate_hz)]))
+        seam_first = batch.first_sample - self._rest.size
+
+        def run(track: ChannelTrack) -> list[ReceivedPage]:
+            pages = []
+            if track.channel.first_sample < batch.first_sample:
+                pages = track.take(track.channel.run(seam, seam_first))
+            return pages + track.take(track.channel.run(batch.samples, batch.first_sample))
+
+        found = pool.map(run, running)
+        pages = {track.svid: received for track, received in zip(running, found, strict=True)}
+        placed = self._place(pages, batch)
+        power = float(np.vdot(batch.samples, batch.samples).real) / max(batch.samples.size, 1)
+        epochs = self._epochs(batch, power)
+        end = batch.first_sample + batch.samples.size
+        needed = min((track.channel.first_sample for track in self._alive()), default=end)
+        self._rest = batch.samples[min(needed, end) - batch.first_sample :].copy()
+        return TrackedStretch(epochs=epochs, pages=placed)
+
+    def _alive(self) -> list[ChannelTrack]:
+        return [track for track in self.tracks.values() if not track.channel.lost]
+
+    def _search(self, batch: SampleBatch) -> None:
+        """Start a channel for each satellite that is found in the first 100 ms of a stretch."""
+        window = replace(batch, samples=batch.samples[: round(E1_WINDOW_S * batch.sample_rate_hz)])
+        found: list[Acquisition] = []
+        if self._stretch == 0:
+            found += acquire(window, self.svids, max_stretches=_SEARCHED_PERIODS)
+        elif self._stretch % _NEW_EVERY == 0:
+            unseen = [svid for svid in self.svids if svid not in self.tracks]
+            if unseen:
+                turn = self._stretch // _NEW_EVERY % len(unseen)
+                found += acquire(window, unseen[turn : turn + 1], max_stretches=_SEARCHED_PERIODS)
+        if self._stretch % _LOST_EVERY == 0:
+            for track in self.tracks.values():
+                if track.channel.lost:
+                    center_hz = track.channel.doppler_hz
+                    found += acquire(window, (track.svid,), doppler_center_hz=center_hz, doppler_span_hz=_LOST_SPAN_HZ)
+        for acquisition in found:
+            measured = measure_e1(window, acquisition)
+            if measured is None or not measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:
+                continue
+            channel = Channel(measured, window, self.settings, bandwidth_hz=self.bandwidth_hz)
+            self.tracks[measured.svid] = ChannelTrack(channel, batch.sample_rate_hz, batch.center_frequency_hz)
+            self._waiting.pop(measured.svid, None)
+
+    def _place(self, pages: dict[int, list[ReceivedPage]], whole: SampleBatch) -> list[InavPage]:
+        """Return the pages whose time of transmission is known by now."""
+        for svid, received in pages.items():
+            track = self.tracks[svid]
+            for page in received:
+                if track.learn_time(page, whole.start.week) is not None:
+                    self._learn_clock(whole)
+            self._waiting.setdefault(svid, []).extend(received)
+        placed = []
+        for svid, waiting in self._waiting.items():
+            zero = self._zero(self.tracks[svid], whole)
+            if zero is None or not self.time_is_told:
+                continue
+            for page in waiting:
+                start = zero + page.period * 0.004
+                second = GalileoTime.normalized(start.week, start.second, round(start.fraction))
+                placed.append(InavPage(svid=svid, time=second, data=page.data))
+            waiting.clear()
+        return sorted(placed, key=lambda page: (page.time, page.svid))
+
+    def _learn_clock(self, whole: SampleBatch) -> None:
+        """Learn by how much the time tag is late from the satellites whose message has told the time."""
+        errors_s = []
+        for track in self._alive():
+            at = track.reach
+            transmit_s = float(track.observables(np.array([at])).transmit_s[0])
+            if track.zero is not None and math.isfinite(transmit_s):
+                received = whole.start + (at - whole.first_sample) / whole.sample_rate_hz
+                errors_s.append(received - (track.zero + transmit_s) - MEDIAN_TRAVEL_TIME_S)
+        if errors_s:
+            self.time_tag_error_s, self.time_is_told = statistics.median(errors_s), True
+
+    def _zero(self, track: ChannelTrack, whole: SampleBatch) -> GalileoTime | None:
+        """Return the time of transmission of a channel's code period 0: told by its message, or placed by the clock."""
+        if track.zero is not None:
+            return track.zero
+        at = track.reach
+        seen = track.observables(np.array([at]))
+        if not np.isfinite(seen.transmit_s[0]):
+            return None
+        received = whole.start + ((at - whole.first_sample) / whole.sample_rate_hz - self.time_tag_error_s)
+        near = received + (-MEDIAN_TRAVEL_TIME_S - float(seen.transmit_s[0]))
+        return GalileoTime.normalized(near.week, near.second, round(near.fraction / SECONDARY_PERIOD_S) / 10)
+
+    def _epochs(self, whole: SampleBatch, power: float) -> list[ObservationEpoch]:
+        """Return the epochs up to which all channels have been tracked."""
+        alive = self._alive()
+        step = 1.0 / self.epochs_per_s
+        reach = min((track.reach for track in alive), default=float(whole.first_sample + whole.samples.size))
+        begin = whole.start
+        if self._next_epoch is None:
+            self._next_epoch = begin.gst_seconds * self.epochs_per_s + math.ceil(begin.fraction * self.epochs_per_s)
+        numbers: list[int] = []
+        places: list[float] = []
+        number = self._next_epoch
+        while True:
+            second, part = divmod(number, self.epochs_per_s)
+            place = (GalileoTime.from_gst_seconds(second) + part * step - begin) * whole.sample_rate_hz
+            if place + whole.first_sample > reach:
+                break
+            numbers.append(number)
+            places.append(place + whole.first_sample)
+            number += 1
+        self._next_epoch = number
+        if not numbers:
+            return []
+        at = np.array(places)
+        rows = {track.svid: (self._zero(track, whole), track.observables(at)) for track in self.tracks.values()}
+        epochs = [self._epoch(number, row, rows) for row, number in enumerate(numbers)]
+        # the noise of a sum over 100 ms of samples, per dimension, if the samples are noise
+        sigma = math.sqrt(max(power, 1e-30) / 2 * SECONDARY_PERIOD_S * whole.sample_rate_hz)
+        chips = tuple(self._tap_chips(whole.sample_rate_hz))
+        return [
+            replace(
+                epoch,
+                taps={svid: self.tracks[svid].taps(place) / np.float32(sigma) for svid in epoch.observations},
+                tap_chips=chips,
+                power_db=10 * math.log10(power) if power > 0 else -math.inf,
+            )
+            for epoch, place in zip(epochs, places, strict=True)
+        ]
+
+    def _tap_chips(self, sample_rate_hz: float) -> list[float]:
+        """Return the places of the correlators in chips from the prompt."""
+        return [lag * E1C.chip_rate_hz / sample_rate_hz for lag in correlator_lags(self.settings, sample_rate_hz)]
+
+    def _epoch(
+        self, number: int, row: int, rows: dict[int, tuple[GalileoTime | None, Observables]]
+    ) -> ObservationEpoch:
+        second, part = divmod(number, self.epochs_per_s)
+        time = GalileoTime.from_gst_seconds(second) + part / self.epochs_per_s
+        observations, slipped = {}, set()
+        for svid, (zero, seen) in sorted(rows.items()):
+            if zero is None or not np.isfinite(seen.transmit_s[row]):
+                continue
+            observations[svid] = E1Observation(
+                svid=svid,
+                pseudorange_m=((time - zero) - float(seen.transmit_s[row])) * SPEED_OF_LIGHT_MPS,
+                carrier_phase_cycles=float(seen.carrier_phase_cycles[row]),
+                doppler_hz=float(seen.doppler_hz[row]),
+                doppler_rate_hz_per_s=float("nan"),
+                cn0_dbhz=float(seen.cn0_dbhz[row]),
+            )
+            if seen.slipped[row] or svid not in self._seen:
+                slipped.add(svid)
+        self._seen = set(observations)
+        return ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
+
+
+def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:
+    """Yield the same samples in pieces of one length, the last one shorter.
+
+    Parameters
+    ----------
+    batches
+        Samples that follow one another.
+    duration_s
+        Length of a piece in s.
+
+    Raises
+    ------
+    ValueError
+        If a batch does not follow the one before.
+    """
+    held: list[SampleBatch] = []
+    for batch in batches:
+        if held and batch.first_sample != held[-1].first_sample + held[-1].samples.size:
+            raise ValueError(f"samples from {batch.first_sample} on do not follow those before")
+        count = round(duration_s * batch.sample_rate_hz)
+        if not held and batch.samples.size == count:
+            yield batch
+            continue
+        held.append(batch)
+        if sum(one.samples.size for one in held) < count:
+            continue
+        samples = np.concatenate([one.samples for one in held]) if len(held) > 1 else batch.samples
+        whole = replace(held[0], samples=samples)
+        for first in range(0, samples.size - count + 1, count):
+            yield _part(whole, first, first + count)
+        rest = samples.size % count
+        held = [_part(whole, samples.size - rest, samples.size)] if rest else []
+    if held:
+        yield replace(held[0], samples=np.concatenate([one.samples for one in held]))
+
+
+def _part(whole: SampleBatch, begin: int, end: int) -> SampleBatch:
+    return replace(
+        whole,
+        samples=whole.samples[begin:end],
+        first_sample=whole.first_sample + begin,
+        start=whole.start + begin / whole.sample_rate_hz,
+    )
