@@ -31,6 +31,9 @@ CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
 _AMPLITUDE_TIME_S = 0.2  # over which the amplitude of the prompt is smoothed
 _RATIO_SHARE = 0.1  # of the newest 100 ms in the smoothed power ratio: 1 s
+_TURNED = 0.3  # of the amplitude: an in-phase part below it means that the carrier has slipped, or is about to
+_IN_PHASE_SHARE = 0.2  # of a new prompt in the smoothed in-phase part: 20 ms
+_LOCK_SHARE = 0.3  # and in the smoothed phase lock: 0.3 s
 
 # What a channel carries from period to period.
 STATE = np.dtype(
@@ -56,9 +59,12 @@ STATE = np.dtype(
         ("summed", "i8"),
         ("ratio", "f8"),  # smoothed power ratio; 0 before the first
         ("cn0_dbhz", "f8"),
-        ("phase_lock", "f8"),
+        ("phase_lock", "f8"),  # of the last secondary code
+        ("mean_lock", "f8"),  # smoothed
         ("bad", "i8"),  # secondary codes in a row below the thresholds
-        ("slipped", "i8"),
+        ("slipped", "i8"),  # whether the phase of the last secondary code is not to be trusted
+        ("in_phase", "f8"),  # in-phase part of the prompts, smoothed over 20 ms
+        ("turned", "i8"),  # whether it was far below the amplitude in the present secondary code
     ]
 )
 
@@ -100,8 +106,7 @@ PERIOD = np.dtype(
         ("data", "c16"),  # prompt of E1-B
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),
-        ("locked", "?"),
-        ("slipped", "?"),
+        ("locked", "?"),  # the phase lock of the last secondary code was good
     ]
 )
 
@@ -170,8 +175,7 @@ def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, cons
             _update(c, s, total)
             s.integrated, total[:] = 0, 0.0
         out.cn0_dbhz, out.phase_lock = s.cn0_dbhz, s.phase_lock
-        out.locked = s.mode == TRACKING and s.pulled_in > c.pull_in
-        out.slipped = s.slipped != 0
+        out.locked = s.mode == TRACKING and s.ratio > 0.0 and s.slipped == 0
         n_done += 1
     return n_done
 
@@ -194,8 +198,10 @@ def _update(c, s, total):
         s.pulled_in += 1
         if s.pulled_in == c.pull_in:
             s.mode = TRACKING
+            s.in_phase = s.amplitude / c.periods
             s.carrier_cycles += angle  # the PLL starts without a phase error
-            s.ratio = 0.0  # what was measured while the carrier still turned does not count
+            # what was measured while the carrier still turned does not count
+            s.ratio, s.mean_lock, s.sum_re, s.sum_im, s.sum_power, s.summed = 0.0, 0.0, 0.0, 0.0, 0.0, 0
     else:
         s.pulled_in += 1
         s.doppler_rate += c.pll[2] * angle / t**2
@@ -220,6 +226,9 @@ def _lock(c, s, prompt):
     s.sum_im += prompt.imag
     s.sum_power += prompt.real**2 + prompt.imag**2
     s.summed += 1
+    if s.mode == TRACKING:
+        s.in_phase += _IN_PHASE_SHARE * (prompt.real - s.in_phase)
+        s.turned |= s.in_phase < _TURNED * s.amplitude / c.periods
     if s.period % PERIODS_PER_SECONDARY != PERIODS_PER_SECONDARY - 1:
         return
     if s.summed == PERIODS_PER_SECONDARY and s.sum_power > 0.0:
@@ -230,10 +239,14 @@ def _lock(c, s, prompt):
         period_s = c.interval_s / c.periods
         s.cn0_dbhz = 10 * np.log10(signal / noise / period_s) if signal > 0.0 and noise > 0.0 else np.nan
         s.phase_lock = (s.sum_re**2 - s.sum_im**2) / wide if wide > 0.0 else 0.0
+        first = s.mean_lock == 0.0
+        s.mean_lock = s.phase_lock if first else s.mean_lock + _LOCK_SHARE * (s.phase_lock - s.mean_lock)
         if s.mode == TRACKING:
             weak = not s.cn0_dbhz >= c.min_cn0_dbhz
-            s.bad = s.bad + 1 if weak or s.phase_lock < c.min_phase_lock else 0
-            s.slipped = 1 if s.phase_lock < c.slip_phase_lock else 0
+            s.bad = s.bad + 1 if weak or s.mean_lock < c.min_phase_lock else 0
+            unlocked = s.turned != 0 or min(s.phase_lock, s.mean_lock) < c.slip_phase_lock
+            s.slipped = 1 if unlocked else 0
+            s.turned = 0
     elif s.summed == PERIODS_PER_SECONDARY:
         s.bad += 1  # no power at all
     if s.bad > c.patience:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Complex64, Float, Int64
+from jaxtyping import Complex64, Float, Int64
 
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SECONDS_PER_WEEK
 from vestige.navigation.inav.page import InavPage
@@ -37,15 +37,12 @@ class Observables:
         Doppler over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
         Of E1-C.
-    slipped
-        Whether the phase may not be continuous with that of the moment before.
     """
 
     transmit_s: Float[np.ndarray, " n"]
     carrier_phase_cycles: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
     cn0_dbhz: Float[np.ndarray, " n"]
-    slipped: Bool[np.ndarray, " n"]
 
 
 class ChannelTrack:
@@ -144,7 +141,6 @@ class ChannelTrack:
             carrier_phase_cycles=np.where(known, -self._cycles(samples), np.nan),
             doppler_hz=np.where(known, (later - earlier) / DOPPLER_SPAN_S, np.nan),
             cn0_dbhz=np.where(known, past["cn0_dbhz"][row], np.nan),
-            slipped=past["slipped"][row],
         )
 
     def taps(self, sample: float) -> Complex64[np.ndarray, " k"]:

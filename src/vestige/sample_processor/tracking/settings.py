@@ -38,9 +38,9 @@ class TrackingSettings:
     pull_in_s
         Time for which the FLL runs before the PLL takes over.
     min_cn0_dbhz, min_phase_lock
-        A channel whose C/N0 or phase lock (mean of cos 2φ over 100 ms) stays below for `patience_s` is lost.
+        A channel whose C/N0 or phase lock (mean of cos 2φ, over about 0.3 s) stays below for `patience_s` is lost.
     slip_phase_lock
-        A carrier phase is flagged as slipped while the phase lock is below.
+        There are no observations while the phase lock of 100 ms is below; the next phase is flagged as slipped.
     """
 
     pll_bandwidth_hz: float = 15.0

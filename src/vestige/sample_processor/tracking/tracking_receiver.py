@@ -84,6 +84,7 @@ class TrackingReceiver:
     time_is_told: bool = False  # whether a message has told the time
     _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
     _stretch: int = 0
+    _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
     _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
     _seen: set[int] = field(default_factory=set)  # satellites in the epoch before
@@ -97,7 +98,11 @@ class TrackingReceiver:
             Samples of E1 that follow one another without a gap, in pieces of any length.
         """
         with ThreadPoolExecutor(self.workers) as pool:
-            for batch in recut(batches, STRETCH_S):
+            for piece in recut(batches, STRETCH_S):
+                self._origin = self._origin or (piece.first_sample, piece.start)
+                first, start = self._origin
+                # the same bits however the samples were cut
+                batch = replace(piece, start=start + (piece.first_sample - first) / piece.sample_rate_hz)
                 self._search(batch)
                 self._stretch += 1
                 yield self._take(batch, pool)
@@ -253,7 +258,7 @@ class TrackingReceiver:
                 doppler_rate_hz_per_s=float("nan"),
                 cn0_dbhz=float(seen.cn0_dbhz[row]),
             )
-            if seen.slipped[row] or svid not in self._seen:
+            if svid not in self._seen:
                 slipped.add(svid)
         self._seen = set(observations)
         return ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))

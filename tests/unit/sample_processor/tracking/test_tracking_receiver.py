@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from builders import START, batch_of, received_batch, satellite
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.errors import VestigeError
+from vestige.records import Band, SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.sample_processor.tracking.channel import correlator_lags
+from vestige.sample_processor.tracking.settings import TrackingSettings
+from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
+
+RATE_HZ = 6.2e6
+RANGE_M, RATE_MPS = 2.41e7, -350.0
+
+
+def _sky(duration_s: float = 1.2, seed: int = 4) -> SampleBatch:
+    two = [satellite(11, RANGE_M, RATE_MPS, 45.0, 45.0, seed=2), satellite(30, 2.52e7, 120.0, 42.0, 45.0, seed=3)]
+    return received_batch(Band.E1, two, duration_s=duration_s, rate_hz=RATE_HZ, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def sky() -> SampleBatch:
+    return _sky()
+
+
+def _cut(whole: SampleBatch, places: list[int]) -> list[SampleBatch]:
+    edges = [0, *places, whole.samples.size]
+    return [
+        replace(whole, samples=whole.samples[a:b], first_sample=whole.first_sample + a, start=whole.start + a / RATE_HZ)
+        for a, b in zip(edges, edges[1:], strict=False)
+        if b > a
+    ]
+
+
+def _epochs(stretches: list[TrackedStretch]) -> list[ObservationEpoch]:
+    return [epoch for stretch in stretches for epoch in stretch.epochs]
+
+
+def _track(batches: list[SampleBatch], **settings: object) -> list[ObservationEpoch]:
+    receiver = TrackingReceiver(svids=(11, 17, 30), settings=TrackingSettings(**settings))  # type: ignore[arg-type]
+    return _epochs(list(receiver.run(batches)))
+
+
+@pytest.mark.parametrize("settings", [{}, {"replica": "CBOC"}, {"integration_periods": 5}, {"n_correlators": 11}])
+def test_tracks_what_was_sent(sky: SampleBatch, settings: dict[str, object]) -> None:
+    epochs = _track([sky], **settings)
+    assert len(epochs) >= 7
+    last = epochs[-1]
+    assert set(last.observations) == {11, 30}
+    one = last.observations[11]
+    at_s = last.time - START
+    # 45 dBHz, 1 Hz: σ 0.5 m; the loop has run for a second only, so it still has noise of the acquisition, 2 m
+    assert one.pseudorange_m == pytest.approx(RANGE_M + RATE_MPS * at_s, abs=8.0)
+    assert one.doppler_hz == pytest.approx(-RATE_MPS / SPEED_OF_LIGHT_MPS * E1_CARRIER_HZ, abs=0.6)
+    assert one.cn0_dbhz == pytest.approx(45.0, abs=2.0)
+    moved = one.carrier_phase_cycles - epochs[-4].observations[11].carrier_phase_cycles
+    seconds = last.time - epochs[-4].time
+    assert moved == pytest.approx(RATE_MPS * seconds / SPEED_OF_LIGHT_MPS * E1_CARRIER_HZ, abs=0.05)
+    prompt = np.argmax(np.abs(last.taps[11]))
+    assert last.tap_chips[prompt] == 0.0
+
+
+def test_how_samples_are_cut_changes_no_bit(sky: SampleBatch) -> None:
+    whole = _track([sky])
+    n = sky.samples.size
+    for places in ([n // 3], [1, 5, n - 7], list(range(100_000, n, 333_333))):
+        cut = _track(_cut(sky, places))
+        assert [epoch.time for epoch in cut] == [epoch.time for epoch in whole]
+        assert repr([epoch.observations for epoch in cut]) == repr([epoch.observations for epoch in whole])
+        for a, b in zip(cut, whole, strict=True):
+            assert all(np.array_equal(a.taps[svid], b.taps[svid]) for svid in b.taps)
+
+
+def test_workers_change_no_bit(sky: SampleBatch) -> None:
+    receivers = [TrackingReceiver(svids=(11, 30), workers=n) for n in (1, 3)]
+    one, three = (_epochs(list(receiver.run([sky]))) for receiver in receivers)
+    assert repr([epoch.observations for epoch in one]) == repr([epoch.observations for epoch in three])
+
+
+def test_a_signal_that_ends_is_lost_and_found_again() -> None:
+    whole = _sky(duration_s=3.8)
+    samples = whole.samples.copy()
+    rng = np.random.default_rng(9)
+    off = slice(int(1.0 * RATE_HZ), int(2.2 * RATE_HZ))
+    sigma = np.sqrt(np.mean(np.abs(samples) ** 2) / 2)
+    count = off.stop - off.start
+    samples[off] = sigma * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    receiver = TrackingReceiver(svids=(11, 30))
+    epochs = _epochs(list(receiver.run([replace(whole, samples=samples)])))
+    seen = {round(epoch.time - START, 1): set(epoch.observations) for epoch in epochs}
+    assert seen[0.9] == {11, 30}
+    assert seen[2.0] == set()
+    assert seen[3.7] == {11, 30}
+    back = next(epoch for epoch in epochs if epoch.time - START > 2.3 and 11 in epoch.observations)
+    assert 11 in back.slipped
+    error_m = back.observations[11].pseudorange_m - (RANGE_M + RATE_MPS * (back.time - START))
+    assert abs(error_m) < 15.0
+
+
+def test_a_phase_jump_is_flagged(sky: SampleBatch) -> None:
+    samples = sky.samples.copy()
+    samples[int(0.85 * RATE_HZ) :] *= -1
+    epochs = _track([replace(sky, samples=samples)])
+    flagged = [round(epoch.time - START, 1) for epoch in epochs if 11 in epoch.slipped]
+    assert any(time >= 0.9 for time in flagged)
+
+
+def test_noise_alone_gives_nothing() -> None:
+    rng = np.random.default_rng(5)
+    samples = (rng.normal(size=2 * int(0.7 * RATE_HZ)).astype(np.float32)).view(np.complex64)
+    receiver = TrackingReceiver(svids=(11, 12, 13))
+    epochs = _epochs(list(receiver.run([batch_of(samples, RATE_HZ, Band.E1)])))
+    assert all(not epoch.observations for epoch in epochs)
+
+
+@pytest.mark.parametrize("value", [0.0, 127.0])
+def test_constant_samples_give_nothing(value: float) -> None:
+    samples = np.full(int(0.5 * RATE_HZ), value, np.complex64)
+    receiver = TrackingReceiver(svids=(11, 12))
+    assert not any(epoch.observations for epoch in _epochs(list(receiver.run([batch_of(samples, RATE_HZ, Band.E1)]))))
+
+
+def test_too_low_a_rate_is_refused() -> None:
+    with pytest.raises(VestigeError, match=r"3e\+06 Hz.*0\.34 chips from the prompt.*a rate above 3\.07e\+06 Hz"):
+        correlator_lags(TrackingSettings(), 3.0e6)
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(VestigeError, match=r"dll_bandwidth_hz = -1\.0, expected a positive number"):
+        TrackingSettings(dll_bandwidth_hz=-1.0)
+    with pytest.raises(VestigeError, match=r"n_correlators = 6, expected one of 5, 7, 9, 11"):
+        TrackingSettings(n_correlators=6)
+
+
+def test_recut_refuses_a_gap(sky: SampleBatch) -> None:
+    first, _, third = _cut(sky, [100_000, 200_000])
+    with pytest.raises(ValueError, match="do not follow"):
+        list(recut([first, third], 0.2))
