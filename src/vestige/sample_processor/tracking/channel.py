@@ -142,7 +142,7 @@ class Channel:
         self._secondary = secondary_code(E1C, found.svid).astype(np.float64)
         self._pilot = half_chip_windows(primary_code(E1C, found.svid))
         self._data = half_chip_windows(primary_code(E1B, found.svid))
-        self._constants = self._constants_of(settings, batch, min(rate, bandwidth_hz or rate))
+        self._constants = self._constants_of(settings, batch, bandwidth_hz or rate)
         self._state = self._start(found, batch)
         self._total = np.zeros(self.lags.size, np.complex128)
 

@@ -13,8 +13,10 @@ integration the discriminators tell the errors, with the early (E), prompt (P) a
 with R the correlation of the received pulse with the replica at half the distance d from early to late. The gains are
 those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
 
-Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 (narrow to wide power ratio) and the phase
-lock, (I² − Q²)/(I² + Q²) of their sum, the estimate of cos 2φ [VAN-DIERENDONCK96].
+Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock, (I² − Q²)/(I² + Q²) of
+their sum, the estimate of cos 2φ [VAN-DIERENDONCK96]. C/N0 = S/(2 V T) with S the square of the mean in-phase part, less
+the noise in it, and V its variance, both smoothed over 1 s. The quadrature part is not used: the loop's own phase noise
+is in it, which would take 0.3 dB from the C/N0.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -30,7 +32,7 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
 _AMPLITUDE_TIME_S = 0.2  # over which the amplitude of the prompt is smoothed
-_RATIO_SHARE = 0.1  # of the newest 100 ms in the smoothed power ratio: 1 s
+_CN0_SHARE = 0.1  # of the newest 100 ms in the smoothed signal and noise: 1 s
 _TURNED = 0.3  # of the amplitude: an in-phase part below it means that the carrier has slipped, or is about to
 _IN_PHASE_SHARE = 0.2  # of a new prompt in the smoothed in-phase part: 20 ms
 _LOCK_SHARE = 0.3  # and in the smoothed phase lock: 0.3 s
@@ -55,9 +57,10 @@ STATE = np.dtype(
         ("last_im", "f8"),
         ("sum_re", "f8"),  # of the prompts of the present secondary code
         ("sum_im", "f8"),
-        ("sum_power", "f8"),
+        ("sum_in_phase", "f8"),  # of the squares of their in-phase parts
         ("summed", "i8"),
-        ("ratio", "f8"),  # smoothed power ratio; 0 before the first
+        ("signal", "f8"),  # square of the mean in-phase part, smoothed
+        ("noise", "f8"),  # its variance, smoothed; 0 before the first
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),  # of the last secondary code
         ("mean_lock", "f8"),  # smoothed
@@ -175,7 +178,7 @@ def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, cons
             _update(c, s, total)
             s.integrated, total[:] = 0, 0.0
         out.cn0_dbhz, out.phase_lock = s.cn0_dbhz, s.phase_lock
-        out.locked = s.mode == TRACKING and s.ratio > 0.0 and s.slipped == 0
+        out.locked = s.mode == TRACKING and s.noise > 0.0 and s.slipped == 0
         n_done += 1
     return n_done
 
@@ -194,14 +197,16 @@ def _update(c, s, total):
         if s.pulled_in > 0:
             cross = prompt.imag * s.last_re - prompt.real * s.last_im
             dot = prompt.real * s.last_re + prompt.imag * s.last_im
-            s.doppler_hz += c.fll * np.arctan2(cross, dot) / (2 * np.pi * t)
+            gain = 1.0 / (1.0 / c.fll + s.pulled_in)  # narrows, so that all of the pull-in is averaged
+            s.doppler_hz += gain * np.arctan2(cross, dot) / (2 * np.pi * t)
         s.pulled_in += 1
         if s.pulled_in == c.pull_in:
             s.mode = TRACKING
             s.in_phase = s.amplitude / c.periods
             s.carrier_cycles += angle  # the PLL starts without a phase error
             # what was measured while the carrier still turned does not count
-            s.ratio, s.mean_lock, s.sum_re, s.sum_im, s.sum_power, s.summed = 0.0, 0.0, 0.0, 0.0, 0.0, 0
+            s.noise, s.signal, s.mean_lock = 0.0, 0.0, 0.0
+            s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
     else:
         s.pulled_in += 1
         s.doppler_rate += c.pll[2] * angle / t**2
@@ -224,21 +229,25 @@ def _lock(c, s, prompt):
     """Add a prompt to those of its secondary code; at the end tell C/N0, phase lock and whether the signal is lost."""
     s.sum_re += prompt.real
     s.sum_im += prompt.imag
-    s.sum_power += prompt.real**2 + prompt.imag**2
+    s.sum_in_phase += prompt.real**2
     s.summed += 1
     if s.mode == TRACKING:
         s.in_phase += _IN_PHASE_SHARE * (prompt.real - s.in_phase)
         s.turned |= s.in_phase < _TURNED * s.amplitude / c.periods
     if s.period % PERIODS_PER_SECONDARY != PERIODS_PER_SECONDARY - 1:
         return
-    if s.summed == PERIODS_PER_SECONDARY and s.sum_power > 0.0:
-        wide = s.sum_re**2 + s.sum_im**2
-        ratio = wide / s.sum_power
-        s.ratio = ratio if s.ratio == 0.0 else s.ratio + _RATIO_SHARE * (ratio - s.ratio)
-        signal, noise = s.ratio - 1.0, PERIODS_PER_SECONDARY - s.ratio
+    wide = s.sum_re**2 + s.sum_im**2
+    if s.summed == PERIODS_PER_SECONDARY and wide > 0.0:
+        n = PERIODS_PER_SECONDARY
+        noise = max(s.sum_in_phase - s.sum_re**2 / n, 0.0) / (n - 1)  # variance of the in-phase part
+        signal = (s.sum_re / n) ** 2 - noise / n
+        share = 1.0 if s.noise == 0.0 else _CN0_SHARE
+        s.noise += share * (noise - s.noise)
+        s.signal += share * (signal - s.signal)
         period_s = c.interval_s / c.periods
-        s.cn0_dbhz = 10 * np.log10(signal / noise / period_s) if signal > 0.0 and noise > 0.0 else np.nan
-        s.phase_lock = (s.sum_re**2 - s.sum_im**2) / wide if wide > 0.0 else 0.0
+        good = s.signal > 0.0 and s.noise > 0.0
+        s.cn0_dbhz = 10 * np.log10(s.signal / (2 * s.noise) / period_s) if good else np.nan
+        s.phase_lock = (s.sum_re**2 - s.sum_im**2) / wide
         first = s.mean_lock == 0.0
         s.mean_lock = s.phase_lock if first else s.mean_lock + _LOCK_SHARE * (s.phase_lock - s.mean_lock)
         if s.mode == TRACKING:
@@ -251,4 +260,4 @@ def _lock(c, s, prompt):
         s.bad += 1  # no power at all
     if s.bad > c.patience:
         s.mode = LOST
-    s.sum_re, s.sum_im, s.sum_power, s.summed = 0.0, 0.0, 0.0, 0
+    s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
