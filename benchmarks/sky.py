@@ -24,8 +24,10 @@ import platform
 import resource
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,34 +66,18 @@ def plain(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int
     return x
 
 
+def made(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, **how: Any) -> Iterator[np.ndarray]:
+    """Yield samples of a band; `how` are the other arguments of `record_band`."""
+    front_end = FrontEnd(sample_rate_hz=rate_hz)
+    return (batch.samples for batch in record_band(band, sky, reference=START, front_end=front_end, **how))
+
+
 def recorded(
     sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int, pool: ThreadPoolExecutor | None
 ) -> int:
     """Make n samples as they are stored, and return how many bytes they were."""
-    batches = record_band(
-        band,
-        sky,
-        reference=START,
-        front_end=FrontEnd(sample_rate_hz=rate_hz),
-        n_samples=n,
-        noise_key=noise_key(1, 0, 61),
-        pool=pool,
-    )
-    return sum(encode(batch.samples, FORM, scale=20.0).nbytes for batch in batches)
-
-
-def quiet(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, first: int, n: int) -> np.ndarray:
-    """Return n samples without noise."""
-    batches = record_band(
-        band,
-        sky,
-        reference=START,
-        front_end=FrontEnd(sample_rate_hz=rate_hz),
-        first_sample=first,
-        n_samples=n,
-        noise_key=None,
-    )
-    return np.concatenate([batch.samples for batch in batches])
+    batches = made(sky, band, rate_hz, n_samples=n, noise_key=noise_key(1, 0, 61), pool=pool)
+    return sum(encode(samples, FORM, scale=20.0).nbytes for samples in batches)
 
 
 START = load_scenario(NIGHT, ()).start_time
@@ -117,7 +103,7 @@ def main() -> None:
     n, at = _PLAIN_SAMPLES, round(options.rate / 2)
     straightforward_s = 0.0
     for band, sky in skies.items():
-        fast = quiet(sky, band, options.rate, at, n)
+        fast = np.concatenate([*made(sky, band, options.rate, first_sample=at, n_samples=n, noise_key=None)])
         before = time.process_time()
         slow = plain(sky, band, options.rate, n)
         noise = np.random.default_rng(1).normal(size=(2, n)) * np.sqrt(0.5)
@@ -132,8 +118,8 @@ def main() -> None:
     work_s = (time.process_time() - before) / options.seconds
     started = time.perf_counter()
     with ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(2) as bands:
-        made = [bands.submit(recorded, sky, band, options.rate, samples, pool) for band, sky in skies.items()]
-        assert sum(one.result() for one in made) == 4 * samples
+        sizes = [bands.submit(recorded, sky, band, options.rate, samples, pool) for band, sky in skies.items()]
+        assert sum(one.result() for one in sizes) == 4 * samples
     wall_s = (time.perf_counter() - started) / options.seconds
     found = {
         "satellites": options.satellites,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.sky.constellation import walker_ephemerides
@@ -74,3 +75,20 @@ def exact_block(
         ),
         increments=increments,
     )
+
+
+def geometry_of_sky(
+    azimuth_rad: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n m 4"]:
+    """Return H in local axes (east, north, up, clock) from directions to the satellites; NaN makes a row of zeros."""
+    flat = np.cos(elevation_rad)
+    rows = np.stack(
+        (
+            -flat * np.sin(azimuth_rad),
+            -flat * np.cos(azimuth_rad),
+            -np.sin(elevation_rad),
+            np.ones_like(flat),
+        ),
+        axis=-1,
+    )
+    return np.where(np.isfinite(flat)[..., None], rows, 0.0)

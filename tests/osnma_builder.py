@@ -7,7 +7,7 @@ import hmac
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from vestige.crypto.osnma.simulated_chain import SimulatedChain
+from simulated_chain import SimulatedChain
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 

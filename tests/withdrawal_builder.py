@@ -11,11 +11,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
+from simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.keys.merkle_tree import MerkleTree, path_root
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
-from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.navigation.inav.page import InavPage, page_checksum
 from vestige.time import GalileoTime
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 LONGEST = 1000  # characters of a message; what stands in a file or an option may be longer
@@ -46,6 +47,11 @@ class AuthenticationError(VestigeError):
 
 class UnsupportedError(VestigeError):
     """The input is valid, but vestige does not support this part of the standard; the message says which."""
+
+
+def satellite_names(svids: Iterable[int]) -> str:
+    """Return satellites as messages name them: `E02, E07`."""
+    return ", ".join(f"E{svid:02d}" for svid in svids)
 
 
 def printable(text: str) -> str:

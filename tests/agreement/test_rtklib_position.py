@@ -20,12 +20,12 @@ from tests.night import invoke
 from tests.real_ephemerides import ECCENTRIC, recorded_ephemerides
 from tests.sky_builder import CLEAN, SCENARIO, sky_scenario
 
+from exact_sky import geometry_of_sky
 from vestige.campaign.rinex_export import COMMAND
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.services.rinex import command as rinex
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
-from vestige.navigation.position_fix import geometry_of_sky
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 
 ALL_SATELLITES = "constellation.svids=none"

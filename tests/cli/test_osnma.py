@@ -9,9 +9,9 @@ from click.testing import CliRunner, Result
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from osnma_builder import Broadcast
+from simulated_chain import make_chain
 from vestige.cli.services.osnma import command
 from vestige.crypto.keys.key_file import read_key_file
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, InputFileError
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime

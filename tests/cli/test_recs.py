@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
+from simulated_chain import make_chain
 from vestige.cli.services import recs as recs_cli
 from vestige.cli.services.recs import command
 from vestige.crypto.keys.key_file import write_key_file
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.crypto.recs import file_signature, recs_file
 from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.recs_segment import CipherMode

@@ -19,6 +19,8 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
+from vestige.crypto.keys.key_file import read_key_file
+from vestige.crypto.keys.public_key_file import load_public_keys
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
 from vestige.recording.observations.observation_file import open_observations
@@ -28,6 +30,7 @@ from vestige.records import Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.simulated import simulated_recording
+from vestige.time import GalileoTime
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -245,6 +248,16 @@ def test_open_recordings_are_exported_too(tmp_path: Path) -> None:
     result = _written(simulate, SCENARIOS / "first_light.toml", "-o", tmp_path / "a", *settings, "--export", "gnss-sdr")
     assert str(tmp_path / "a" / "osnma" / "keys.csv") in result.stdout
     assert "Channels_1B.count=5" in (tmp_path / "a" / "gnss-sdr" / "e1.conf").read_text()
+
+
+def test_keys_of_an_open_recording_are_proven_by_each_of_its_files(tmp_path: Path) -> None:
+    settings = ("--set", "duration_s=0.06", "--set", "receiver.sample_rate_hz=6.2e6")
+    _written(simulate, SCENARIOS / "first_light.toml", "-o", tmp_path / "a", *settings)
+    osnma, start = tmp_path / "a" / "osnma", GalileoTime.parse("2026-11-21T12:00:00 GST")
+    key, tree = osnma / "public_key.pem", osnma / "merkle_tree.xml"
+    for trust in ((key, None), (key.with_suffix(".xml"), None), (key, tree), (None, tree)):
+        keys = read_key_file(osnma / "keys.csv", load_public_keys(*trust))
+        assert {start, start + 30} <= {one.time for one in keys}
 
 
 @pytest.mark.parametrize("epochs", [("--epochs", "3"), ("--epochs", "1:x"), ("--epochs", "-1:4")])

@@ -12,11 +12,11 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from fuzz.engine import Files, WrongAcceptanceError
 from osnma_builder import Broadcast
+from simulated_chain import make_chain
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.crypto.keys.signature_scheme import P521
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.crypto.recs import recs_segment as recs
 from vestige.records import ChipSequence, EncryptedSegment, GroupDelay, ValidatedKey
 from vestige.time import GalileoTime

@@ -31,13 +31,13 @@ from fuzz.authority import (
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS, spoil_bytes
 from page_files import inav_block, sbf_block, vector_csv
+from simulated_chain import SimulatedChain
 from vestige.crypto.keys.key_file import read_key_file, read_raw_keys, write_key_file
 from vestige.crypto.keys.merkle_tree import verify_public_key
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
 from vestige.crypto.osnma.operator.key_tree import read_private_key
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
-from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.crypto.recs import group_delay, recs_file
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify_file
 from vestige.crypto.recs.recs_name import parse_name

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from vestige.acas_processor.checks.power.decision_map import Hypotheses, PowerDistortionMonitor
-from vestige.acas_processor.checks.power.power_distortion import symmetric_difference
 from vestige.campaign.statistics import binomial_interval
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
@@ -39,7 +38,7 @@ def _alarms(cn0_dbhz: float, delay_m: np.ndarray, amplitude: np.ndarray, rise_db
         at = tracked + side * OF.half_spacing_chips
         bent = autocorrelation(BOC11, at) + amplitude * autocorrelation(BOC11, at - delay_m * chips)
         taps.append(gain * (s * bent + n))
-    distortion = symmetric_difference(taps[0], taps[1], np.ones(N))
+    distortion = np.abs(taps[0] - taps[1])
     power = rise_db + OF.sigma_power_db * rng.standard_normal(N)
     return int(np.count_nonzero(MONITOR.map_for(cn0_dbhz).classify(power, distortion) >= SignalClass.SPOOFED))
 

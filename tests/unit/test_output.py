@@ -11,9 +11,9 @@ import pytest
 
 from builders import START
 from full_disk import files_of_at_most
+from simulated_chain import make_chain
 from vestige import plots
 from vestige.crypto.keys.key_file import write_key_file
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import InputFileError
 from vestige.output import check_output, new_folder, replacement
 from vestige.recording.assistance.receiver_corrections import write_hardware_bias

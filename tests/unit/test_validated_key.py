@@ -12,9 +12,9 @@ from unittest.mock import Mock
 
 import pytest
 
+from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.messages.tesla import Chain, Key, one_way, validate
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.crypto.recs.recs_segment import decrypt
 from vestige.errors import AuthenticationError
 from vestige.records import EncryptedSegment

@@ -53,19 +53,9 @@ class InavTransmission:
     sends_ssp: bool | None = None
 
     def page(self, start: GalileoTime) -> InavPage:
-        """Return the page that starts at a time.
+        """Return the page that starts at a time; parameters and errors are those of `SatelliteWords.word`.
 
-        Parameters
-        ----------
-        start
-            Start of the page, an odd whole second.
-
-        Raises
-        ------
-        VestigeError
-            If no ephemeris is issued yet; it names the satellite.
-        ValueError
-            If no page starts at that time, or the OSNMA source does not return 5 bytes.
+        Raises `ValueError` too if the OSNMA source does not return 5 bytes.
         """
         sends_ssp = self.words.fec2 if self.sends_ssp is None else self.sends_ssp
         data = encode_page(

@@ -14,7 +14,7 @@ from jaxtyping import Int8, Int64
 
 from vestige.broadcast.inav_transmission import InavTransmission
 from vestige.broadcast.satellite_words import EphemerisIssue, SatelliteWords, SystemData
-from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S, SYMBOLS_PER_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
@@ -26,11 +26,10 @@ from vestige.navigation.inav.words import word_type
 from vestige.navigation.reissue import referred_to
 from vestige.time import GalileoTime
 
-SYMBOLS_A_SECOND = 250  # of E1-B [OS-ICD, 2.3.1.2]
 _ISSUE_S = 600  # a new issue every ten minutes, as on air
 _ISSUES = 128  # IODnav as on air: it counts the ten minutes of its toe
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
-_SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_A_SECOND
+_SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
@@ -79,7 +78,7 @@ class SkyMessage:
         """
         made: dict[int, Int8[np.ndarray, " 500"]] = {}
         pages, transmission = self.pages[svid], self.transmissions[svid]
-        before = (reference.gst_seconds - pages[0].time.gst_seconds) * SYMBOLS_A_SECOND
+        before = (reference.gst_seconds - pages[0].time.gst_seconds) * SYMBOLS_PER_S
 
         def page(number: int) -> Int8[np.ndarray, " 500"]:
             if number not in made:

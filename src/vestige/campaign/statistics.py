@@ -177,21 +177,6 @@ def summarise(
     )
 
 
-def tap_exceedances(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
-    """Return how many taps exceed the threshold, of all taps: false alarms, if the campaign has no signal.
-
-    The threshold is the attribute `threshold_sigma`, in standard deviations of one dimension of the noise. Taps of one
-    epoch that are less than a chip apart are correlated; `false_alarms` counts those that are not.
-
-    Where `taps` or `noise_power` are NaN nothing was correlated, which is no trial.
-    """
-    exceeding = trials = 0
-    for block in _blocks(results[["taps", "noise_power"]]):
-        one = _exceedances(block, block["taps"].values)
-        exceeding, trials = exceeding + one[0], trials + one[1]
-    return proportion(exceeding, trials, confidence=confidence)
-
-
 def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
     """Return how many taps exceed the threshold, of how many that are not NaN."""
     exceeding, correlated = exceeds_threshold(taps, block["noise_power"].values, float(block.attrs["threshold_sigma"]))

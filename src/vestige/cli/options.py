@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 
-class FiniteRange(click.FloatRange):
-    """A number between two bounds; NaN, which compares with nothing, is refused."""
+class FiniteNumber(click.types.FloatParamType):
+    """A number that is neither infinite nor NaN."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number."""
@@ -26,6 +26,10 @@ class FiniteRange(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number", param, ctx)
         return number
+
+
+class FiniteRange(FiniteNumber, click.FloatRange):
+    """A number between two bounds; NaN, which compares with nothing, is refused."""
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
@@ -76,6 +80,37 @@ def detector_name(_context: click.Context, _parameter: click.Parameter, name: st
     return name
 
 
+detector_option = click.option(
+    "--detector",
+    default="early",
+    show_default=True,
+    metavar="NAME",
+    callback=detector_name,
+    help="early, maximum, or `module:Name` of your own.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+recording_argument = click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
+workers_option = click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
+scheduler_option = click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+
+
+def trust_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add `--public-key` and `--merkle-tree` to a verb that has an assistance folder, which may hold both."""
+    for name in ("Merkle tree", "public key"):
+        command = click.option(
+            f"--{name.lower().replace(' ', '-')}",
+            type=click.Path(path_type=Path),
+            help=f"OSNMA {name}, if not in the assistance folder.",
+        )(command)
+    return command
+
+
+def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
+    """Raise a usage error unless a key or a Merkle tree is given, which keys are worth nothing without."""
+    if public_key is None and merkle_tree is None:
+        raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+
+
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
     """Return the time that an option names, None without one; a usage error if it is none."""
     from vestige.time import GalileoTime
@@ -84,6 +119,11 @@ def time_option(_context: click.Context, _parameter: click.Parameter, text: str 
         return None if text is None else GalileoTime.parse(text)
     except (ValueError, OverflowError) as error:
         raise click.BadParameter(str(error)) from error
+
+
+start_option = click.option(
+    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
+)
 
 
 def assistance_folder(recording: Path, given: Path | None) -> Path:
@@ -108,7 +148,7 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
 
 
 # The two points on which the interface of the service is not public: the AES mode, and what a BGD value means
-def workers_option(what: str) -> Callable[..., Any]:
+def threads_option(what: str) -> Callable[..., Any]:
     """Return the option `-j` of a verb that works on the samples of a recording; `what` is its help."""
     return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, show_default=True, help=what)
 

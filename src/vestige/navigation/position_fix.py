@@ -249,23 +249,6 @@ def dilution(geometry_local: Float[np.ndarray, "n m 4"]) -> Dilution:
     )
 
 
-def geometry_of_sky(
-    azimuth_rad: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
-) -> Float[np.ndarray, "n m 4"]:
-    """Return H in local axes (east, north, up, clock) from directions to the satellites; NaN makes a row of zeros."""
-    flat = np.cos(elevation_rad)
-    rows = np.stack(
-        (
-            -flat * np.sin(azimuth_rad),
-            -flat * np.cos(azimuth_rad),
-            -np.sin(elevation_rad),
-            np.ones_like(flat),
-        ),
-        axis=-1,
-    )
-    return np.where(np.isfinite(flat)[..., None], rows, 0.0)
-
-
 def local_geometry(fix: Fix) -> Float[np.ndarray, "n m 4"]:
     """Return H of the fixes in local axes (east, north, up, clock)."""
     return in_local_axes(fix.geometry, fix.position_m)

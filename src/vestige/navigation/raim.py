@@ -87,13 +87,6 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
     return np.where(noncentrality > 0, fault, 1 - chdtrc(freedom, threshold))
 
 
-def bias_noncentrality(
-    bias_m: Float[np.ndarray, "*k"], unexplained: Float[np.ndarray, "*k"], weight: Float[np.ndarray, "*k"]
-) -> Float[np.ndarray, "*k"]:
-    """Return λ = b² w Pᵢᵢ of a bias on one satellite."""
-    return bias_m**2 * weight * unexplained
-
-
 def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
     """Return the horizontal and the vertical slope of each satellite, for a geometry in local axes.
 

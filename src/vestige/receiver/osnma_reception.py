@@ -27,7 +27,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int16, Int64
 
-from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S, SYMBOLS_PER_S
 from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
 from vestige.receiver.errors.error_process import TrackingModel
 from vestige.streams import stream
@@ -35,7 +35,6 @@ from vestige.streams import stream
 KEY_PAGES = range(10, 15)  # with the bits of a key of 128 bits [OSNMA-ICD]
 TAG_PAGES = range(2)  # with the tag of a satellite's own data, 40 bits at the start of MACK [OSNMA-ICD]
 
-_SYMBOLS_PER_S = 250.0  # [OS-ICD, 4.1.4]
 _ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
 _HALF_LOST = np.array([0.956, 0.861, 0.716, 0.516, 0.313, 0.156, 0.0663, 0.0235, 0.00712, 0.00174, 3.9e-4, 9.0e-5])
 _LOG_LOST = np.log(-np.log1p(-_HALF_LOST))
@@ -51,7 +50,7 @@ def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None 
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
     phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
-    es_n0_db = 10 * np.log10(cn0 / _SYMBOLS_PER_S) - 10 / np.log(10) * phase_loss
+    es_n0_db = 10 * np.log10(cn0 / SYMBOLS_PER_S) - 10 / np.log(10) * phase_loss
     slope = (_LOG_LOST[-1] - _LOG_LOST[-2]) / (_ES_N0_DB[-1] - _ES_N0_DB[-2])
     beyond_db = np.maximum(es_n0_db - _ES_N0_DB[-1], 0.0)
     half = np.exp(np.interp(es_n0_db, _ES_N0_DB, _LOG_LOST) + slope * beyond_db)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vestige.errors import satellite_names
 from vestige.navigation.ephemeris import FIT_INTERVAL_S
 from vestige.receiver.samples.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.staircase import commensurate_tread_m
@@ -55,14 +56,10 @@ def _aimed_at_nobody(scenario: CampaignScenario) -> tuple[str, ...]:
     sky = {simulation.svid for simulation in scenario.simulations}
     absent = {number: sorted(set(attack.svids) - sky) for number, attack in aims.items()}
     return tuple(
-        f"attack.{number}.svids: {_names(svids)} not in the scenario, which has {_names(sorted(sky))}"
+        f"attack.{number}.svids: {satellite_names(svids)} not in the scenario, which has {satellite_names(sorted(sky))}"
         for number, svids in absent.items()
         if svids
     )
-
-
-def _names(svids: list[int]) -> str:
-    return ", ".join(f"E{svid:02d}" for svid in svids)
 
 
 def _staircase(rate_hz: float) -> tuple[str, ...]:

@@ -35,8 +35,6 @@ class SignalDefinition:
         Chips of the secondary code, each as long as a primary code period; 1 if there is none.
     symbol_rate_hz
         Navigation symbols a second; 0 for a pilot.
-    power_share
-        Share of the open components' power in the band (data : pilot = 50 : 50).
     """
 
     name: str
@@ -46,7 +44,6 @@ class SignalDefinition:
     code_length: int
     secondary_length: int
     symbol_rate_hz: float
-    power_share: float
     pulse: Pulse
 
     @property
@@ -67,7 +64,6 @@ E1B = SignalDefinition(
     code_length=4092,
     secondary_length=1,
     symbol_rate_hz=250.0,
-    power_share=0.5,
     pulse=CBOC_PLUS,
 )
 E1C = SignalDefinition(
@@ -78,7 +74,6 @@ E1C = SignalDefinition(
     code_length=4092,
     secondary_length=25,
     symbol_rate_hz=0.0,
-    power_share=0.5,
     pulse=CBOC_MINUS,
 )
 E6B = SignalDefinition(
@@ -89,7 +84,6 @@ E6B = SignalDefinition(
     code_length=5115,
     secondary_length=1,
     symbol_rate_hz=1000.0,
-    power_share=0.5,
     pulse=BPSK,
 )
 E6C = SignalDefinition(
@@ -100,7 +94,6 @@ E6C = SignalDefinition(
     code_length=5115,
     secondary_length=100,
     symbol_rate_hz=0.0,
-    power_share=0.5,
     pulse=BPSK,
 )
 

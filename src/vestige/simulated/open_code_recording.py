@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.keys.key_file import write_key_file
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, straight
+from vestige.receiver.samples.sampled_epoch import osnma_operator
 from vestige.records import Band
 from vestige.scenario.recording import RecordingScenario, SatelliteSection
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.definitions import ALL_SIGNALS
 from vestige.simulated.simulated_recording import SimulatedRecording
-from vestige.streams import stream_key
 
 
 def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
-    """Return the recording of a scenario, with `osnma/`: the keys of its time and their public key."""
+    """Return the recording of a scenario, with `osnma/`: the keys of its time, and what verifies them."""
     receiver = scenario.receiver
     return SimulatedRecording(
         sky={band: tuple(_received(scenario, band, satellite) for satellite in scenario.satellites) for band in Band},
@@ -56,7 +53,6 @@ def _write_keys(scenario: RecordingScenario, folder: Path) -> None:
     osnma.mkdir()
     # the key of the subframe after the last too, for KDI = 1
     subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2
-    chain = make_chain(stream_key(scenario.seed, "OSNMA chain"), start, subframes)
-    write_key_file(osnma / "keys.csv", chain.validated_keys(), (chain.root,))
-    pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-    (osnma / "public_key.pem").write_bytes(pem)
+    operator = osnma_operator(scenario.seed, start, subframes)
+    write_key_file(osnma / "keys.csv", operator.validated_keys(), operator.roots)
+    operator.write_files(osnma)

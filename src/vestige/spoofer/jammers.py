@@ -38,11 +38,10 @@ _SHORTEST_S = 0.999e-6  # of a pulse: some samples
 _PIECE = 8192  # samples that are added at once: they stay in the cache
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wideband:
-    """White Gaussian noise, wider than the receiver."""
+class _White:
+    """Noise that is white while it is on."""
 
-    kind: Literal["wideband"] = "wideband"
+    __slots__ = ()
     white: ClassVar[bool] = True  # while it is on
     reach_hz: ClassVar[float] = 0.0  # of a line or sweep from the carrier; white noise is what the samples let in
 
@@ -51,6 +50,13 @@ class Wideband:
     ) -> Complex128[np.ndarray, " n"]:
         """Return C(Δ) for J/N = 1, in units of N0/T."""
         return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wideband(_White):
+    """White Gaussian noise, wider than the receiver."""
+
+    kind: Literal["wideband"] = "wideband"
 
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
@@ -138,24 +144,16 @@ class Chirp:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pulsed:
+class Pulsed(_White):
     """Wideband noise for a share `duty` of every `period_s`; its power is the mean over time."""
 
     duty: float = 0.1
     period_s: float = 1e-3
     kind: Literal["pulsed"] = "pulsed"
-    white: ClassVar[bool] = True  # while it is on
-    reach_hz: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         if not (0 < self.duty <= 1 and 1e-5 <= self.period_s <= 1e-2 and self.duty * self.period_s >= _SHORTEST_S):
             raise ValueError("pulses have a duty in (0, 1], a period of 10 µs to 10 ms, and last 1 µs or longer")
-
-    def covariance(
-        self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
-    ) -> Complex128[np.ndarray, " n"]:
-        """Return C(Δ) for J/N = 1, in units of N0/T."""
-        return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
 
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0

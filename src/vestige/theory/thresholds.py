@@ -13,7 +13,7 @@ and w complex Gaussian of unit variance per dimension. Its magnitude is compared
 
 One dwell, aligned in time and frequency, an amplitude that does not fluctuate, known noise power: the paper's numbers
 rest on these. `losses` says what misalignment costs, `swerling1_probability_of_detection` what a fluctuating amplitude
-does, `cfar_threshold` what it costs to estimate the noise from few cells.
+does.
 
 P_FA ↔ P_fa goes through log1p and expm1: as printed, 1 − (1 − P_FA)^{1/N} loses digits in floating point and gives the
 paper's 4.16e-14 in place of 4.17e-14.
@@ -62,18 +62,6 @@ def threshold(pfa: Reals, n_noncoherent: int = 1) -> Reals:
     """
     _check(pfa)
     return np.sqrt(-2.0 * np.log(pfa)) if n_noncoherent == 1 else np.sqrt(chdtri(2 * n_noncoherent, pfa))
-
-
-def cfar_threshold(pfa: Reals, cells: int) -> Reals:
-    """Return the threshold if the noise is itself estimated from M reference cells (cell-averaging CFAR).
-
-    The unit is the *estimated* standard deviation per dimension, √(mean |cell|² / 2). From α = M (P_fa^{-1/M} − 1), the
-    threshold on the power over the mean of the cells; α → −ln P_fa for many cells.
-
-    `cells` is M, the number of independent reference cells: correlators with a code that is not in the signal.
-    """
-    _check(pfa, cells)
-    return np.sqrt(2.0 * cells * np.expm1(-np.log(pfa) / cells))
 
 
 def correlator_amplitude(
@@ -160,4 +148,4 @@ def _check(probability: Real, count: float = 1) -> None:
     if not np.all((np.asarray(probability) > 0) & (np.asarray(probability) < 1)):
         raise ValueError(f"a probability must be between 0 and 1, found {probability}")
     if count < 1:
-        raise ValueError(f"a number of tests or cells must be at least 1, found {count}")
+        raise ValueError(f"a number of tests must be at least 1, found {count}")

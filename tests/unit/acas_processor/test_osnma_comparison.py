@@ -10,6 +10,7 @@ import pytest
 
 from evidence_builder import evidence, outcome
 from osnma_builder import Broadcast, make_page
+from simulated_chain import make_chain
 from vestige.acas_processor.checks.osnma import (
     OsnmaAgreementMonitor,
     OsnmaAvailabilityMonitor,
@@ -19,7 +20,6 @@ from vestige.acas_processor.checks.osnma_subframes import KEY_BIT, Subframes, su
 from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.acas_processor.osnma_comparison import compare_osnma
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.navigation.inav.page import InavPage
 from vestige.records import Assistance, ReceivedOsnma
 from vestige.records.snapshot_block import OsnmaBlock

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from simulated_chain import make_chain
 from vestige.crypto.osnma.dsm_collector import DsmCollector
 from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.crypto.keys.key_file import load_key_file, read_key_file, read_raw_keys, write_key_file
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.root_key import verify_root_key
 from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.time import GalileoTime
 

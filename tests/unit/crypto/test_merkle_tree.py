@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.crypto.keys.merkle_tree import MerkleTree, verify_broadcast_key, verify_public_key, verify_tree
 from vestige.crypto.keys.public_key import ClaimedPublicKey, Trust
 from vestige.crypto.keys.signature_scheme import P521
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from osnma_builder import Broadcast, make_page
+from simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
@@ -15,7 +16,6 @@ from vestige.crypto.osnma.messages.subframe import PageStatus
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind
-from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.errors import AuthenticationError
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 from osnma_builder import Broadcast, make_page
+from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 604_800 - 5 * 30)  # the sixth subframe is in the next week

@@ -8,11 +8,11 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import Trust
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
 from vestige.crypto.keys.signature_scheme import P521
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, InputFileError, UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 

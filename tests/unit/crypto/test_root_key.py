@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import pytest
 
+from simulated_chain import make_chain
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.keys.signature_scheme import P521
 from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
 from vestige.crypto.osnma.messages.root_key import verify_root_key
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.time import GalileoTime
 

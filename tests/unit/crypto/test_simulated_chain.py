@@ -9,9 +9,9 @@ from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, TAG_BITS, ChainParameters
 from vestige.crypto.osnma.messages.dsm import parse_kroot
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.time import GalileoTime
 
 

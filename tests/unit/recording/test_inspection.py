@@ -8,9 +8,9 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from simulated_chain import make_chain
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.keys.key_file import write_key_file
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
 from vestige.errors import InputFileError, VestigeError

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from osnma_builder import Broadcast, make_page, make_word
 from page_files import vector_csv
-from vestige.crypto.osnma.simulated_chain import make_chain
+from simulated_chain import make_chain
 from vestige.errors import InputFileError
 from vestige.navigation.inav.page import InavPage
 from vestige.recording.samples.test_vector_csv import HEADER, read_test_vector

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import START
+from simulated_chain import make_chain
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.crypto.recs.recs_segment import decrypt, encrypt
 from vestige.signal_generator.keystream import encrypted_chips, encrypted_component, encryption_key
 from vestige.signals.definitions import E6C

@@ -9,7 +9,6 @@ from scipy.special import i0e
 from scipy.stats import chi2, ncx2
 
 from vestige.theory.thresholds import (
-    cfar_threshold,
     correlator_amplitude,
     miss_probability,
     overall_pfa,
@@ -40,21 +39,6 @@ def test_overall_false_alarm_of_two_tests() -> None:
 def test_noise_exceeds_the_threshold_with_the_false_alarm_probability(pfa: float, k: int) -> None:
     g = threshold(pfa, k)
     assert chi2.sf(g**2, 2 * k) == pytest.approx(pfa, rel=1e-9)  # the sum of 2K squared normal variables
-
-
-@given(pfas, st.integers(1, 10_000))
-def test_cfar_threshold_from_its_definition(pfa: float, cells: int) -> None:
-    # noise power |z|²/2 is exponential; the mean of M cells is Gamma(M, 1/M): P(power > α·mean) = (1 + α/M)^-M
-    alpha = cfar_threshold(pfa, cells) ** 2 / 2
-    assert -cells * np.log1p(alpha / cells) == pytest.approx(np.log(pfa), rel=1e-10)
-    assert cfar_threshold(pfa, cells) > threshold(pfa)
-
-
-@pytest.mark.parametrize(("cells", "alpha", "loss_db"), [(16, 27.81, 2.37), (64, 18.33, 0.56), (256, 16.64, 0.14)])
-def test_cfar_table(cells: int, alpha: float, loss_db: float) -> None:
-    assert cfar_threshold(1e-7, cells) ** 2 / 2 == pytest.approx(alpha, abs=0.005)
-    loss = 20 * np.log10(cfar_threshold(1e-7, cells) / threshold(1e-7))
-    assert loss == pytest.approx(loss_db, abs=0.005)
 
 
 @given(cn0s, times, pfas, sums)

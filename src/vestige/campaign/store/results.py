@@ -105,11 +105,6 @@ class Results:
         return attributes_of(self.dataset)
 
     @property
-    def has_ended(self) -> bool:
-        """Whether all epochs are here."""
-        return self.dataset.sizes[EPOCH] == self.n_epochs
-
-    @property
     def epochs(self) -> Int64[np.ndarray, " n"]:
         """Numbers of the epochs that are here."""
         found = self.dataset.coords.get(EPOCH)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import DETECTOR_NAMES, detector_name, parts_option
+from vestige.cli.options import DETECTOR_NAMES, FiniteNumber, FiniteRange, detector_option, parts_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -61,13 +60,6 @@ _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-
 _ALL = "all"
 
 
-def _finite(_context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
-    """Return the number; a usage error if it is NaN or infinite, which no range excludes."""
-    if value is not None and not math.isfinite(value):
-        raise click.BadParameter(f"{value} is not a finite number.", param=parameter)
-    return value
-
-
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_threats]
     + [f"  {_ALL:21} all but the animation and those of a sky as PNG, into a folder; under attack for both detectors"]
@@ -84,30 +76,21 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg, .gif) or folder."
 )
-@click.option(
-    "--detector",
-    default="early",
-    show_default=True,
-    metavar="NAME",
-    callback=detector_name,
-    help="early, maximum, or `module:Name` of your own.",
-)
+@detector_option
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
 @click.option(
     "--width-cm",
-    type=click.FloatRange(4, 60),
+    type=FiniteRange(4, 60),
     default=8.0,
     show_default=True,
-    callback=_finite,
     help="Width of the figure.",
 )
-@click.option("--from", "start_s", type=float, callback=_finite, help="First time to show, in s after the start.")
-@click.option("--to", "stop_s", type=float, callback=_finite, help="Time before which to stop, in s after the start.")
+@click.option("--from", "start_s", type=FiniteNumber(), help="First time to show, in s after the start.")
+@click.option("--to", "stop_s", type=FiniteNumber(), help="Time before which to stop, in s after the start.")
 @click.option(
     "--flank-from",
     "flank_from_m",
-    type=float,
-    callback=_finite,
+    type=FiniteNumber(),
     help="range-histogram: fit an exponential law beyond this offset, in m.",
 )
 @parts_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import WidthType, parts_option
+from vestige.cli.options import WidthType, json_option, parts_option, scheduler_option, workers_option
 from vestige.cli.pool import MAX_THREADS, pool
 from vestige.cli.terminal import echo
 from vestige.output import check_output
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Store (zarr) to write or continue."
 )
-@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
+@workers_option
 @click.option(
     "--threads/--processes",
     default=None,
     help=f"Kind of workers.  [default: up to {MAX_THREADS} threads, else processes]",
 )
-@click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+@scheduler_option
 @click.option(
     "--chunk",
     "chunk_epochs",
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     help="One campaign a value, ends included; or KEY=a,b,c. Several: each combination. OUTPUT is a folder of stores.",
 )
 @click.option("--width", type=WidthType(), help="End a campaign of a sweep at this width of its interval: 0.01, 20%.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@json_option
 @parts_option
 def command(
     scenario: Path,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import parts_option
+from vestige.cli.options import json_option, parts_option, scheduler_option, workers_option
 from vestige.cli.pool import pool
 from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
@@ -57,9 +57,9 @@ FIGURE = "threats.png"
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Folder: runs.csv, threats.csv, threats.zarr, threats.png."
 )
-@click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
-@click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@workers_option
+@scheduler_option
+@json_option
 @parts_option
 def command(
     levels: tuple[int, ...],

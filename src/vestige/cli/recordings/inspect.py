@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import time_option
+from vestige.cli.options import json_option, time_option, trust_options
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -25,10 +25,9 @@ _path = click.Path(path_type=Path)
 )
 @click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
 @click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
-@click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
-@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, if not in the assistance folder.")
+@trust_options
 @click.option("--check-hash", is_flag=True, help="Compare samples with the hash in their description (reads them all).")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@json_option
 def command(path: Path, **options: Any) -> None:
     """Say what PATH holds, and what is missing for ACAS.
 

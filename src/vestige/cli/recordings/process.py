@@ -13,12 +13,14 @@ from vestige.cli.options import (
     assistance_folder,
     cipher_mode,
     cipher_mode_option,
-    detector_name,
+    detector_option,
     group_delay_convention,
     group_delay_option,
     parts_option,
-    time_option,
-    workers_option,
+    recording_argument,
+    start_option,
+    threads_option,
+    trust_options,
 )
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.terminal import echo
@@ -54,10 +56,9 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 
 
 @click.command()
-@click.argument("recording_path", metavar="RECORDING", type=_path)
+@recording_argument
 @click.option("--assistance", "assistance_path", type=_path, help="Assistance folder [RECORDING/assistance].")
-@click.option("--public-key", type=_path, help="OSNMA public key, if not in the assistance folder.")
-@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, if not in the assistance folder.")
+@trust_options
 @click.option(
     "--certificate", "certificates", multiple=True, type=_path, help="Assistance server's key; refuse unsigned."
 )
@@ -70,7 +71,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
     default=None,
     help="Track E1 in the samples, or measure it in 100 ms around each RECS. [track where there are no observations]",
 )
-@workers_option("Threads that track E1.")
+@threads_option("Threads that track E1.")
 @click.option("--second-channel", type=_path, help="Folder with OSNMA keys or pages of another channel, level 3.")
 @click.option("--accelerations", type=_path, help="CSV of inertial sensors, for level 3.")
 @click.option(
@@ -81,14 +82,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 )
 @click.option("--search-window", type=FiniteRange(1e-6, 1e5), help="Level 3: search E6 ± so many s, not everywhere.")
 @click.option("--search-every", type=FiniteRange(0, 1e9), default=3600.0, show_default=True, help="Level 3: seconds.")
-@click.option(
-    "--detector",
-    default="early",
-    show_default=True,
-    metavar="NAME",
-    callback=detector_name,
-    help="early, maximum, or `module:Name` of your own.",
-)
+@detector_option
 @click.option("--check", "checks", multiple=True, metavar="module:Name", help="A check of your own; several times.")
 @parts_option
 @click.option("--spacing", type=click.IntRange(1), default=1, show_default=True, help="Early-late spacing in taps.")
@@ -105,7 +99,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--calibrate", is_flag=True, help="Take the median range offset of this recording as hardware bias.")
 @click.option("--write-bias", type=_path, help="Folder in which to keep the bias, as receiver.toml.")
 @click.option("--time-uncertainty", type=FiniteRange(0, 1e6), help="Bound on the receiver clock's error in s.")
-@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
+@start_option
 @click.option("-o", "--output", type=_path, help="CSV file for the verdicts; with --follow a folder to go on from.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object; with --follow one a line.")
 @click.option("--strict", is_flag=True, help="A damaged assistance file is an error, not a warning.")

@@ -18,8 +18,10 @@ from vestige.cli.options import (
     cipher_mode_option,
     group_delay_convention,
     group_delay_option,
+    json_option,
     parse_svids,
-    time_option,
+    recording_argument,
+    start_option,
 )
 from vestige.cli.terminal import echo
 from vestige.output import check_output
@@ -38,19 +40,14 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
-_recording = click.argument("recording_path", metavar="RECORDING", type=_path)
 _assistance = click.option("--assistance", type=_path, help="Assistance folder [RECORDING/assistance].")
 _svids = click.option("--svids", default="1-36", show_default=True, help="Satellites, for example 2,3,7-9.")
-_start = click.option(
-    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
-)
 _p_fa = click.option(
     "--p-fa-overall", type=FiniteRange(1e-15, 0.5), default=1e-3, show_default=True, help="Of the whole search."
 )
 _uncertainty = click.option(
     "--uncertainty-s", type=FiniteRange(1e-6, 1e5), help="Time uncertainty ± around the expected arrival [recording]."
 )
-_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 _plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
 _IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
@@ -62,14 +59,14 @@ def command() -> None:
 
 
 @command.command("e1")
-@_recording
+@recording_argument
 @_svids
-@_start
+@start_option
 @_p_fa
 @click.option("--periods", type=click.IntRange(1, 24), default=24, show_default=True, help="Code periods added.")
 @click.option("--doppler-span-hz", type=FiniteRange(100, 20_000), default=5000.0, show_default=True, help="±.")
 @_plot
-@_json
+@json_option
 def e1(
     recording_path: Path,
     svids: str,
@@ -121,10 +118,10 @@ def e1(
 
 
 @command.command("handover")
-@_recording
+@recording_argument
 @_assistance
 @_svids
-@_start
+@start_option
 @_p_fa
 @_uncertainty
 @cipher_mode_option
@@ -134,7 +131,7 @@ def e1(
 )
 @click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
 @_plot
-@_json
+@json_option
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
     from vestige.acas_processor.searches.handover import assisted_delay_m
@@ -185,10 +182,10 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 
 
 @command.command("exhaustive")
-@_recording
+@recording_argument
 @_assistance
 @_svids
-@_start
+@start_option
 @_p_fa
 @_uncertainty
 @cipher_mode_option
@@ -205,7 +202,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
 @click.option("-o", "--output", type=_path, help="Keep in a file what was done and found; go on if it is there.")
 @_plot
-@_json
+@json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, time_option, workers_option
+from vestige.cli.options import FiniteRange, recording_argument, start_option, threads_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def tracking_options(command: Any) -> Any:
         click.option("--early-late-chips", type=FiniteRange(0.01, 0.66), default=0.3, show_default=True),
         click.option("--correlators", type=click.Choice(["5", "7", "9", "11"]), default="5", show_default=True),
         click.option("--replica", type=click.Choice(["BOC(1,1)", "CBOC"]), default="BOC(1,1)", show_default=True),
-        workers_option("Threads that track E1."),
+        threads_option("Threads that track E1."),
     )
     for option in reversed(options):
         command = option(command)
@@ -53,9 +53,9 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
 
 
 @click.command()
-@click.argument("recording_path", metavar="RECORDING", type=_path)
+@recording_argument
 @click.option("-o", "--output", type=_path, required=True, help="Folder for the files; must not exist.")
-@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
+@start_option
 @tracking_options
 def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.

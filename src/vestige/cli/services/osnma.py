@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import time_option
+from vestige.cli.options import check_trust, json_option, time_option
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -41,7 +41,7 @@ def command() -> None:
     metavar="TIME",
     help="Start of a test-vector CSV; default: as its navigation data says.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@json_option
 def verify_command(
     file: Path, public_key: Path | None, merkle_tree: Path | None, output: Path | None, fill_gaps: bool,
     start: GalileoTime | None, as_json: bool,
@@ -60,8 +60,7 @@ def verify_command(
     from vestige.recording.navigation.navigation_pages import read_pages
     from vestige.recording.observations.sbf import SbfCounts
 
-    if public_key is None and merkle_tree is None:
-        raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+    check_trust(public_key, merkle_tree)
     check_output(output, (file, public_key, merkle_tree))
     public_keys = load_public_keys(public_key, merkle_tree)
     receiver = OsnmaReceiver(public_keys, None if merkle_tree is None else read_merkle_tree(merkle_tree))

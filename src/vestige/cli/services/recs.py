@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import time_option
+from vestige.cli.options import check_trust, json_option, time_option
 from vestige.cli.terminal import echo, raise_last
 from vestige.output import check_output, replacement
 
@@ -46,7 +46,6 @@ _reference = click.option(
     callback=time_option,
     help="A time within 39 years of the RECS; resolves the 12-bit week of unitary files.",
 )
-_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 @click.group(cls=_Group)
@@ -60,7 +59,7 @@ def command() -> None:
     "--certificate", "certificates", multiple=True, type=_path, help="PEM key or X.509 certificate you trust."
 )
 @_reference
-@_json
+@json_option
 def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: GalileoTime | None, as_json: bool) -> None:
     """Print header, epochs, needed keys and signature of each of FILES.
 
@@ -106,7 +105,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     "--mode", type=click.Choice(["cbc", "ctr"]), default="cbc", show_default=True, help="AES mode; see the docs."
 )
 @_reference
-@_json
+@json_option
 def decrypt_command(
     file: Path, key_file: Path, public_key: Path | None, merkle_tree: Path | None, output: Path | None, mode: str,
     reference: GalileoTime | None, as_json: bool,
@@ -124,8 +123,7 @@ def decrypt_command(
     from vestige.crypto.recs.recs_segment import CipherMode
     from vestige.errors import VestigeError
 
-    if public_key is None and merkle_tree is None:
-        raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+    check_trust(public_key, merkle_tree)
     check_output(output, (file, key_file, public_key, merkle_tree))
     recs = read_recs_file(file, reference=reference)
     keys = {key.time: key for key in read_key_file(key_file, load_public_keys(public_key, merkle_tree))}

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from vestige.cli.options import FiniteRange, cipher_mode_option, time_option
+from vestige.cli.options import FiniteRange, cipher_mode_option, json_option, start_option
 from vestige.cli.terminal import echo
 
 _path = click.Path(path_type=Path)
@@ -31,8 +31,8 @@ _path = click.Path(path_type=Path)
 @click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
 @cipher_mode_option
 @click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
-@click.option("--start", callback=time_option, help="Time of the first sample, in place of the recording's own label.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@start_option
+@json_option
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:
     """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
 

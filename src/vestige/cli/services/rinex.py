@@ -22,7 +22,7 @@ def command(results_path: Path, output: Path) -> None:
     """
     from vestige.campaign.rinex_export import COMMAND, export_rinex
     from vestige.campaign.store.results import open_results
-    from vestige.errors import InputFileError, VestigeError
+    from vestige.errors import InputFileError, VestigeError, satellite_names
 
     results = open_results(results_path).dataset
     try:
@@ -33,6 +33,6 @@ def command(results_path: Path, output: Path) -> None:
         raise VestigeError(f"{results_path}: {error}") from error
     for path in written.files:
         echo(str(path))
-    satellites = ", ".join(f"E{svid:02d}" for svid in written.svids)
+    satellites = satellite_names(written.svids)
     echo(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides", err=True)
     echo(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}", err=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.options import FiniteRange
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -17,32 +18,21 @@ if TYPE_CHECKING:
 
 DEFAULT_P_FA = 1e-7  # [WFO, Sec. VI-A]
 
-
-class _Finite(click.FloatRange):
-    """A range that a NaN is not in."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        number = float(super().convert(value, param, ctx))
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return number
-
-
-_probability = _Finite(1e-250, 1, max_open=True)
+_probability = FiniteRange(1e-250, 1, max_open=True)
 
 
 @click.command()
-@click.option("--cn0", "cn0_dbhz", type=_Finite(-100, 200), default=35.0, show_default=True, help="C/N0 in dBHz.")
+@click.option("--cn0", "cn0_dbhz", type=FiniteRange(-100, 200), default=35.0, show_default=True, help="C/N0 in dBHz.")
 @click.option(
     "--integration-ms",
-    type=_Finite(0, 1e6, min_open=True),
+    type=FiniteRange(0, 1e6, min_open=True),
     default=16.0,
     show_default=True,
     help="Coherent integration.",
 )
 @click.option("--p-fa", type=_probability, help=f"False alarm probability of one test.  [default: {DEFAULT_P_FA:g}]")
 @click.option("--p-fa-overall", type=_probability, help="False alarm probability of all tests, in place of --p-fa.")
-@click.option("--hypotheses", type=_Finite(1, 1e30), default=1.0, show_default=True, help="Number of tests.")
+@click.option("--hypotheses", type=FiniteRange(1, 1e30), default=1.0, show_default=True, help="Number of tests.")
 @click.option("--p-d", type=_probability, default=0.9, show_default=True, help="Detection probability to require.")
 @click.option(
     "--noncoherent", type=click.IntRange(1, 1000), default=1, show_default=True, help="Squared magnitudes added."

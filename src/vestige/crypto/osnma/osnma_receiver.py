@@ -41,7 +41,7 @@ from vestige.crypto.osnma.osnma_report import (
 from vestige.crypto.osnma.page_intake import PageIntake
 from vestige.crypto.osnma.status_claim import proven_status
 from vestige.crypto.osnma.tag_verifier import TagVerifier
-from vestige.errors import AuthenticationError
+from vestige.errors import AuthenticationError, satellite_names
 from vestige.navigation.inav.page import InavPage
 from vestige.records import ReceivedOsnma
 from vestige.time import GalileoTime
@@ -305,7 +305,7 @@ class OsnmaReceiver:
             if valid is not None:
                 accepted = chain, valid
         if len(candidates) > 1:
-            said = "; ".join(f"{key.data.hex()} from {_names(svids)}" for key, svids in candidates.items())
+            said = "; ".join(f"{key.data.hex()} from {satellite_names(svids)}" for key, svids in candidates.items())
             self._problems.report(ProblemKind.DISAGREEMENT, message.time, f"different keys: {said}")
         time = message.time.gst_seconds
         if (self._keys or self._withheld) and time not in self._keys and time not in self._withheld:
@@ -321,7 +321,7 @@ class OsnmaReceiver:
                 return chain, validate(key, chain)
             except AuthenticationError as error:
                 reason = reason or str(error)
-        self._problems.report(ProblemKind.KEY, time, f"{_names(svids)}: {reason}")
+        self._problems.report(ProblemKind.KEY, time, f"{satellite_names(svids)}: {reason}")
         return chains[0], None
 
 
@@ -338,10 +338,6 @@ def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
     return tuple(KeyGap(after=after, before=before, n_missing=n - 1) for after, before, n in steps if n > 1)
 
 
-def _names(svids: Sequence[int]) -> str:
-    return ", ".join(f"E{svid:02d}" for svid in svids)
-
-
 def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
     """Return the key where the chain's parameters put it, or None if one of its pages is missing."""
     parameters = chain.parameters
@@ -351,4 +347,4 @@ def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
 
 def _claim_text(refusing: Sequence[SatelliteSubframe]) -> str:
     headers = {str(NmaHeader(subframe.nma_header)) for subframe in refusing if subframe.nma_header is not None}
-    return f"{_names([subframe.svid for subframe in refusing])}: unsigned header {', '.join(sorted(headers))}"
+    return f"{satellite_names([subframe.svid for subframe in refusing])}: unsigned header {', '.join(sorted(headers))}"

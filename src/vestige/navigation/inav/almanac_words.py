@@ -22,7 +22,6 @@ from vestige.time import GalileoTime
 ALMANAC_WORDS = (7, 8, 9, 10)
 SATELLITES_PER_SET = 3
 ALMANAC_STEP_S = 600  # t0a is a multiple of it [OS-ICD, 4.3.5]
-ALMANAC_ISSUES = 1 << WORD_LAYOUTS[7].by_name["iod_almanac"].length
 _WEEKS = 1 << WORD_LAYOUTS[7].by_name["almanac_week"].length
 
 

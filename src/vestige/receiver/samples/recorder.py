@@ -23,7 +23,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import islice
 from threading import Lock
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float
@@ -34,6 +34,7 @@ from vestige.records import Band, SampleBatch
 from vestige.signal_generator.levels import BandModulation
 from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signal_generator.path_kernel import add_path
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import SIGMA, amplitude
 from vestige.signal_generator.waveform import Component
 from vestige.signals.definitions import CARRIER_HZ
@@ -44,23 +45,6 @@ STRETCH_S = 0.01
 _AHEAD = 8  # stretches that are made or wait to be taken
 _TOGETHER = 100  # stretches whose geometry is computed at once
 _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
-
-
-@runtime_checkable
-class Pseudorange(Protocol):
-    """Pseudorange against receiver time in s after the reference, with its derivatives."""
-
-    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return P(t) in m."""
-        ...
-
-    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return dP/dt in m/s."""
-        ...
-
-    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²P/dt² in m/s²."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,11 +74,9 @@ class Interference(Protocol):
 
     def white(self, t_s: float) -> float:
         """Return the density of white noise that is added, over the receiver's own."""
-        ...
 
     def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
         """Add what waveforms are on the air about a time to samples, whose first one has this number."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +86,7 @@ class ReceivedSatellite:
     svid: int
     components: tuple[Component, ...]  # its components in the band, counted from the reference
     cn0_dbhz: float  # C/N0 of each of them
-    pseudorange: Pseudorange  # P(t), which moves code and carrier
+    pseudorange: RangeHistory  # P(t) against receiver time in s after the reference, which moves code and carrier
     propagation: Callable[[float], Propagation]  # what holds at a receiver time in s after the reference
 
     @cached_property

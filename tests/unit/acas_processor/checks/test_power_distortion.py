@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from vestige.acas_processor.checks.power.power_distortion import (
-    distortion_detection,
-    distortion_threshold,
     distortion_variance,
     mean_distortion,
     power_rise_db,
-    symmetric_difference,
 )
 from vestige.campaign.statistics import binomial_test
 from vestige.signals.pulse import BOC11, BPSK, autocorrelation
 from vestige.streams import stream
+from vestige.theory.marcum_q import marcum_q
 
 LEVEL = 1e-4
 
@@ -21,7 +19,7 @@ LEVEL = 1e-4
 @pytest.mark.parametrize(("half_spacing", "threshold"), [(0.1, 2.351), (0.15, 2.879), (0.25, 3.717), (0.5, 5.257)])
 def test_thresholds(half_spacing: float, threshold: float) -> None:
     """The 99.9 % point of the distortion of a clean triangle [WESSON18]."""
-    assert distortion_threshold(1e-3, half_spacing) == pytest.approx(threshold, abs=5e-4)
+    assert np.sqrt(-2 * distortion_variance(half_spacing) * np.log(1e-3)) == pytest.approx(threshold, abs=5e-4)
 
 
 def test_variance() -> None:
@@ -65,13 +63,9 @@ def test_rate_of_alarms(eta_db: float) -> None:
     own = autocorrelation(BPSK, np.array([spacing]))[0]
     other = autocorrelation(BPSK, np.array([-spacing - offset, spacing - offset]))
     early, late = (s * (own + phasor * other[k]) + noise[k] for k in range(2))
-    alarms = symmetric_difference(7.0 * early, 7.0 * late, np.full(n, 7.0)) > distortion_threshold(p_fa, spacing)
-    expected = distortion_detection(
-        np.array([eta_db]),
-        np.array([offset]),
-        cn0_dbhz=cn0,
-        integration_s=integration,
-        half_spacing_chips=spacing,
-        p_fa=p_fa,
-    )
+    spread = np.sqrt(distortion_variance(spacing))
+    threshold = spread * np.sqrt(-2 * np.log(p_fa))
+    alarms = np.abs(early - late) > threshold
+    mean = s * np.sqrt(10 ** (eta_db / 10)) * mean_distortion(np.array([offset]), spacing)
+    expected = marcum_q(mean / spread, threshold / spread)
     assert binomial_test(int(alarms.sum()), n, float(expected[0])) > LEVEL

@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.sample_processor.tracking.replica_kernel import HALF_CHIPS, correlate_period, fill_replica, half_chip_windows
+from vestige.sample_processor.tracking.replica_kernel import (
+    HALF_CHIPS,
+    correlate_period,
+    fill_replica,
+    half_chip_windows,
+)
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 

@@ -5,6 +5,7 @@ Theory of operation
 A second signal of power η, offset Δτ and phase Δθ beside the tracked one bends the correlation function, adds power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
+                                 without interference and with the gain of then
     ΔP = 10 log₁₀[(1 + r (1 + η) + J/N)/(1 + r)],   r = Σ C/N0 / W      rise of the power in the band W
 
 with the amplitude s = √(2 C/N0 T) of the tracked signal, whose own share of D cancels:
@@ -19,10 +20,9 @@ small. Multipath makes D without P, a spoofer both. `simulated_decision_map` mak
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from vestige.signals.pulse import BPSK, Pulse, autocorrelation
-from vestige.theory.marcum_q import marcum_q
 
 
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
@@ -33,23 +33,6 @@ def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float
     return 2 * (1 - float(autocorrelation(pulse, np.array([2 * half_spacing_chips]))[0]))
 
 
-def distortion_threshold(p_fa: float, half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
-    """Return the D that a signal without a second one exceeds with probability `p_fa`."""
-    return float(np.sqrt(-2 * distortion_variance(half_spacing_chips, pulse) * np.log(p_fa)))
-
-
-def symmetric_difference(
-    early: Complex[np.ndarray, "*n"], late: Complex[np.ndarray, "*n"], sigma: Float[np.ndarray, "*n"]
-) -> Float[np.ndarray, "*n"]:
-    """Return D from the taps at −τ_d and +τ_d.
-
-    The taps are as they come out behind the gain control. `sigma` is the standard deviation of their noise per
-    dimension *without interference* and with the gain of then; taking that of now would take the squeeze of the gain
-    control out.
-    """
-    return np.abs(early - late) / sigma
-
-
 def mean_distortion(
     offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
 ) -> Float[np.ndarray, "*n"]:
@@ -57,25 +40,6 @@ def mean_distortion(
     early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
     late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
     return np.reshape(np.abs(early - late), np.shape(offset_chips))
-
-
-def distortion_detection(
-    eta_db: Float[np.ndarray, "*n"],
-    offset_chips: Float[np.ndarray, "*n"],
-    *,
-    cn0_dbhz: float,
-    integration_s: float,
-    half_spacing_chips: float,
-    p_fa: float,
-    pulse: Pulse = BPSK,
-) -> Float[np.ndarray, "*n"]:
-    """Return the probability that D alone exceeds its threshold beside a second signal, without gain control."""
-    amplitude = np.sqrt(2 * 10 ** ((cn0_dbhz + eta_db) / 10) * integration_s)
-    spread = np.sqrt(distortion_variance(half_spacing_chips, pulse))
-    return marcum_q(
-        np.asarray(amplitude * mean_distortion(offset_chips, half_spacing_chips, pulse) / spread),
-        distortion_threshold(p_fa, half_spacing_chips, pulse) / spread,
-    )
 
 
 def power_rise_db(

@@ -15,7 +15,7 @@ The steps are those of [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official tes
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -136,6 +136,3 @@ def silent_svids(events: Iterable[OsnmaEvent], svids: Iterable[int], time: Galil
         if event.kind is OsnmaEventKind.SILENCE and on_air:
             silent.update(svid for svid in svids if event.svids is None or svid in event.svids)
     return frozenset(silent)
-
-
-EVENT_NAMES: Mapping[str, OsnmaEventKind] = {kind.value: kind for kind in OsnmaEventKind}

@@ -6,7 +6,7 @@ import hashlib
 
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from vestige.crypto.keys.signature_scheme import P256, SignatureScheme
+from vestige.crypto.keys.signature_scheme import P256
 
 _P256_ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551  # [FIPS 186-4, D.1.2.3]
 _MAX_BYTES = 32
@@ -41,8 +41,8 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
     return hashlib.sha256(b"vestige simulated OSNMA chain\0" + name.encode() + b"\0" + seed).digest()[:n_bytes]
 
 
-def draw_private_key(seed: bytes, name: str, scheme: SignatureScheme = P256) -> ec.EllipticCurvePrivateKey:
-    """Return a private key that follows from a seed and from the name of what it is for.
+def draw_private_key(seed: bytes, name: str) -> ec.EllipticCurvePrivateKey:
+    """Return a private key on P-256 that follows from a seed and from the name of what it is for.
 
     Parameters
     ----------
@@ -50,14 +50,11 @@ def draw_private_key(seed: bytes, name: str, scheme: SignatureScheme = P256) -> 
         Any bytes; they are the secret.
     name
         What the key is for.
-    scheme
-        The signature scheme: P-256, or P-521.
 
     Examples
     --------
     >>> draw_private_key(b"seed", "private key").curve.name
     'secp256r1'
     """
-    # The order of P-256 is the smaller one, so its numbers are private keys on P-521 too.
     secret = 1 + int.from_bytes(draw_bytes(seed, name, 32), "big") % (_P256_ORDER - 1)
-    return ec.derive_private_key(secret, scheme.curve)
+    return ec.derive_private_key(secret, P256.curve)

@@ -16,7 +16,6 @@ from jaxtyping import Float, UInt8
 from vestige.navigation.inav.coding.viterbi_kernel import decode_terminated
 from vestige.navigation.inav.page import PAGE_BITS, PAGE_BYTES
 
-SYMBOLS_PER_S = 250  # one E1-B code period each [OS-ICD, 4.3.2]
 SYNC_PATTERN = (0, 1, 0, 1, 1, 0, 0, 0, 0, 0)  # [OS-ICD, 4.3.2.1]
 HALF_BITS = PAGE_BITS // 2
 CODED_SYMBOLS = 2 * HALF_BITS

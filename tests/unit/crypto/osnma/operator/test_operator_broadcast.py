@@ -6,6 +6,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from operator_sky import SVIDS, TAGGED, OperatorSky
+from simulated_chain import make_chain
 from vestige.crypto.keys.public_key import compressed_point
 from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS
 from vestige.crypto.osnma.messages.dsm import TEST, NmaHeader
@@ -16,7 +17,6 @@ from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.crypto.osnma.osnma_receiver import verify_pages
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport
-from vestige.crypto.osnma.simulated_chain import make_chain
 from vestige.errors import UnsupportedError, VestigeError
 from vestige.time import GalileoTime
 

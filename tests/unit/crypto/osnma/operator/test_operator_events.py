@@ -15,7 +15,7 @@ from vestige.cli.services.osnma import command as osnma
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.subframe import Content
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
-from vestige.crypto.osnma.operator.events import EVENT_NAMES, OsnmaEvent, OsnmaEventKind
+from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.errors import VestigeError
@@ -211,7 +211,7 @@ def test_every_header_that_is_sent_is_that_of_the_table() -> None:
     ],
 )  # fmt: skip
 def test_events_that_are_not_possible(fields: dict[str, object], message: str) -> None:
-    values = {"announced": at(2), **fields, "kind": EVENT_NAMES[str(fields["kind"])]}
+    values = {"announced": at(2), **fields, "kind": OsnmaEventKind(fields["kind"])}
     with pytest.raises(VestigeError, match=message):
         OsnmaEvent(**values)
 

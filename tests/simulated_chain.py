@@ -1,4 +1,4 @@
-"""A TESLA chain of our own, for simulations and tests: the operator's side of OSNMA.
+"""A TESLA chain of our own whose settings a test chooses: lengths, signature scheme, last key.
 
 Everything follows from a seed: the last key, the chain down to its root, an ECDSA key pair, a Merkle tree with the
 public key in it and the signed DSM-KROOT. A receiver that is given the Merkle tree treats it like the real one.
@@ -64,22 +64,8 @@ def make_chain(
 ) -> SimulatedChain:
     """Return a chain whose keys cover `n_keys` subframes from the one of `start` on; the same seed, the same chain.
 
-    Parameters
-    ----------
-    seed
-        Any bytes; a secret if the chain is to be one.
-    start
-        A time in the first subframe. The root key is the one of 30 s before the full hour before it.
-    n_keys
-        Number of keys, 30 s apart.
-    chain_id, pkid
-        CID 0 … 3 and PKID 0 … 15.
-    parameters
-        Parameters of the chain; without them the operational ones, with an alpha from the seed.
-    scheme
-        What the root key is signed with.
-    last_key
-        The key of the last subframe, which all others follow from; drawn from the seed if it is not given.
+    The first key is that of the subframe of `start`, the root key the one of 30 s before the full hour before it. All
+    but the given `last_key` follows from the seed.
     """
     if n_keys < 1:
         raise ValueError(f"a chain needs at least one key, not {n_keys}")
@@ -91,7 +77,9 @@ def make_chain(
     else:
         last = Key(time=first + SUBFRAME_S * (n_keys - 1), data=last_key)
         keys = chain_keys(last, root_key_time(start), parameters)
-    private_key = draw_private_key(seed, "private key", scheme)
+    # The order of P-256 is the smaller one, so its numbers are private keys on P-521 too.
+    secret = draw_private_key(seed, "private key").private_numbers().private_value
+    private_key = ec.derive_private_key(secret, scheme.curve)
     header = NmaHeader(2 << 6 | chain_id << 4 | 1 << 1)  # operational, keys nominal
     unsigned = unsigned_kroot(keys[0], parameters, chain_id=chain_id, pkid=pkid)
     return SimulatedChain(
@@ -105,8 +93,8 @@ def make_chain(
 
 def _tree_of(seed: bytes, claim: ClaimedPublicKey) -> MerkleTree:
     """Return a Merkle tree with one public key; the other leaves are drawn from the seed."""
-    assert claim.pkid is not None  # noqa: S101  (ours)
-    assert claim.leaf is not None  # noqa: S101
+    assert claim.pkid is not None
+    assert claim.leaf is not None
     leaves = [draw_bytes(seed, f"leaf {i}", NODE_BYTES) for i in range(LEAVES)]
     leaves[claim.leaf] = leaf_hash(claim.pkid, claim.point)
     return MerkleTree(nodes=nodes_over(leaves), public_keys=(claim,))
