@@ -16,6 +16,7 @@ import numpy as np
 from vestige.broadcast.sky_message import SkyMessage, make_sky_message
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.spoofer_interference import SpooferInterference
@@ -25,6 +26,7 @@ from vestige.recording.observations.observation_epoch import ObservationEpoch
 from vestige.records import Assistance, Band, EncryptedSegment, GroupDelay
 from vestige.scenario.campaign import CampaignScenario
 from vestige.simulated.exported_satellite import ExportedSatellite
+from vestige.time import GalileoTime
 
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
@@ -83,9 +85,28 @@ class AcasTestCase:
         return make_sky_message(
             [one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None],
             self.simulation.osnma_operator(),
-            scenario.start_time + (self.end * scenario.interval_s + _MESSAGE_AFTER_S),
+            self._message_end,
             almanac=constellation.ephemerides(scenario.start_time),
         )
+
+    @property
+    def _message_end(self) -> GalileoTime:
+        """Time to which the message goes at least: with events, to the end of the subframe after the last epoch."""
+        last = self.scenario.start_time + self.end * self.scenario.interval_s
+        if not self.simulation.osnma.events:
+            return last + _MESSAGE_AFTER_S
+        return last.subframe + (2.0 * SUBFRAME_S - 1.0)  # with the keys of the last RECS
+
+    @cached_property
+    def heard(self) -> OsnmaReceiver | None:
+        """An OSNMA receiver that got all pages; None without OSNMA events, where it gets every key."""
+        if self.message is None or not self.simulation.osnma.events:
+            return None
+        receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
+        for page in sorted((page for of in self.message.pages.values() for page in of), key=lambda one: one.time):
+            receiver.process(page)
+        receiver.finish()
+        return receiver
 
     @property
     def samples(self) -> range:
@@ -139,7 +160,10 @@ class AcasTestCase:
                 f"epochs {self.first}:{self.end}: found no RECS, expected at least one; there is one every "
                 f"{self.scenario.recs.every} epochs"
             )
-        keys = {key.time: key for key in self.operator.validated_keys()}
+        heard = self.heard
+        keys = {
+            key.time: key for key in (self.operator.validated_keys() if heard is None else heard.filled_keys())
+        }
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
         return Assistance(
             segments=segments,
