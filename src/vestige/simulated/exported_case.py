@@ -161,9 +161,7 @@ class AcasTestCase:
                 f"{self.scenario.recs.every} epochs"
             )
         heard = self.heard
-        keys = {
-            key.time: key for key in (self.operator.validated_keys() if heard is None else heard.filled_keys())
-        }
+        keys = {key.time: key for key in (self.operator.validated_keys() if heard is None else heard.filled_keys())}
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
         return Assistance(
             segments=segments,
