@@ -20,9 +20,7 @@ from vestige.navigation.inav.timing_words import UtcModel
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 
-rawnav = pytest.importorskip(
-    "cssrlib.rawnav", reason="cssrlib is not installed: make judges", exc_type=ImportError
-)
+rawnav = pytest.importorskip("cssrlib.rawnav", reason="cssrlib is not installed: make judges", exc_type=ImportError)
 gnss = pytest.importorskip("cssrlib.gnss", reason="cssrlib is not installed: make judges", exc_type=ImportError)
 
 START = GalileoTime(1372, 481_200)

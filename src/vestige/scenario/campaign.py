@@ -41,6 +41,7 @@ from vestige.scenario.limits import (
     check_weak_signal,
     longest_delay_s,
 )
+from vestige.scenario.on_air.atmosphere_table import AtmosphereTable
 from vestige.scenario.on_air.osnma_table import OsnmaTable
 from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.preset import Presets
@@ -167,6 +168,8 @@ class CampaignScenario(Section):
         What the receiver believes of its pseudoranges.
     osnma
         Events and keys of the OSNMA operator.
+    atmosphere
+        Troposphere and broadcast ionosphere in recordings.
     """
 
     kind: Literal["campaign"]
@@ -184,6 +187,7 @@ class CampaignScenario(Section):
     trajectory: AnyTrajectory | None = None
     position: PositionTable = PositionTable()
     osnma: OsnmaTable = OsnmaTable()
+    atmosphere: AtmosphereTable = AtmosphereTable()
 
     @field_validator("start")
     @classmethod
@@ -217,6 +221,7 @@ class CampaignScenario(Section):
             for place, given in (
                 ("position", self.position != PositionTable()),
                 ("osnma", self.osnma != OsnmaTable()),
+                ("atmosphere", self.atmosphere != AtmosphereTable()),
                 ("receiver.accelerometers", self.receiver.accelerometers is not None),
             ):
                 if given:

@@ -72,6 +72,7 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
+                atmosphere=self.scenario.atmosphere.models(),
             )
             for one in self.scenario.simulations
         )
@@ -87,6 +88,7 @@ class AcasTestCase:
             self.simulation.osnma_operator(),
             self._message_end,
             almanac=constellation.ephemerides(scenario.start_time),
+            ionosphere=scenario.atmosphere.models().broadcast,
         )
 
     @property
@@ -173,7 +175,16 @@ class AcasTestCase:
                 for time, key in keys.items()
                 if begin <= time <= end and not simulation.withheld(time - simulation.start)
             ),
+            ionosphere_e1_m=self._predicted_ionosphere,
         )
+
+    @property
+    def _predicted_ionosphere(self) -> dict[int, float]:
+        """Delay on E1 in m by SVID that a receiver computes from word 5, in the middle of the epochs."""
+        if self.scenario.atmosphere.ionosphere is None:
+            return {}
+        middle = (self.end - self.first) // 2
+        return {one.svid: float(one.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
 
     def truth_table(self) -> dict[str, list[str]]:
         """Return the truth as columns of text, one satellite after the other: what `truth.csv` holds."""
