@@ -87,7 +87,7 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
             )
 
 
-def check_bands(front_end: FrontEnd) -> None:
+def check_recorded_band(front_end: FrontEnd) -> None:
     """Raise if a recording cannot hold the signals of both bands: too low a sampling rate, or too narrow a filter."""
     name, narrowest_hz = max(_NARROWEST_HZ.items(), key=lambda item: item[1])
     for place, found_hz in (

@@ -13,7 +13,7 @@ from vestige.navigation.ntcm_g import delay_e1_m, ntcm_slant_tecu
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 
-# European Commission, NTCM G: Az, UT, receiver and satellite (longitude, latitude in degrees, height in m), STEC; day 105
+# Official vectors: Az, UT, receiver and satellite (longitude, latitude in degrees, height in m), STEC; day 105
 HIGH = (236.831641, -0.39362878, 0.00402826613)
 MEDIUM = (121.129893, 0.351254133, 0.0134635348)
 LOW = (2.580271, 0.127628236, 0.0252748384)
