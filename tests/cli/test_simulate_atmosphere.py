@@ -18,6 +18,7 @@ from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.inav.words import word_type
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import open_observations
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -59,6 +60,11 @@ def test_the_files_hold_the_delays(tmp_path: Path) -> None:
     for line in predicted:
         svid, delay_m = line.split(",")
         assert float(delay_m) == pytest.approx(float(there["30", svid]["ionosphere_e1_m"]), abs=1e-3)
+    header = ["GAL    4.0000E+02  5.0000E-01  0.0000E+00  0.0000E+00       IONOSPHERIC CORR"]
+    for folder, expected in zip(folders, (header, []), strict=True):
+        lines = (folder / "rinex" / "navigation.rnx").read_text().splitlines()
+        assert [line for line in lines if "IONOSPHERIC CORR" in line] == expected
+        assert read_rinex_navigation(folder / "rinex" / "navigation.rnx")
     wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     for name, digits_m in (("observations.csv", 1e-6), ("rinex/observations.rnx", 1.1e-3)):
         with_it, without = (list(open_observations(folder / name)) for folder in folders)

@@ -114,8 +114,8 @@ class RinexConstellation(Constellation):
             what = "no healthy satellite" if near else "ephemerides"
             raise InconsistentSettingsError(
                 "constellation.path",
-                f"{what} of {_to_seconds(toes[0])} to {_to_seconds(toes[-1])}",
-                f"a RINEX file of the day of the scenario, within {FIT_INTERVAL_S / 3600:g} h of {_to_seconds(start)}",
+                f"{what} of {_to_minutes(toes[0])} to {_to_minutes(toes[-1])}",
+                f"a RINEX file of the day of the scenario, within {FIT_INTERVAL_S / 3600:g} h of {_to_minutes(start)}",
             )
         return found
 
@@ -127,7 +127,8 @@ class RinexConstellation(Constellation):
         )
 
 
-def _to_seconds(time: GalileoTime) -> str:
+def _to_minutes(time: GalileoTime) -> str:
+    """Return a time as a short text; the seconds of a file's ephemerides say nothing."""
     return f"{time.calendar:%Y-%m-%d %H:%M} GST"
 
 

@@ -68,7 +68,8 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
     case.operator.write_files(folder / "assistance")
     if case.message is not None:
         issued = [issue.ephemeris for one in case.message.transmissions.values() for issue in one.words.issues]
-        write_rinex_navigation(folder / "rinex" / "navigation.rnx", issued)
+        ionosphere = case.scenario.atmosphere.models().ionosphere
+        write_rinex_navigation(rinex / "navigation.rnx", issued, ionosphere=ionosphere)
         write_test_vector(folder / "inav_pages.csv", case.message.pages)
     table = case.truth_table()
     rows = [",".join(row) for row in zip(*table.values(), strict=True)]
