@@ -1,7 +1,7 @@
 """`rnx2rtkp` of RTKLIB takes the troposphere of a recording out of our observations with a model of its own.
 
-Its model has the same zenith delay and maps it with 1/sin E, which at the 10° of the lowest satellite is 3 % more. So
-what is left of the position is decimetres, without its correction it is ten metres.
+RTKLIB's model has the same zenith delay and maps it with 1/sin E, which is 3 % more at 10°, the elevation of the lowest
+satellite. So its corrected positions are wrong by decimetres. Without the correction they are ten metres too high.
 """
 
 from __future__ import annotations

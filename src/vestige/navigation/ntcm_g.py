@@ -54,7 +54,7 @@ def ntcm_slant_tecu(
     >>> one = np.ones(1)
     >>> low = BroadcastIonosphere(ai0_sfu=64.0)
     >>> round(float(ntcm_slant_tecu(low, 105, 12 * one, 0.8 * one, 0.2 * one, 0 * one, 1.5 * one)[0]), 1)
-    17.4
+    17.7
     """
     elevation_rad = np.maximum(elevation_rad, 0.0)
     latitude, longitude = _pierce_point(latitude_rad, longitude_rad, azimuth_rad, elevation_rad)
