@@ -17,7 +17,11 @@ MARKED := $(shell grep -rl --include='test_*.py' 'mark\.slow' tests)
 # A worker takes whole files, so that what the tests of a file share is computed once.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: setup demo test test-slow test-all fuzz lint types arch fmt constraints clean
+# An independent program in Python that judges I/NAV and OSNMA in tests/agreement. Its own dependencies (notebook, cartopy and more)
+# are left out, because the parts that the tests import do not need them.
+JUDGES := cssrlib==1.2.1 bitstruct==8.24.0 galois==0.4.11 crccheck==1.3.1
+
+.PHONY: setup judges demo test test-slow test-all fuzz lint types arch fmt constraints clean
 
 setup: $(READY)
 
@@ -26,6 +30,10 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	@touch $@
+
+judges: $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps $(JUDGES)
+	@$(BIN)/python -c 'import cssrlib.osnma, cssrlib.rawnav'
 
 demo: $(READY)
 	@$(BIN)/python examples/demo.py

@@ -11,6 +11,7 @@ GAMMA_E1_E6 = (154 / 125) ** 2  # (f1/f6)^2 = 1.517824 exactly; dispersive delay
 
 SECONDS_PER_WEEK = 604_800
 DAY_S = 86_400
+HOUR_S = 3_600
 SUBFRAME_S = 30  # one I/NAV subframe, and so one OSNMA key interval [OSNMA-ICD]
 SYMBOLS_PER_S = 250  # of E1-B, one code period each [OS-ICD, 4.3.2]
 PAGES_A_SUBFRAME = 15  # I/NAV pages of 2 s [OS-ICD, 4.3]

@@ -20,10 +20,8 @@ from vestige.navigation.inav.timing_words import UtcModel
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.time import GalileoTime
 
-rawnav = pytest.importorskip(
-    "cssrlib.rawnav", reason="cssrlib is not installed: pip install cssrlib", exc_type=ImportError
-)
-gnss = pytest.importorskip("cssrlib.gnss", reason="cssrlib is not installed: pip install cssrlib", exc_type=ImportError)
+rawnav = pytest.importorskip("cssrlib.rawnav", reason="cssrlib is not installed: make judges", exc_type=ImportError)
+gnss = pytest.importorskip("cssrlib.gnss", reason="cssrlib is not installed: make judges", exc_type=ImportError)
 
 START = GalileoTime(1372, 481_200)
 # It takes 3.1415926535898 for π, 2e-15 less. The last bit of the longest field, 32 bits, is 2e-10 of its range.

@@ -22,7 +22,7 @@ from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
-cssrlib_osnma = pytest.importorskip("cssrlib.osnma", reason="cssrlib is not installed (pip install cssrlib)")
+cssrlib_osnma = pytest.importorskip("cssrlib.osnma", reason="cssrlib is not installed: make judges")
 
 START = GalileoTime(1400, 7200)  # not the first hour of the week: cssrlib does not take a root key of TOWH 0
 N = 14

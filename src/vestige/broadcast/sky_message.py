@@ -20,6 +20,7 @@ from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.almanac_words import almanac_sets
 from vestige.navigation.inav.ephemeris_words import as_broadcast
+from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
 from vestige.navigation.inav.timing_words import UtcModel
 from vestige.navigation.inav.words import word_type
@@ -107,6 +108,7 @@ def make_sky_message(
     end: GalileoTime,
     *,
     almanac: Iterable[Ephemeris] = (),
+    ionosphere: BroadcastIonosphere = NO_IONOSPHERE,
 ) -> SkyMessage:
     """Return the message of some satellites from the operator's first subframe on.
 
@@ -121,6 +123,8 @@ def make_sky_message(
     almanac
         One ephemeris of each satellite of the constellation, for words 7 to 10; without any, word 0 is sent in their
         places.
+    ionosphere
+        Ionosphere model, for word 5.
 
     Raises
     ------
@@ -129,7 +133,9 @@ def make_sky_message(
     """
     start = operator.configuration.start
     system = SystemData(
-        utc=UtcModel.at(start), almanac=almanac_sets(tuple(almanac), start + -float(start.gst_seconds % _ISSUE_S))
+        utc=UtcModel.at(start),
+        ionosphere=ionosphere,
+        almanac=almanac_sets(tuple(almanac), start + -float(start.gst_seconds % _ISSUE_S)),
     )
     fields: dict[tuple[int, GalileoTime], bytes] = {}
     transmissions = {

@@ -26,6 +26,7 @@ from jaxtyping import Complex128, Float
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.operator.osnma_service import SERVICE_WITHOUT_EVENTS, OsnmaService
 from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
 from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.receiver.correlators.disturbance import drawn_disturbance
@@ -84,6 +85,7 @@ class Simulation:
     cipher_mode: CipherMode = CipherMode.CBC  # in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
     svid: int = SVID
+    osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # what the OSNMA operator does and which keys it has
     # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
     elevation: ElevationEffects | None = None
     # time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone
@@ -100,7 +102,7 @@ class Simulation:
 
     def osnma_operator(self) -> OsnmaOperator:
         """Return the OSNMA operator of the run as it is when it begins; it holds the key of every RECS."""
-        return osnma_operator(self.seed, self.start, self._subframes)
+        return osnma_operator(self.seed, self.start, self._subframes, self.osnma)
 
     @property
     def _labels(self) -> tuple[int, ...]:
@@ -238,7 +240,7 @@ class Simulation:
 
     def key(self, sent: GalileoTime) -> ValidatedKey:
         """Return the OSNMA key of the RECS that is sent at a time."""
-        return osnma_keys(self.seed, self.start, self._subframes)[key_time(sent, self.key_delay)]
+        return osnma_keys(self.seed, self.start, self._subframes, self.osnma)[key_time(sent, self.key_delay)]
 
 
 def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

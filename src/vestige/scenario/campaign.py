@@ -41,6 +41,8 @@ from vestige.scenario.limits import (
     check_weak_signal,
     longest_delay_s,
 )
+from vestige.scenario.on_air.atmosphere_table import AtmosphereTable
+from vestige.scenario.on_air.osnma_table import OsnmaTable
 from vestige.scenario.own_tables import OrOwn, whose
 from vestige.scenario.preset import Presets
 from vestige.scenario.processor_table import ProcessorTable
@@ -164,6 +166,10 @@ class CampaignScenario(Section):
         Where satellites and receiver are; without them there is a single line of sight.
     position
         What the receiver believes of its pseudoranges.
+    osnma
+        Events and keys of the OSNMA operator.
+    atmosphere
+        Troposphere and broadcast ionosphere in recordings.
     """
 
     kind: Literal["campaign"]
@@ -180,6 +186,8 @@ class CampaignScenario(Section):
     constellation: AnyConstellation | None = None
     trajectory: AnyTrajectory | None = None
     position: PositionTable = PositionTable()
+    osnma: OsnmaTable = OsnmaTable()
+    atmosphere: AtmosphereTable = AtmosphereTable()
 
     @field_validator("start")
     @classmethod
@@ -210,12 +218,14 @@ class CampaignScenario(Section):
         if self.constellation is None:
             if self.trajectory is not None:
                 raise InconsistentSettingsError("trajectory", "no constellation beside it", "[constellation]")
-            if self.position != PositionTable():
-                raise InconsistentSettingsError("position", "no constellation beside it", "[constellation]")
-            if self.receiver.accelerometers is not None:
-                raise InconsistentSettingsError(
-                    "receiver.accelerometers", "no constellation beside it", "[constellation]"
-                )
+            for place, given in (
+                ("position", self.position != PositionTable()),
+                ("osnma", self.osnma != OsnmaTable()),
+                ("atmosphere", self.atmosphere != AtmosphereTable()),
+                ("receiver.accelerometers", self.receiver.accelerometers is not None),
+            ):
+                if given:
+                    raise InconsistentSettingsError(place, "no constellation beside it", "[constellation]")
             if self.recs.every != 1:
                 raise InconsistentSettingsError("recs.every", self.recs.every, "1 on a single line of sight")
             for number, attack in enumerate(self.attack):
@@ -243,6 +253,7 @@ class CampaignScenario(Section):
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
+        service = self.osnma.service(self.start_time, self.epochs * self.interval_s)
         sky = satellites_in_view(
             self.constellation,
             self.trajectory,
@@ -260,6 +271,7 @@ class CampaignScenario(Section):
                 spoofer=Spoofer(attacks=placed_attacks(self.attack, effects.path, self.epochs * self.interval_s)),
                 svid=effects.path.ephemeris.svid,
                 elevation=effects,
+                osnma=service,
                 cn0_dbhz=one.cn0_dbhz + effects.nominal_db,
                 cn0_e1_dbhz=one.cn0_e1_dbhz + effects.nominal_db,
             )

@@ -15,6 +15,7 @@ from vestige.receiver.samples.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.records import Band
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 from vestige.signal_generator.range_model import RangeModel
+from vestige.signals.definitions import E1C, E6C
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
@@ -25,6 +26,9 @@ _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 
 LARGEST_CLOCK_ERROR_S = 1e6  # at `correlators`: 12 days, more than any oscillator drifts in 32 years
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
 _SIGMAS = 6.0
+# Two-sided bands that a receiver cannot do without: both main lobes of BOC(1,1), and the middle half of the main lobe
+# of BPSK(5), which has 77 % of its power.
+_NARROWEST_HZ = {E1C.name: 4 * E1C.chip_rate_hz, E6C.name: E6C.chip_rate_hz}
 _WAY_S = 0.2  # of a signal, and what the clock may be wrong by
 
 
@@ -80,6 +84,19 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
                 f"attack.{number}.waveform",
                 f"{jamming.waveform.reach_hz / 1e6:g} MHz from the carrier of E6",
                 f"at most {input_rate_hz / 2e6:g} MHz, half the rate of the samples",
+            )
+
+
+def check_recorded_band(front_end: FrontEnd) -> None:
+    """Raise if a recording cannot hold the signals of both bands: too low a sampling rate, or too narrow a filter."""
+    name, narrowest_hz = max(_NARROWEST_HZ.items(), key=lambda item: item[1])
+    for place, found_hz in (
+        ("receiver.sample_rate_hz", front_end.sample_rate_hz),
+        ("receiver.front_end.bandwidth_hz", front_end.bandwidth_hz),
+    ):
+        if found_hz is not None and found_hz < narrowest_hz:
+            raise InconsistentSettingsError(
+                place, f"{found_hz / 1e6:g} MHz", f"at least {narrowest_hz / 1e6:g} MHz, the band of {name}"
             )
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from pydantic import Field, PrivateAttr, computed_field, field_validator
 
 from vestige.constants import MAX_SVID
-from vestige.navigation.ephemeris import Ephemeris, nearest_ephemerides
+from vestige.navigation.ephemeris import FIT_INTERVAL_S, Ephemeris, nearest_ephemerides
 from vestige.receiver.sky.constellation import ElevationCn0, walker_ephemerides
 from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 from vestige.receiver.sky.trajectory import CircularTrajectory, StaticTrajectory, Trajectory, WaypointTrajectory
@@ -57,6 +57,10 @@ class Constellation(Section):
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that there is."""
 
+    def _why_missing(self, svid: int) -> str:
+        """Return a satellite that has no ephemeris, as the error names it."""
+        return f"{svid}, which the constellation does not have"
+
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that is to be simulated, by ascending SVID."""
         if len(set(self.svids)) < len(self.svids):
@@ -64,7 +68,9 @@ class Constellation(Section):
         found = {one.svid: one for one in self.ephemerides(start)}
         missing = sorted(set(self.svids) - set(found))
         if missing:
-            raise InconsistentSettingsError("constellation.svids", missing[0], f"one of {sorted(found)}")
+            raise InconsistentSettingsError(
+                "constellation.svids", self._why_missing(missing[0]), f"some of {' '.join(map(str, sorted(found)))}"
+            )
         return tuple(found[svid] for svid in sorted(set(self.svids) or found))
 
 
@@ -101,12 +107,29 @@ class RinexConstellation(Constellation):
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return one for each satellite that there is."""
-        found = tuple(one for one in nearest_ephemerides(self._ephemerides, start).values() if one.healthy)
+        near = nearest_ephemerides(self._ephemerides, start).values()
+        found = tuple(one for one in near if one.healthy)
         if not found:
+            toes = sorted(one.toe for one in self._ephemerides)
+            what = "no healthy satellite" if near else "ephemerides"
             raise InconsistentSettingsError(
-                "constellation.path", f"no healthy satellite's ephemeris of {start}", "one of its day"
+                "constellation.path",
+                f"{what} of {_to_minutes(toes[0])} to {_to_minutes(toes[-1])}",
+                f"a RINEX file of the day of the scenario, within {FIT_INTERVAL_S / 3600:g} h of {_to_minutes(start)}",
             )
         return found
+
+    def _why_missing(self, svid: int) -> str:
+        in_file = any(one.svid == svid for one in self._ephemerides)
+        name = Path(self.path).name
+        return f"{svid}, " + (
+            f"out of service or of another time in {name}" if in_file else f"without an ephemeris in {name}"
+        )
+
+
+def _to_minutes(time: GalileoTime) -> str:
+    """Return a time as a short text; the seconds of a file's ephemerides say nothing."""
+    return f"{time.calendar:%Y-%m-%d %H:%M} GST"
 
 
 AnyConstellation = Annotated[WalkerConstellation | RinexConstellation, Field(discriminator="kind")]

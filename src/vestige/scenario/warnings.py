@@ -21,7 +21,23 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
-    return (*attacks, *_never(scenario), *_old_orbits(scenario), *stairs, *_round_peak(scenario))
+    return (
+        *attacks,
+        *_never(scenario),
+        *_old_orbits(scenario),
+        *_in_recordings_only(scenario),
+        *stairs,
+        *_round_peak(scenario),
+    )
+
+
+def _in_recordings_only(scenario: CampaignScenario) -> tuple[str, ...]:
+    if not scenario.atmosphere.models().there:
+        return ()
+    return (
+        "atmosphere: it is in the recordings of `vestige simulate`; `vestige run` takes troposphere and broadcast "
+        "ionosphere for corrected",
+    )
 
 
 def _never(scenario: CampaignScenario) -> tuple[str, ...]:

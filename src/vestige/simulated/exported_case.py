@@ -16,6 +16,7 @@ import numpy as np
 from vestige.broadcast.sky_message import SkyMessage, make_sky_message
 from vestige.constants import MEDIAN_TRAVEL_TIME_S, SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.spoofer_interference import SpooferInterference
@@ -24,6 +25,7 @@ from vestige.records import Assistance, Band, EncryptedSegment, GroupDelay
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.scenario.campaign import CampaignScenario
 from vestige.simulated.exported_satellite import ExportedSatellite
+from vestige.time import GalileoTime
 
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
@@ -69,6 +71,7 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
+                atmosphere=self.scenario.atmosphere.models(),
             )
             for one in self.scenario.simulations
         )
@@ -82,9 +85,29 @@ class AcasTestCase:
         return make_sky_message(
             [one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None],
             self.simulation.osnma_operator(),
-            scenario.start_time + (self.end * scenario.interval_s + _MESSAGE_AFTER_S),
+            self._message_end,
             almanac=constellation.ephemerides(scenario.start_time),
+            ionosphere=scenario.atmosphere.models().broadcast,
         )
+
+    @property
+    def _message_end(self) -> GalileoTime:
+        """Time to which the message goes at least: with events, to the end of the subframe after the last epoch."""
+        last = self.scenario.start_time + self.end * self.scenario.interval_s
+        if not self.simulation.osnma.events:
+            return last + _MESSAGE_AFTER_S
+        return last.subframe + (2.0 * SUBFRAME_S - 1.0)  # with the keys of the last RECS
+
+    @cached_property
+    def heard(self) -> OsnmaReceiver | None:
+        """An OSNMA receiver that got all pages; None without OSNMA events, where it gets every key."""
+        if self.message is None or not self.simulation.osnma.events:
+            return None
+        receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
+        for page in sorted((page for of in self.message.pages.values() for page in of), key=lambda one: one.time):
+            receiver.process(page)
+        receiver.finish()
+        return receiver
 
     @property
     def samples(self) -> range:
@@ -138,7 +161,8 @@ class AcasTestCase:
                 f"epochs {self.first}:{self.end}: found no RECS, expected at least one; there is one every "
                 f"{self.scenario.recs.every} epochs"
             )
-        keys = {key.time: key for key in self.operator.validated_keys()}
+        heard = self.heard
+        keys = {key.time: key for key in (self.operator.validated_keys() if heard is None else heard.filled_keys())}
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
         return Assistance(
             segments=segments,
@@ -150,7 +174,16 @@ class AcasTestCase:
                 for time, key in keys.items()
                 if begin <= time <= end and not simulation.withheld(time - simulation.start)
             ),
+            ionosphere_e1_m=self._predicted_ionosphere,
         )
+
+    @property
+    def _predicted_ionosphere(self) -> dict[int, float]:
+        """Delay on E1 in m by SVID that a receiver computes from word 5, in the middle of the epochs."""
+        if self.scenario.atmosphere.ionosphere is None:
+            return {}
+        middle = (self.end - self.first) // 2
+        return {one.svid: float(one.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
 
     def truth_table(self) -> dict[str, list[str]]:
         """Return the truth as columns of text, one satellite after the other: what `truth.csv` holds."""

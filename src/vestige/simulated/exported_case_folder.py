@@ -58,11 +58,18 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         write_csv_observations(folder / "observations.csv", epochs)
         # in a folder of its own, because a recording has one file of observations; CSV loses no digit
         write_rinex_observations(rinex / "observations.rnx", epochs)
-    write_assistance(folder / "assistance", case.assistance(), roots=case.operator.roots)
+    report = None if case.heard is None else case.heard.report()
+    write_assistance(
+        folder / "assistance",
+        case.assistance(),
+        roots=case.operator.roots if report is None else report.verified_roots,
+        alerts=() if report is None else report.alerts,
+    )
     case.operator.write_files(folder / "assistance")
     if case.message is not None:
         issued = [issue.ephemeris for one in case.message.transmissions.values() for issue in one.words.issues]
-        write_rinex_navigation(folder / "rinex" / "navigation.rnx", issued)
+        ionosphere = case.scenario.atmosphere.models().ionosphere
+        write_rinex_navigation(rinex / "navigation.rnx", issued, ionosphere=ionosphere)
         write_test_vector(folder / "inav_pages.csv", case.message.pages)
     table = case.truth_table()
     rows = [",".join(row) for row in zip(*table.values(), strict=True)]

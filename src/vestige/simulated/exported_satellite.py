@@ -15,6 +15,7 @@ from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
+from vestige.receiver.sky.atmosphere import NO_ATMOSPHERE, Atmosphere, AtmosphericDelay
 from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, E1Observation
@@ -37,6 +38,7 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
+    atmosphere: Atmosphere = NO_ATMOSPHERE  # troposphere and broadcast ionosphere, of a sky
 
     @property
     def svid(self) -> int:
@@ -60,13 +62,33 @@ class ExportedSatellite:
         before, after = self._neighbours
         process = self.simulation.truth()
         process.advance(0, self.first - before)
+        truth, delay = process.advance(self.first - before, before + self.end - self.first + after), self._atmospheric
+        system_s = truth.time_s - truth.clock_m / SPEED_OF_LIGHT_MPS
         return ContinuousTruth(
             line_of_sight=self.simulation.line_of_sight,
-            truth=process.advance(self.first - before, before + self.end - self.first + after),
+            truth=truth,
             e1_multipath=self.simulation.models.e1_multipath,
             group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(self.bgd_s),
+            atmosphere=delay,
+            modelled_ionosphere_e1_m=None if delay is None else delay.ionosphere_e1_m(system_s),
             sky=self.simulation.elevation is not None,
         )
+
+    @property
+    def _atmospheric(self) -> AtmosphericDelay | None:
+        elevation = self.simulation.elevation
+        if elevation is None or not self.atmosphere.there:
+            return None
+        return AtmosphericDelay(atmosphere=self.atmosphere, path=elevation.path)
+
+    @cached_property
+    def broadcast_ionosphere_e1_m(self) -> Float[np.ndarray, " n"]:
+        """Delay on E1 at the epochs that a receiver computes from the coefficients of the message, in m."""
+        before, _ = self._neighbours
+        modelled_m = self.path.modelled_ionosphere_e1_m
+        if modelled_m is None:
+            return np.zeros(self.end - self.first)
+        return modelled_m[before : before + self.end - self.first]
 
     @cached_property
     def bgd_s(self) -> float:
@@ -179,7 +201,7 @@ class ExportedSatellite:
         }
         numbers = {
             "received_s": t_s - truth.time_s,
-            "range_m": path.range_m(t_s) - path.clock_m(t_s),
+            "range_m": path.range_m(t_s) - path.troposphere_m(t_s) - path.clock_m(t_s),
             "clock_m": path.clock_m(t_s),
             "doppler_e1_hz": -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
             "doppler_e6_hz": -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * path.rate_mps(t_s),
@@ -193,6 +215,8 @@ class ExportedSatellite:
             "e1_attack_error_m": truth.e1.error_m,
             "range_offset_m": self.range_offset_m,
         }
+        if self.atmosphere.there:
+            numbers |= {"troposphere_m": path.troposphere_m(t_s), "ionosphere_e1_m": self.broadcast_ionosphere_e1_m}
         for ray in range(truth.rays.delay_m.shape[1]):
             name = f"ray{ray + 1}"
             numbers |= {

@@ -63,6 +63,7 @@ def command(scenario: Path, **options: Any) -> None:
     else:
         loaded = with_default_range(loaded)
         raw.setdefault("line_of_sight", {})["s0_m"] = loaded.line_of_sight.s0_m
+        _check_band(scenario, loaded)
         source = _test_case(loaded, options["epochs"])
     if options["output"].exists():
         raise InputFileError(options["output"], "output folder", "something there already", "a name that is not taken")
@@ -82,6 +83,20 @@ def command(scenario: Path, **options: Any) -> None:
         )
     for path in files:
         echo(str(path))
+
+
+def _check_band(path: Path, scenario: CampaignScenario) -> None:
+    """Raise `InputFileError` if the samples of a sky cannot hold its signals."""
+    from vestige.errors import InputFileError
+    from vestige.scenario.limits import check_recorded_band
+    from vestige.scenario.toml.toml_file import InconsistentSettingsError
+
+    if scenario.constellation is None:
+        return
+    try:
+        check_recorded_band(scenario.receiver.front_end.front_end(scenario.receiver.sample_rate_hz))
+    except InconsistentSettingsError as error:
+        raise InputFileError(path, error.place, error.found, error.expected) from error
 
 
 def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:

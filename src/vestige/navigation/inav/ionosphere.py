@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from vestige.navigation.inav.word_table import word_layout
 from vestige.navigation.inav.words import InavWord
+
+_WORD = 5
 
 _FIELDS: Mapping[str, str] = {  # attribute -> field of word 5
     "ai0_sfu": "ai0_sfu",
@@ -47,6 +50,26 @@ class BroadcastIonosphere:
             ai1_sfu_per_deg=decoded.value("ai1_sfu_per_deg"),
             ai2_sfu_per_deg2=decoded.value("ai2_sfu_per_deg2"),
             disturbed_regions=decoded.raw["ionosphere_disturbance"],
+        )
+
+    def as_sent(self) -> BroadcastIonosphere:
+        """Return the values that word 5 carries: each rounded to the last bit of its field.
+
+        Raises
+        ------
+        VestigeError
+            If a value does not fit into its field.
+        """
+        by_name = word_layout(_WORD).by_name
+        return BroadcastIonosphere(
+            ai0_sfu=by_name["ai0_sfu"].physical(by_name["ai0_sfu"].quantised(self.ai0_sfu)),
+            ai1_sfu_per_deg=by_name["ai1_sfu_per_deg"].physical(
+                by_name["ai1_sfu_per_deg"].quantised(self.ai1_sfu_per_deg)
+            ),
+            ai2_sfu_per_deg2=by_name["ai2_sfu_per_deg2"].physical(
+                by_name["ai2_sfu_per_deg2"].quantised(self.ai2_sfu_per_deg2)
+            ),
+            disturbed_regions=self.disturbed_regions,
         )
 
     @property

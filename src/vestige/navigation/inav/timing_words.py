@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import timedelta
 
-from vestige.constants import DAY_S, SECONDS_PER_WEEK
+from vestige.constants import DAY_S, HOUR_S, SECONDS_PER_WEEK
 from vestige.navigation.inav.words import InavWord
 from vestige.time import GST_EPOCH, LEAP_SECONDS, GalileoTime
 
 TIME_WORD, UTC_WORD = 0, 6
 _WEEKS = 4096  # word 0 sends the week modulo this [OS-ICD, 4.3.5]
 _UTC_WEEKS, _GGTO_WEEKS = 256, 64  # words 6 and 10 send theirs modulo these [OS-ICD, 4.3.5]
-_HOUR_S = 3600
 _ANNOUNCED = timedelta(days=180)  # a leap second is announced half a year ahead [IERS Bulletin C]
 
 
@@ -168,7 +167,7 @@ class GpsTimeOffset:
         return {
             "a0g_s": self.a0g_s,
             "a1g": self.a1g,
-            "t0g_s": self.reference.second // _HOUR_S * _HOUR_S,
+            "t0g_s": self.reference.second // HOUR_S * HOUR_S,
             "ggto_week": self.reference.week % _GGTO_WEEKS,
         }
 

@@ -3,10 +3,10 @@
 `Simulation` knows its errors at every epoch t_k, the transmission of a RECS, and moves them over its reception. A
 recording goes through all epochs in one piece:
 
-    P(t) = s(t) + clock(t)                       geometry as it is; clock: the cubic through t_k with the drift as slope
-    E1:  code later by I, carrier earlier by I   residual of the ionosphere I = iono_diff/(γ − 1), only under a sky
+    P(t) = s(t) + clock(t) + troposphere(t)      geometry as it is; clock: the cubic through t_k with the drift as slope
+    E1:  code later by I, carrier earlier by I   ionosphere I = iono_diff/(γ − 1) + broadcast model, only under a sky
          rays, if the scenario lets them disturb E1
-    E6:  code later by I + iono_diff + bias + (γ − 1) c BGD, carrier earlier by I + iono_diff
+    E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          rays
 
 In the middle of the reception of the chips that are sent at an epoch, everything is what the epoch says, and changes
@@ -25,6 +25,7 @@ from jaxtyping import Float
 
 from vestige.constants import E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.samples.recorder import Propagation
+from vestige.receiver.sky.atmosphere import AtmosphericDelay
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.range_model import RangeHistory
@@ -40,12 +41,23 @@ class ContinuousTruth:
     e1_multipath: bool  # whether the rays are in E1 too
     # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
+    atmosphere: AtmosphericDelay | None = None  # whose troposphere is in P(t); None for none
+    modelled_ionosphere_e1_m: Float[np.ndarray, " n"] | None = (
+        None  # broadcast model on E1 at the epochs; None for none
+    )
     sky: bool = False  # whether the line of sight is one of a sky, which runs on system time and has an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P(t) in m."""
         clock_m = self._clock(t_s)[0]
-        return self.line_of_sight.range_m(self._system_time(t_s, clock_m)) + clock_m
+        range_m = self.line_of_sight.range_m(self._system_time(t_s, clock_m)) + clock_m
+        return range_m if self.atmosphere is None else range_m + self.troposphere_m(t_s)
+
+    def troposphere_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the delay of the troposphere in P(t), in m."""
+        if self.atmosphere is None:
+            return np.zeros_like(t_s)
+        return self.atmosphere.troposphere_m(self._system_time(t_s, self.clock_m(t_s)))
 
     def clock_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return c times the receiver clock's error in it."""
@@ -54,20 +66,29 @@ class ContinuousTruth:
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return dP/dt in m/s."""
         clock_m, drift_mps, _ = self._clock(t_s)
-        return self.line_of_sight.rate_mps(self._system_time(t_s, clock_m)) + drift_mps
+        system_s = self._system_time(t_s, clock_m)
+        rate_mps = self.line_of_sight.rate_mps(system_s) + drift_mps
+        return rate_mps if self.atmosphere is None else rate_mps + self.atmosphere.troposphere_rates(system_s)[0]
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return d²P/dt² in m/s²."""
         clock_m, _, change_mps2 = self._clock(t_s)
-        return self.line_of_sight.acceleration_mps2(self._system_time(t_s, clock_m)) + change_mps2
+        system_s = self._system_time(t_s, clock_m)
+        bend_mps2 = self.line_of_sight.acceleration_mps2(system_s) + change_mps2
+        return bend_mps2 if self.atmosphere is None else bend_mps2 + self.atmosphere.troposphere_rates(system_s)[1]
 
     def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the time of orbits; a single line of sight has no other time than the receiver's."""
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the residual of the ionosphere on a band at the epochs: later on the code, earlier on the carrier."""
+        """Return the ionosphere on a band at the epochs, later on the code, earlier on the carrier.
+
+        It is the residual, and the broadcast model of it if there is one.
+        """
         difference_m = self.truth.iono_diff_m
+        if self.modelled_ionosphere_e1_m is not None:
+            difference_m = difference_m + (GAMMA_E1_E6 - 1) * self.modelled_ionosphere_e1_m
         e1_m = difference_m / (GAMMA_E1_E6 - 1) if self.sky else np.zeros(difference_m.size)
         return e1_m if band is Band.E1 else e1_m + difference_m
 

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
-from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.operator.osnma_service import OsnmaService
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
@@ -167,20 +167,16 @@ def e6_samples(
     return batch, status
 
 
-def osnma_operator(seed: int, start: GalileoTime, subframes: int) -> OsnmaOperator:
+def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> OsnmaOperator:
     """Return the OSNMA operator of a run, as it is when it begins.
 
     It broadcasts before the run begins, so that the tags of the run's first subframes have something to cover.
     """
     first = start.subframe + -SUBFRAME_S * _SUBFRAMES_BEFORE
-    return OsnmaOperator(
-        OperatorConfiguration(
-            seed=stream_key(seed, "OSNMA chain"), start=first, n_subframes=subframes + _SUBFRAMES_BEFORE
-        )
-    )
+    return service.operator(stream_key(seed, "OSNMA chain"), first, subframes + _SUBFRAMES_BEFORE)
 
 
 @lru_cache(maxsize=2)
-def osnma_keys(seed: int, start: GalileoTime, subframes: int) -> dict[GalileoTime, ValidatedKey]:
+def osnma_keys(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> dict[GalileoTime, ValidatedKey]:
     """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
-    return {key.time: key for key in osnma_operator(seed, start, subframes).validated_keys()}
+    return {key.time: key for key in osnma_operator(seed, start, subframes, service).validated_keys()}

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
+from vestige.crypto.recs.recs_segment import key_time
 from vestige.navigation.inav.page import PAGE_S
 from vestige.receiver.osnma_reception import (
     data_pages,
@@ -54,13 +55,23 @@ class OsnmaReception:
     def key_received(self) -> Bool[np.ndarray, " n"]:
         """Whether the key of a RECS that is sent at each epoch is received: whole, from one satellite at least."""
         pages = key_pages(self.week_s, self.of.simulations[0].key_delay)
-        return np.any(self._whole(pages), axis=0)
+        return np.any(self._whole(pages), axis=0) & ~self._withheld_by_operator
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
         """Whether data and tag of each satellite are received that the key of a RECS of the epoch authenticates."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
-        return np.stack(self._whole(pages), axis=1)
+        return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
+
+    @cached_property
+    def _withheld_by_operator(self) -> Bool[np.ndarray, " n"]:
+        """Whether an event of the operator keeps the key of a RECS that is sent at each epoch from all receivers."""
+        simulation, svids = self.of.simulations[0], [one.svid for one in self.of.simulations]
+        if not simulation.osnma.events:
+            return np.zeros(self.week_s.size, np.bool_)
+        sent_s, place = np.unique(self.of.truth[0].time_s, return_inverse=True)
+        times = [key_time(simulation.start + float(one), simulation.key_delay) for one in sent_s]
+        return np.array([simulation.osnma.withholds(svids, time) for time in times], np.bool_)[place]
 
     def pages(self, interval_s: float) -> PagesReceived:
         """Return the pages beside those of a second channel, which knows what every satellite in view sent."""

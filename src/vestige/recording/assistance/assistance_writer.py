@@ -15,6 +15,7 @@ from vestige.crypto.recs.recs_name import DECISECONDS_PER_WEEK, deciseconds_of_w
 from vestige.recording.assistance.assistance_files import KEYS_NAME
 from vestige.recording.assistance.receiver_corrections import write_hardware_bias, write_ionosphere
 from vestige.records import Assistance, EncryptedSegment
+from vestige.time import GalileoTime
 
 
 def write_assistance(
@@ -22,6 +23,7 @@ def write_assistance(
     assistance: Assistance,
     *,
     roots: Sequence[RootKey] = (),
+    alerts: Sequence[GalileoTime] = (),
     server_key: EllipticCurvePrivateKey | None = None,
 ) -> tuple[Path, ...]:
     """Write all that `assistance` holds into `folder` as the server and the receiver would, and return the files.
@@ -37,6 +39,8 @@ def write_assistance(
         What is written. Group delays are rounded to 2⁻³² s.
     roots
         Verified root keys that the keys lead to; a key file cannot do without.
+    alerts
+        Subframes in which an alert message was verified.
     server_key
         Signs RECS and BGD files if given.
     """
@@ -56,7 +60,7 @@ def write_assistance(
     if server_key is not None:
         written += [file_signature.sign(path, server_key) for path in signed]
     if assistance.keys:
-        write_key_file(folder / KEYS_NAME, assistance.keys, roots)
+        write_key_file(folder / KEYS_NAME, assistance.keys, roots, alerts)
         written.append(folder / KEYS_NAME)
     if assistance.hardware_bias_e1_e6_s:
         written.append(write_hardware_bias(folder, assistance.hardware_bias_e1_e6_s))

@@ -19,6 +19,7 @@ from pathlib import Path
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.errors import InputFileError, UnsupportedError
 from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 from vestige.recording.observations.observation_epoch import checked_svid
 from vestige.recording.text_lines import numbered_lines
 from vestige.time import GalileoTime
@@ -203,15 +204,26 @@ def _integer(path: Path, record: _Lines, place: tuple[int, int], name: str, low:
     return int(value)
 
 
-def write_rinex_navigation(path: Path, ephemerides: Iterable[Ephemeris]) -> None:
+def write_rinex_navigation(
+    path: Path, ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None
+) -> None:
     """Write ephemerides as a RINEX 3.05 navigation file; numbers keep 13 digits, which is 0.1 mm of an orbit.
 
     Raises `ValueError` if there is none, or toe or toc is not a whole second.
+
+    Parameters
+    ----------
+    path
+        The file.
+    ephemerides
+        One or more.
+    ionosphere
+        Coefficients of the ionosphere, for the header, where they have five digits; None for none.
     """
-    path.write_text(rinex_navigation_text(ephemerides), encoding="ascii", newline="\n")
+    path.write_text(rinex_navigation_text(ephemerides, ionosphere=ionosphere), encoding="ascii", newline="\n")
 
 
-def rinex_navigation_text(ephemerides: Iterable[Ephemeris]) -> str:
+def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None) -> str:
     """Return what `write_rinex_navigation` writes; raises as it does."""
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
@@ -219,10 +231,17 @@ def rinex_navigation_text(ephemerides: Iterable[Ephemeris]) -> str:
     header = [
         (f"{'3.05':>9}{'':11}{'N: GNSS NAV DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
         (f"{'vestige':20}", "PGM / RUN BY / DATE"),
+        *([] if ionosphere is None else [(_coefficients(ionosphere), "IONOSPHERIC CORR")]),
         ("", "END OF HEADER"),
     ]
     lines = [f"{content:60}{label:20}".rstrip() for content, label in header] + records
     return "".join(line + "\n" for line in lines)
+
+
+def _coefficients(ionosphere: BroadcastIonosphere) -> str:
+    """Return the coefficients as a line of the header has them: A4, 1X, 4D12.4 [RINEX]."""
+    values = ionosphere.ai0_sfu, ionosphere.ai1_sfu_per_deg, ionosphere.ai2_sfu_per_deg2, 0.0
+    return "GAL  " + "".join(f"{value:12.4E}" for value in values)
 
 
 def _written(ephemeris: Ephemeris) -> list[str]:

@@ -28,10 +28,10 @@ def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stated(value: Any) -> Any:
-    """Return tables without the keys that have no value, and each one's kind first."""
+    """Return tables without the keys that have no value and without digests of files, and each one's kind first."""
     if isinstance(value, list):
         return [_stated(inner) for inner in value]
     if not isinstance(value, Mapping):
         return value
-    stated = {key: _stated(inner) for key, inner in value.items() if inner is not None}
+    stated = {key: _stated(inner) for key, inner in value.items() if inner is not None and not key.endswith("_sha256")}
     return dict(sorted(stated.items(), key=lambda item: item[0] != "kind"))

@@ -160,6 +160,7 @@ _EXPECTED = {
     "multiple_of": "a multiple of {multiple_of:g}",
     "finite_number": "a finite number",
     "literal_error": "{expected}",
+    "enum": "{expected}",
     "int_type": _WHOLE,
     "int_from_float": _WHOLE,
     "float_type": _NUMBER,

@@ -10,7 +10,7 @@ from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainPar
 from vestige.crypto.osnma.messages.dsm import OPERATIONAL, TEST
 from vestige.crypto.osnma.messages.mac_lookup import slots
 from vestige.crypto.osnma.operator.events import OsnmaEvent
-from vestige.crypto.osnma.operator.key_tree import MAX_PKID
+from vestige.crypto.osnma.operator.key_tree import MAX_PKID, KeyTree
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
@@ -31,6 +31,8 @@ class OperatorConfiguration:
         PKID 1 … 15 of the key that signs at the start. Each renewal and each revocation takes the next one.
     own_key
         Private key on P-256 for that PKID; None: it follows from the seed.
+    tree
+        Merkle tree with all private keys that the operator has; None: it is made, with keys that follow from the seed.
     chain_id
         CID 0 … 3 of the first chain. The chains that follow have the next numbers, modulo 4.
     hash_function, mac_function, key_size, tag_size, mac_lookup
@@ -63,6 +65,7 @@ class OperatorConfiguration:
     n_subframes: int
     pkid: int = 1
     own_key: ec.EllipticCurvePrivateKey | None = None
+    tree: KeyTree | None = None
     chain_id: int = 1
     hash_function: int = 0
     mac_function: int = 0

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
 
-from vestige.constants import MAX_SVID, SUBFRAME_S
+from vestige.constants import HOUR_S, MAX_SVID, SUBFRAME_S
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
@@ -36,9 +36,15 @@ class OsnmaEventKind(Enum):
     DONT_USE = "dont-use"
     SILENCE = "silence"
 
+    @property
+    def has_step_2(self) -> bool:
+        """Whether a new chain or key comes into force."""
+        return self not in (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
 
-_NO_STEP_2 = (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
-_NO_END = (OsnmaEventKind.CHAIN_RENEWAL,)
+    @property
+    def has_end(self) -> bool:
+        """Whether something ends after the last step."""
+        return self is not OsnmaEventKind.CHAIN_RENEWAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +87,8 @@ class OsnmaEvent:
 
     def __post_init__(self) -> None:
         name = f"OSNMA event {self.kind.value}"
-        for field, refused in (("in_force", _NO_STEP_2), ("ended", _NO_END)):
-            if getattr(self, field) is not None and self.kind in refused:
+        for field, allowed in (("in_force", self.kind.has_step_2), ("ended", self.kind.has_end)):
+            if getattr(self, field) is not None and not allowed:
                 raise VestigeError(f"{name}: {field} does not belong to it")
         if self.svids is not None:
             if self.kind is not OsnmaEventKind.SILENCE:
@@ -94,7 +100,7 @@ class OsnmaEvent:
                 raise VestigeError(f"{name}: {time} is not the start of a subframe, a multiple of {SUBFRAME_S} s")
         if list(self.times) != sorted(set(self.times)):
             raise VestigeError(f"{name}: expected announced before in_force before ended")
-        if self.ended is not None and self.in_force is None and self.kind not in _NO_STEP_2:
+        if self.ended is not None and self.in_force is None and self.kind.has_step_2:
             raise VestigeError(f"{name}: it cannot end without in_force")
 
     @property
@@ -107,7 +113,18 @@ class OsnmaEvent:
         """Whether the status is nominal again when it is over, so that another event can follow."""
         if self.kind is OsnmaEventKind.ALERT:
             return False
-        return (self.in_force if self.kind in _NO_END else self.ended) is not None
+        return (self.ended if self.kind.has_end else self.in_force) is not None
+
+
+def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | None:
+    """Return an event that is not over when the next one begins, and that next one; None if there is no such pair.
+
+    Only events that change the status count, which are all but silence.
+    """
+    for before, after in pairwise(_in_order(events)):
+        if not before.complete or after.announced < before.times[-1]:
+            return before, after
+    return None
 
 
 def status_events(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
@@ -118,14 +135,54 @@ def status_events(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
     VestigeError
         If one begins before the one before it is over.
     """
-    ordered = sorted((event for event in events if event.kind is not OsnmaEventKind.SILENCE), key=lambda e: e.announced)
-    for before, after in pairwise(ordered):
-        if not before.complete or after.announced < before.times[-1]:
-            raise VestigeError(
-                f"OSNMA event {after.kind.value} of {after.announced} begins before the {before.kind.value} of "
-                f"{before.announced} is over"
-            )
-    return tuple(ordered)
+    ordered = _in_order(events)
+    if (pair := overlap(ordered)) is not None:
+        before, after = pair
+        raise VestigeError(
+            f"OSNMA event {after.kind.value} of {after.announced} begins before the {before.kind.value} of "
+            f"{before.announced} is over"
+        )
+    return ordered
+
+
+def _in_order(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
+    changing = (event for event in events if event.kind is not OsnmaEventKind.SILENCE)
+    return tuple(sorted(changing, key=lambda event: event.announced))
+
+
+def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> bool:
+    """Return whether a receiver must not use the TESLA key that is disclosed in the subframe of `time`, or never can.
+
+    A receiver uses no key of a revoked chain and none while the status is "don't use". After "don't use" it waits for a
+    root key of a later hour, and after an alert for ever. A key that is not sent during a silence follows from the keys
+    after the silence.
+
+    Parameters
+    ----------
+    events
+        What happens.
+    svids
+        All satellites that the receiver can have in view.
+    time
+        Start of a subframe.
+    """
+    return any(event.announced <= time and _withholds(event, frozenset(svids), time) for event in events)
+
+
+def _withholds(event: OsnmaEvent, svids: frozenset[int], time: GalileoTime) -> bool:
+    """Return whether an event that has begun keeps a key away."""
+    match event.kind:
+        case OsnmaEventKind.CHAIN_REVOCATION | OsnmaEventKind.KEY_REVOCATION:
+            return event.in_force is None or time < event.in_force
+        case OsnmaEventKind.ALERT:
+            return True
+        case OsnmaEventKind.DONT_USE:
+            next_hour = event.announced + float(HOUR_S - event.announced.second % HOUR_S)
+            return event.ended is None or time < max(event.ended, next_hour)
+        case OsnmaEventKind.SILENCE:
+            return event.ended is None and (event.svids is None or svids <= event.svids)
+        case _:
+            return False
 
 
 def silent_svids(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> frozenset[int]:

@@ -20,7 +20,7 @@ from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, compress
 from vestige.crypto.keys.signature_scheme import P256
 from vestige.crypto.osnma.operator.seeded_secrets import draw_private_key
 from vestige.crypto.osnma.operator.signed_messages import alert_leaf
-from vestige.errors import InputFileError, UnsupportedError, VestigeError
+from vestige.errors import AuthenticationError, InputFileError, UnsupportedError, VestigeError
 
 MAX_PKID = LEAVES - 1  # PKID 1 … 15; PKID 0 is that of the alert message
 ALERT_LEAF_INDEX = LEAVES - 1
@@ -40,7 +40,8 @@ class KeyTree:
         Raises `VestigeError` if the tree has no key of that number.
         """
         if pkid not in self.private_keys:
-            raise VestigeError(f"OSNMA operator: there is no public key PKID {pkid}, expected 1 … {MAX_PKID}")
+            known = ", ".join(map(str, sorted(self.private_keys)))
+            raise VestigeError(f"OSNMA operator: there is no private key of PKID {pkid}, expected one of {known}")
         return self.private_keys[pkid]
 
     def claim(self, pkid: int) -> ClaimedPublicKey:
@@ -94,6 +95,22 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
         keys[pkid] = private_key
     leaves = [leaf_hash(pkid, compressed_point(key.public_key())) for pkid, key in keys.items()]
     return KeyTree(private_keys=keys, nodes=nodes_over([*leaves, alert_leaf(notice)]))
+
+
+def pkid_in_tree(public_key: ec.EllipticCurvePublicKey, tree: MerkleTree) -> int:
+    """Return the PKID 1 … 15 under which a tree holds a public key as leaf PKID - 1.
+
+    Raises
+    ------
+    AuthenticationError
+        If the key is no leaf of the tree, or does not lead to its root.
+    """
+    point = compressed_point(public_key)
+    for pkid in range(1, MAX_PKID + 1):
+        if tree.nodes.get((0, pkid - 1)) == leaf_hash(pkid, point):
+            verify_public_key(ClaimedPublicKey(pkid=pkid, leaf=pkid - 1, point=point), tree)
+            return pkid
+    raise AuthenticationError(f"the public key {point.hex()} is no leaf of the Merkle tree")
 
 
 def read_private_key(path: Path) -> ec.EllipticCurvePrivateKey:

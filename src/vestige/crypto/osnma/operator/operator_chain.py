@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import HOUR_S, SUBFRAME_S
 from vestige.crypto.osnma.messages.chain_parameters import ALPHA_BYTES, ChainParameters
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.tesla import Key, one_way
 from vestige.crypto.osnma.operator.seeded_secrets import draw_bytes
-from vestige.crypto.osnma.operator.signed_messages import HOUR_S, sign_kroot, unsigned_kroot
+from vestige.crypto.osnma.operator.signed_messages import sign_kroot, unsigned_kroot
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 

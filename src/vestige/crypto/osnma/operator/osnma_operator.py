@@ -67,7 +67,7 @@ class OsnmaOperator:
     def __init__(self, configuration: OperatorConfiguration) -> None:
         self.configuration = configuration
         own = None if configuration.own_key is None else (configuration.pkid, configuration.own_key)
-        self.keys: KeyTree = draw_key_tree(configuration.seed, configuration.notice, own)
+        self.keys: KeyTree = configuration.tree or draw_key_tree(configuration.seed, configuration.notice, own)
         self._phases = phases(configuration.start, configuration.nma_status, configuration.pkid, configuration.events)
         self.chains: tuple[OperatorChain, ...] = tuple(self._draw_chains())
         self._messages = self._sign_all()

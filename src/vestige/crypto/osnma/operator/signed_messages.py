@@ -16,7 +16,7 @@ from dataclasses import replace
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 
-from vestige.constants import SUBFRAME_S
+from vestige.constants import HOUR_S, SUBFRAME_S
 from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES
 from vestige.crypto.keys.signature_scheme import scheme_of_curve, scheme_of_point
 from vestige.crypto.osnma.messages.alert_message import ALERT_TYPE
@@ -25,7 +25,6 @@ from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, KROOT_BLOCKS, PKR
 from vestige.crypto.osnma.messages.tesla import Key
 from vestige.errors import VestigeError
 
-HOUR_S = 3600
 _MIN_BLOCKS = min(KROOT_BLOCKS.values())
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
 _ALERT_NB = 7  # 13 blocks, the shortest with room for a notice

@@ -225,7 +225,7 @@ def test_events_do_not_overlap() -> None:
     with pytest.raises(VestigeError, match="begins before the start"):
         OperatorConfiguration(seed=b"", start=at(3), n_subframes=9, events=(alert,))
     last = OsnmaEvent(kind=OsnmaEventKind.KEY_RENEWAL, announced=at(2), in_force=at(4))
-    with pytest.raises(VestigeError, match="no public key PKID 16"):
+    with pytest.raises(VestigeError, match="no private key of PKID 16"):
         OperatorSky(OperatorConfiguration(seed=b"", start=START, n_subframes=9, pkid=15, events=(last,)))
 
 

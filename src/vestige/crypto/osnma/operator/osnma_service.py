@@ -1,0 +1,121 @@
+"""What a scenario decides about its OSNMA operator: events, and keys of the user's. All else follows from the seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+
+from vestige.crypto.keys.merkle_tree import MerkleTree
+from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
+from vestige.crypto.osnma.operator.events import OsnmaEvent, key_withheld
+from vestige.crypto.osnma.operator.key_tree import KeyTree, pkid_in_tree
+from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.time import GalileoTime
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorKey:
+    """A private key of the user's for the operator, as plain values that worker processes can share.
+
+    Attributes
+    ----------
+    pkid
+        PKID 1 … 15 of its public key.
+    pem
+        The private key as PEM without a password.
+    nodes
+        All nodes of the Merkle tree that it belongs to, as the items of `MerkleTree.nodes`; empty: the operator makes a
+        tree with this key in it.
+    """
+
+    pkid: int = 1
+    pem: bytes
+    nodes: tuple[tuple[tuple[int, int], bytes], ...] = ()
+
+    @classmethod
+    def of(cls, private_key: ec.EllipticCurvePrivateKey, tree: MerkleTree | None = None) -> OperatorKey:
+        """Return a private key, and the tree if there is one.
+
+        Parameters
+        ----------
+        private_key
+            On P-256.
+        tree
+            A tree that holds its public key.
+
+        Raises
+        ------
+        AuthenticationError
+            If the public key is no leaf of the tree, or does not lead to its root.
+        """
+        pem = private_key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+        if tree is None:
+            return cls(pem=pem)
+        pkid = pkid_in_tree(private_key.public_key(), tree)
+        return cls(pkid=pkid, pem=pem, nodes=tuple(sorted(tree.nodes.items())))
+
+    @property
+    def private_key(self) -> ec.EllipticCurvePrivateKey:
+        """The private key."""
+        key = load_pem_private_key(self.pem, password=None)
+        assert isinstance(key, ec.EllipticCurvePrivateKey)  # noqa: S101  (made by `of`)
+        return key
+
+    @property
+    def tree(self) -> KeyTree | None:
+        """The tree of the user's with this key alone; None if the operator makes one."""
+        return KeyTree(private_keys={self.pkid: self.private_key}, nodes=dict(self.nodes)) if self.nodes else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsnmaService:
+    """Events and keys of the operator of a scenario.
+
+    Attributes
+    ----------
+    events
+        What happens while it broadcasts.
+    key
+        A private key of the user's; None: all keys follow from the seed.
+
+    Examples
+    --------
+    >>> OsnmaService().operator(b"sky", GalileoTime(1400, 3600), 20).header_at(GalileoTime(1400, 3600)).status
+    2
+    """
+
+    events: tuple[OsnmaEvent, ...] = ()
+    key: OperatorKey | None = None
+
+    def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
+        """Return the operator as it is when it begins; arguments as in `OperatorConfiguration`.
+
+        Raises `VestigeError` if events overlap, or need a key that there is not.
+        """
+        own = self.key
+        return OsnmaOperator(
+            OperatorConfiguration(
+                seed=seed,
+                start=start,
+                n_subframes=n_subframes,
+                pkid=1 if own is None else own.pkid,
+                own_key=None if own is None else own.private_key,
+                tree=None if own is None else own.tree,
+                events=self.events,
+            )
+        )
+
+    def withholds(self, svids: Iterable[int], time: GalileoTime) -> bool:
+        """Return whether receivers must do without the key of a subframe, see `key_withheld`."""
+        return key_withheld(self.events, svids, time)
+
+
+SERVICE_WITHOUT_EVENTS = OsnmaService()

@@ -1,0 +1,53 @@
+"""The table `[atmosphere]` of a sky: troposphere and broadcast ionosphere, both off by default."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from vestige.navigation.inav.ionosphere import BroadcastIonosphere
+from vestige.navigation.troposphere import SaastamoinenTroposphere
+from vestige.receiver.sky.atmosphere import Atmosphere
+from vestige.scenario.toml.toml_file import Section
+
+
+class NtcmIonosphereTable(Section):
+    """The ionosphere that NTCM-G makes of the coefficients in word 5, each rounded to the last bit of its field.
+
+    Attributes
+    ----------
+    ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
+        Effective ionisation level in solar flux units, over the modified dip latitude in degrees.
+    """
+
+    kind: Literal["ntcm-g"]
+    ai0_sfu: Annotated[float, Field(ge=0, le=511.75)]
+    ai1_sfu_per_deg: Annotated[float, Field(ge=-4, le=3.99)] = 0.0
+    ai2_sfu_per_deg2: Annotated[float, Field(ge=-0.25, le=0.2499)] = 0.0
+
+    def model(self) -> BroadcastIonosphere:
+        """Return the coefficients as the satellites send them."""
+        return BroadcastIonosphere(
+            ai0_sfu=self.ai0_sfu, ai1_sfu_per_deg=self.ai1_sfu_per_deg, ai2_sfu_per_deg2=self.ai2_sfu_per_deg2
+        ).as_sent()
+
+
+class AtmosphereTable(Section):
+    """What the atmosphere does to the signals of a recording; a model that is left out is not there.
+
+    Attributes
+    ----------
+    troposphere
+        Delay of the troposphere, the same on both bands.
+    ionosphere
+        Delay of the ionosphere that the message's coefficients describe, beside the residual of `receiver.ionosphere`.
+    """
+
+    troposphere: SaastamoinenTroposphere | None = None
+    ionosphere: NtcmIonosphereTable | None = None
+
+    def models(self) -> Atmosphere:
+        """Return the models."""
+        ionosphere = None if self.ionosphere is None else self.ionosphere.model()
+        return Atmosphere(troposphere=self.troposphere, ionosphere=ionosphere)

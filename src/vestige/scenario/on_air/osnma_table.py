@@ -1,0 +1,179 @@
+"""The table `[osnma]` of a sky: which events the OSNMA operator goes through, and which keys it has."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, PrivateAttr, computed_field
+
+from vestige.constants import MAX_SVID, SUBFRAME_S
+from vestige.crypto.keys.public_key_file import read_merkle_tree
+from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind, overlap
+from vestige.crypto.osnma.operator.key_tree import read_private_key
+from vestige.crypto.osnma.operator.osnma_service import OperatorKey, OsnmaService
+from vestige.errors import AuthenticationError, InputFileError
+from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
+from vestige.time import GalileoTime
+
+_STEPS = ("start_s", "in_force_s", "stop_s")
+# events that need a key, or a notice, which a tree of the user's does not hold
+_NEW_LEAVES = (OsnmaEventKind.KEY_RENEWAL, OsnmaEventKind.KEY_REVOCATION, OsnmaEventKind.ALERT)
+
+Seconds = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class OsnmaEventTable(Section):
+    """One event of the OSNMA operator; its times are starts of subframes, in s after the start of the scenario.
+
+    Attributes
+    ----------
+    kind
+        What happens.
+    start_s
+        From then on the event is on air.
+    in_force_s
+        From then on the new chain or key is in force.
+    stop_s
+        From then on the status is nominal again, or OSNMA is silent after an alert.
+    svids
+        Silence only: the satellites without OSNMA; none named means all.
+    """
+
+    kind: OsnmaEventKind
+    start_s: Seconds
+    in_force_s: Seconds | None = None
+    stop_s: Seconds | None = None
+    svids: tuple[Annotated[int, Field(ge=1, le=MAX_SVID)], ...] = ()
+
+    def event(self, place: str, start: GalileoTime, duration_s: float) -> OsnmaEvent:
+        """Return the event of a scenario that starts at `start` and lasts for `duration_s`.
+
+        Raises `InconsistentSettingsError` with a key of the table `place` if it does not fit.
+        """
+        kind = self.kind
+        for key, allowed in (("in_force_s", kind.has_step_2), ("stop_s", kind.has_end)):
+            if getattr(self, key) is not None and not allowed:
+                raise InconsistentSettingsError(
+                    f"{place}.{key}", f"a time, with {kind.value}", "none: it has no such step"
+                )
+        if self.svids and kind is not OsnmaEventKind.SILENCE:
+            raise InconsistentSettingsError(
+                f"{place}.svids", f"{list(self.svids)} with {kind.value}", "none: only silence has satellites"
+            )
+        times_s = [(key, getattr(self, key)) for key in _STEPS if getattr(self, key) is not None]
+        before, before_s = "", -1.0
+        for key, time_s in times_s:
+            self._check_time(f"{place}.{key}", time_s, start, duration_s)
+            if time_s <= before_s:
+                raise InconsistentSettingsError(
+                    f"{place}.{key}", f"{time_s:g} s", f"more than {before}, {before_s:g} s"
+                )
+            before, before_s = key, time_s
+        if self.stop_s is not None and self.in_force_s is None and kind.has_step_2:
+            raise InconsistentSettingsError(
+                f"{place}.in_force_s", "nothing", f"a time before stop_s, {self.stop_s:g} s"
+            )
+        announced, in_force, ended = (
+            None if time_s is None else start + time_s for time_s in (self.start_s, self.in_force_s, self.stop_s)
+        )
+        assert announced is not None  # noqa: S101  (the key is needed)
+        svids = frozenset(self.svids) or None
+        return OsnmaEvent(kind=kind, announced=announced, in_force=in_force, ended=ended, svids=svids)
+
+    @staticmethod
+    def _check_time(place: str, time_s: float, start: GalileoTime, duration_s: float) -> None:
+        if time_s >= duration_s:
+            raise InconsistentSettingsError(
+                place, f"{time_s:g} s", f"a time before the end of the run, {duration_s:g} s"
+            )
+        past_s = (start.second + time_s) % SUBFRAME_S
+        if past_s:
+            near = [f"{one:g}" for one in (time_s - past_s, time_s - past_s + SUBFRAME_S) if 0 <= one < duration_s]
+            raise InconsistentSettingsError(
+                place,
+                f"{time_s:g} s",
+                f"the start of a subframe of {SUBFRAME_S} s: {' or '.join(near) or 'a longer run'}",
+            )
+
+
+class OsnmaTable(Section):
+    """The OSNMA operator of a sky; what is left out follows from the seed, and nothing happens.
+
+    Attributes
+    ----------
+    event
+        What happens, one `[[osnma.event]]` each.
+    private_key
+        PEM file of the key that signs, on P-256 and without a password; a relative path starts at the scenario file.
+    merkle_tree
+        XML file of a Merkle tree that holds its public key; left out: the operator makes a tree with it.
+    """
+
+    event: tuple[OsnmaEventTable, ...] = ()
+    private_key: Annotated[str, Field(min_length=1)] | None = None
+    merkle_tree: Annotated[str, Field(min_length=1)] | None = None
+
+    _key: OperatorKey | None = PrivateAttr(None)
+
+    def model_post_init(self, context: Any) -> None:
+        """Read the files; the context of the validation says in which folder the scenario stands."""
+        folder = context["folder"] if context else Path()
+        if self.private_key is None:
+            if self.merkle_tree is not None:
+                raise InconsistentSettingsError("private_key", "nothing", "a key of the tree, beside merkle_tree")
+            return
+        key_path = folder / self.private_key
+        private_key = read_private_key(key_path)
+        if self.merkle_tree is None:
+            self._key = OperatorKey.of(private_key)
+            return
+        tree_path = folder / self.merkle_tree
+        try:
+            self._key = OperatorKey.of(private_key, read_merkle_tree(tree_path))
+        except AuthenticationError:
+            raise InputFileError(
+                tree_path, "leaves", f"none of the key {key_path.name}", "the tree of that key, or no merkle_tree"
+            ) from None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @cached_property
+    def key_sha256(self) -> str | None:
+        """Digest of key and tree: with other ones it is another scenario."""
+        return None if self._key is None else hashlib.sha256(repr(self._key).encode()).hexdigest()
+
+    def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:
+        """Return what the operator does in a scenario that starts at `start` and lasts for `duration_s`.
+
+        Raises `InconsistentSettingsError` if an event does not fit into the run, follows one that is not over, or needs
+        a key that the operator does not have.
+        """
+        events = tuple(
+            table.event(f"osnma.event.{number}", start, duration_s) for number, table in enumerate(self.event)
+        )
+        self._check_order(events, start)
+        for number, event in enumerate(events):
+            if event.kind in _NEW_LEAVES and self.merkle_tree is not None:
+                raise InconsistentSettingsError(
+                    f"osnma.event.{number}.kind",
+                    f"{event.kind.value} with a merkle_tree of yours",
+                    "no merkle_tree: the operator has one key of it and no notice",
+                )
+        return OsnmaService(events=events, key=self._key)
+
+    @staticmethod
+    def _check_order(events: Sequence[OsnmaEvent], start: GalileoTime) -> None:
+        pair = overlap(events)
+        if pair is None:
+            return
+        before, after = pair
+        number = max(k for k, event in enumerate(events) if event is after)
+        over = f"{before.times[-1] - start:g} s or later" if before.complete else "no event after one that does not end"
+        raise InconsistentSettingsError(
+            f"osnma.event.{number}.start_s",
+            f"{after.announced - start:g} s, within the {before.kind.value} of {before.announced - start:g} s",
+            over,
+        )
