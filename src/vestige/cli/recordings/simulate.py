@@ -79,6 +79,7 @@ def command(scenario: Path, **options: Any) -> None:
             exports=options["exports"],
             workers=options["workers"],
             progress=report,
+            say=lambda line: echo(line, err=True),
         )
     for path in files:
         echo(str(path))
