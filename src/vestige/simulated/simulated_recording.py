@@ -9,8 +9,9 @@ import hashlib
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band, stretch_samples
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
-from vestige.recording.samples.sample_format import SampleFormat, SampleType
+from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
@@ -83,10 +84,52 @@ class SimulatedRecording:
     def _first_batch(self, band: Band) -> SampleBatch:
         return next(self.record(band, at_most=stretch_samples(self.sample_rate_hz)))
 
-    def _rest(self, band: Band, done: int, pool: Executor) -> Iterator[SampleBatch]:
+    def _rest(self, band: Band, done: int, pool: Executor) -> Generator[SampleBatch]:
         """Yield the samples of a band after the first `done`."""
-        rest = self.samples[done:]
-        return self._made(band, rest, noise=True, pool=pool) if rest else iter(())
+        if rest := self.samples[done:]:
+            yield from self._made(band, rest, noise=True, pool=pool)
+
+    def begin(self, band: Band) -> tuple[GalileoTime, float]:
+        """Return the receiver-clock time of the first sample, and the radio frequency in Hz that stands at 0 Hz."""
+        first = self._first_batch(band)
+        return first.start, first.center_frequency_hz
+
+    def send(
+        self,
+        band: Band,
+        write: Callable[[bytes], object],
+        *,
+        component: SampleType = "int8",
+        workers: int = 2,
+        progress: Report | None = None,
+    ) -> None:
+        """Give the samples of a band to `write`, some 10 ms at a time: the bytes of the file that `self.write` writes.
+
+        Parameters
+        ----------
+        band
+            The band.
+        write
+            Takes bytes, I and Q in turn, little endian. While it waits, at most eight stretches of samples are made.
+        component
+            Number type of I and of Q.
+        workers
+            Number of threads that make samples; it changes no bit.
+        progress
+            Called with the band, the number of samples that are written, and the number of all.
+
+        Raises
+        ------
+        OSError
+            Whatever `write` raises.
+        """
+        form, scale, done = SampleFormat(component=component, layout="iq"), self.scale(component), 0
+        with ThreadPoolExecutor(workers) as makers, closing(self._rest(band, 0, makers)) as batches:
+            for batch in batches:
+                write(encode(batch.samples, form, scale=scale).tobytes())
+                done += batch.samples.size
+                if progress is not None:
+                    progress(f"{band.value} samples", done, len(self.samples))
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(
