@@ -18,6 +18,7 @@ from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.search import command as search
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import InputFileError, UnsupportedError, VestigeError
@@ -197,6 +198,24 @@ def test_inspect_finds_it_whole(folder: Path) -> None:
     assert "3 RECS can be in the E6 samples" in text
     assert "observations.csv: CSV, 3 epochs" in text
     assert "validated keys" in text
+
+
+def test_ion_metadata_open_the_same_samples(folder: Path, tmp_path: Path) -> None:
+    """The standard has no bound on the clock's error, so a person states it."""
+    own, ion = open_recording(folder), open_recording(folder / "recording.sdrx")
+    for a, b in ((own.e1, ion.e1), (own.e6, ion.e6)):
+        assert a is not None
+        assert b is not None
+        assert (a.file.path, a.file.form, a.start, a.n_samples) == (b.file.path, b.file.form, b.start, b.n_samples)
+        assert a.file.center_frequency_hz == b.file.center_frequency_hz
+    stated = _verdicts(folder / "recording.sdrx", "--time-uncertainty", 1.0)
+    assert stated == _verdicts(folder)
+    assert {one["status"] for one in _verdicts(folder / "recording.sdrx")} == {"NOT_AVAILABLE"}
+    assert "3 RECS can be in the E6 samples" in _written(inspect, folder / "recording.sdrx").stdout
+    (tmp_path / "a.xml").write_text((folder / "recording.sdrx").read_text().replace("<url>", f"<url>{folder}/"))
+    assert "a.xml" in _written(inspect, tmp_path / "a.xml", "--assistance", folder / "assistance").stdout
+    result = json.loads(_written(search, "e1", folder / "recording.sdrx", "--svids", 11, "--json").stdout)
+    assert [one["svid"] for one in result["signals"]] == [11]
 
 
 def test_levels_of_int8_leave_room(folder: Path) -> None:

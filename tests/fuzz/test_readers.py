@@ -34,6 +34,7 @@ _LEFT = "what a killed process of the same user left in a folder that nobody els
 INSIDE = {
     "source_version.py: source_digest": _PACKAGE,
     "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
+    "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
     "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,

@@ -22,6 +22,8 @@ from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band, stretch_samples
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
+from vestige.recording.samples.ion_metadata import ION_SUFFIX
+from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, write_ion_metadata
 from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
@@ -213,6 +215,8 @@ class SimulatedRecording:
             metas = self._write_samples(unfinished, form, workers, progress)
             write_collection(part / "recording", metas)
             recording, svids = open_recording(part), sorted({one.svid for sky in self.sky.values() for one in sky})
+            if has_ion_encoding(component):
+                write_ion_metadata(part / f"recording{ION_SUFFIX}", recording.description)
             for name in exports:
                 export(name, recording, part, svids)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
