@@ -248,7 +248,9 @@ def test_pocketsdr_gets_few_levels_and_the_conjugate(folder: Path) -> None:
         tag = dict(line.split(" = ") for line in (folder / "pocketsdr" / f"{band}.bin.tag").read_text().splitlines())
         assert (tag["F_S "], tag["IQ  "], tag["FMT "]) == ("6.2", "2", "INT8X2")
     commands = (folder / "pocketsdr" / "README.txt").read_text()
-    assert "-sig E6B -prn 11 -fmt INT8X2 -f 6.2 -fo 1278.75 -IQ 2" in commands
+    assert "-sig E6B -prn 11 -opt pocket_trk.conf -fmt INT8X2 -f 6.2 -fo 1278.75 -IQ 2" in commands
+    options = (folder / "pocketsdr" / "pocket_trk.conf").read_text().splitlines()
+    assert [line.partition("#")[0].split() for line in options if line.partition("#")[0]] == [["b_pll", "=", "10.0"]]
 
 
 @pytest.mark.parametrize(("component", "scale"), [("int16", 1000.0), ("float32", 1.0)])

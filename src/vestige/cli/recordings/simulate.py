@@ -35,7 +35,7 @@ _path = click.Path(path_type=Path)
     "--export",
     "exports",
     multiple=True,
-    type=click.Choice(["gnss-sdr", "pocketsdr"]),
+    type=click.Choice(["gnss-sdr", "pocketsdr", "saslib"]),
     help="Also write what this receiver reads.",
 )
 @click.option(
