@@ -15,6 +15,7 @@ from click.testing import CliRunner, Result
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.errors import InputFileError
 from vestige.receiver.samples.recorder import stretch_samples
+from vestige.records import Band
 from vestige.simulated import simulated_recording, unfinished_recording
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -32,6 +33,7 @@ PROGRAM = """
 import sys, time
 from vestige.cli.main import main
 from vestige.recording.samples.sigmf_writer import SigmfWriter
+from vestige.records import Band
 from vestige.simulated import simulated_recording
 
 append = SigmfWriter.append
@@ -92,6 +94,8 @@ def test_what_is_counted_is_kept_and_the_rest_is_made(
     part = inside / "e6.sigmf-data.part"
     (inside / "e6.sigmf-data").rename(part)
     part.write_bytes(part.read_bytes()[: 2 * 7 * STRETCH] + b"torn off")
+    complete = inside / "e1.sigmf-data"
+    complete.write_bytes(complete.read_bytes() + b"behind the end")
     noted(left, E1=1_500_000, E6=7 * STRETCH)
     (inside / "of another version").write_text("stale")
     made: list[int] = []
@@ -110,6 +114,23 @@ def test_what_is_counted_is_kept_and_the_rest_is_made(
     written(tmp_path / "undisturbed", *ONE)
     assert files(tmp_path / "a") == files(tmp_path / "undisturbed")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "undisturbed"]
+
+
+def test_samples_are_in_the_file_before_they_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process may be killed at any moment; what it has not handed to the system by then is lost."""
+    keep = unfinished_recording.UnfinishedRecording.keep
+    counted: list[tuple[int, int]] = []
+
+    def checked(unfinished: unfinished_recording.UnfinishedRecording, band: Band, n_samples: int) -> None:
+        part = unfinished.folder / f"{band.value.lower()}.sigmf-data.part"
+        counted.append((part.stat().st_size, 2 * n_samples))
+        keep(unfinished, band, n_samples)
+
+    monkeypatch.setattr(unfinished_recording.UnfinishedRecording, "keep", checked)
+    monkeypatch.setattr(simulated_recording, "_KEPT_BATCHES", 7)
+    written(tmp_path / "a", *ONE)
+    assert len(counted) == 2 * (50 // 7 + 1)  # of two bands, 0.5 s in stretches of 10 ms, and at the end
+    assert all(size == n_bytes for size, n_bytes in counted)
 
 
 @pytest.mark.parametrize(
