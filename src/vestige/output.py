@@ -3,7 +3,7 @@
 A command whose output could be an input asks `check_output` before it computes, and every command writes through
 `replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which nobody else can
 have prepared, and rename at the end. After an error or Ctrl-C nothing of it is left; a killed process leaves the hidden
-folder, which is in nobody's way. Recordings of `vestige simulate` go on from it: `simulated.unfinished_recording`.
+folder, which is in nobody's way. `vestige simulate` resumes: `simulated.unfinished_recording`.
 """
 
 from __future__ import annotations

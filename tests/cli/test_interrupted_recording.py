@@ -1,4 +1,4 @@
-"""A recording whose process was killed: the same command goes on with it, and gives the bytes of an undisturbed run."""
+"""A recording whose process was killed: the same command resumes it, with the bytes of an undisturbed run."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_what_is_counted_is_kept_and_the_rest_is_made(
     monkeypatch.setattr(simulated_recording, "record_band", counted)
     monkeypatch.setattr(simulated_recording.SimulatedRecording, "seconds_to_write", lambda _: 0.0)
     result = written(tmp_path / "a", *ONE)
-    assert "a: goes on with what a killed process left: 0.50 s of E1, 0.07 s of E6" in result.stderr
+    assert "a: resumes an interrupted recording; already there: 0.50 s of E1, 0.07 s of E6" in result.stderr
     # the first stretch of each band to compare with, and the rest of E6
     assert sorted(made) == [STRETCH, STRETCH, 1_500_000 - 7 * STRETCH]
     written(tmp_path / "undisturbed", *ONE)
@@ -222,6 +222,6 @@ def test_a_process_that_is_killed_while_it_writes(tmp_path: Path, workers: int) 
     assert not output.exists()
     counted = json.loads(progress.read_text())["samples"]
     assert all(0 < count < 6_900_000 for count in counted.values())  # of 2.3 s
-    assert "goes on" in written(output, *SKY, "-j", workers).stderr
+    assert "resumes" in written(output, *SKY, "-j", workers).stderr
     written(tmp_path / "undisturbed", *SKY, "-j", 2)
     assert files(output) == files(tmp_path / "undisturbed")

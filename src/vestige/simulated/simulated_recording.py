@@ -39,7 +39,7 @@ Say = Callable[[str], None]
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _PROBE_S = 0.05
-_KEPT_BATCHES = 50  # half a second: what is made again after a process was killed
+_KEPT_BATCHES = 50  # half a second: at most so much is made again after a process was killed
 _WRITING = 1.5  # times synthesis: conversion, checksum and disk
 
 
@@ -175,7 +175,7 @@ class SimulatedRecording:
         progress: Report | None = None,
         say: Say | None = None,
     ) -> tuple[Path, ...]:
-        """Write the folder and return its files; go on where a process that was killed while it wrote it has stopped.
+        """Write the folder and return its files; resume if an earlier process was killed while it wrote the folder.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ class SimulatedRecording:
         progress
             Called with the band, the number of samples that are written, and the number of all.
         say
-            Called with one line if there is something to go on with.
+            Called with one line if a recording is resumed.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class SimulatedRecording:
                 raise VestigeError(f"{folder}: found {free / 1e9:.1f} GB free, expected {needed / 1e9:.1f} GB")
             if left and say is not None:
                 there = [f"{n / self.sample_rate_hz:.2f} s of {band.value}" for band in Band if (n := left.get(band))]
-                say(f"{folder}: goes on with what a killed process left: {', '.join(there)}")
+                say(f"{folder}: resumes an interrupted recording; already there: {', '.join(there)}")
             (part / "scenario.toml").write_text(scenario_text, encoding="utf-8", newline="\n")
             self.companions(part)
             metas = self._write_samples(unfinished, form, workers, progress)

@@ -1,4 +1,4 @@
-"""The hidden folder in which a recording is written, and from which the same command goes on after it was killed.
+"""The hidden folder in which a recording is written, so that the same command can resume it after it was killed.
 
 A recording `night` is written in `.night.unfinished`, beside the place where it will stand:
 
@@ -43,7 +43,7 @@ class UnfinishedRecording:
     folder
         Folder to write into; it becomes the output at the end.
     samples
-        Number of samples of each band that were on the disk when writing began. Nothing was, if it is empty.
+        Number of samples of each band that are on the disk; empty if there are none.
     """
 
     folder: Path
@@ -52,7 +52,7 @@ class UnfinishedRecording:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, band: Band, n_samples: int) -> None:
-        """Note that the first `n_samples` of a band are on the disk; a killed process is gone on with from there."""
+        """Note that the first `n_samples` of a band are on the disk; the next process resumes there."""
         with self._lock:
             self.samples[band] = n_samples
             counts = {band.value: count for band, count in self.samples.items()}
@@ -87,7 +87,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
     output
         Folder of the recording; must not exist.
     identity
-        All that the samples depend on, by name. What a process left is gone on with only if all of it is equal.
+        All that the samples depend on, by name. A recording is resumed only if all of it is equal.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """SigMF recordings written batch by batch, in bounded memory.
 
 The samples go to a `.part` file that takes its name when the recording is complete; the metadata come last. So whatever
-has metadata is whole, and a run that was killed leaves nothing that looks like a recording. Its `.part` file can be
-gone on with: `kept` of `SigmfWriter`.
+has metadata is whole, and a run that was killed leaves nothing that looks like a recording. Writing can be
+resumed from its `.part` file: `kept` of `SigmfWriter`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class SigmfWriter:
     description
         One line for a person.
     kept
-        Go on with the samples that a killed process left: the first batch of the recording, made again, and the number
+        Resume from the samples that a killed process left: the first batch of the recording, made again, and the number
         of samples that are certainly in the file. What follows them is cut off.
     """
 
