@@ -3,7 +3,7 @@
 A command whose output could be an input asks `check_output` before it computes, and every command writes through
 `replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which nobody else can
 have prepared, and rename at the end. After an error or Ctrl-C nothing of it is left; a killed process leaves the hidden
-folder, which is in nobody's way.
+folder, which is in nobody's way. `vestige simulate` resumes: `simulated.unfinished_recording`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.errors import InputFileError
 
 STORE_MARK = "zarr.json"  # is in every folder of results
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_NAME_KEPT = 50  # characters: a file name has 255 bytes
+NAME_KEPT = 50  # characters: a file name has 255 bytes
 
 
 def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: bool = False) -> None:
@@ -94,8 +94,7 @@ def new_folder(output: Path) -> Iterator[Path]:
     OSError
         If it cannot be written; the error has the name of `output`.
     """
-    _check_place(output)
-    _check_free(output)
+    check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)
     with _beside(output) as unfinished:
         unfinished.mkdir()
@@ -103,8 +102,21 @@ def new_folder(output: Path) -> Iterator[Path]:
         try:
             unfinished.rename(output)
         except OSError:
-            _check_free(output)
+            check_new_folder(output)
             raise
+
+
+def check_new_folder(output: Path) -> None:
+    """Refuse a folder to be written that is there already, or would lie in the store of a campaign.
+
+    Raises
+    ------
+    InputFileError
+        In these two cases.
+    """
+    _check_place(output)
+    if os.path.lexists(output):
+        raise InputFileError(output, "output folder", "something there already", "a name that is not taken")
 
 
 @contextmanager
@@ -123,7 +135,7 @@ def naming(output: Path, private: str | None = None) -> Iterator[None]:
 def _beside(output: Path) -> Iterator[Path]:
     """Yield a path of the name of `output` in a private folder beside it, which is removed at the end."""
     try:
-        folder = TemporaryDirectory(prefix=f".{output.name[:_NAME_KEPT]}.", dir=output.parent)
+        folder = TemporaryDirectory(prefix=f".{output.name[:NAME_KEPT]}.", dir=output.parent)
     except OSError as error:
         error.filename = str(output)  # the name that the user knows
         raise
@@ -144,11 +156,6 @@ def _check_place(output: Path) -> None:
     for parent in output.resolve().parents:
         if (parent / STORE_MARK).is_file():
             raise InputFileError(output, "output", f"a place in the results {parent.name}", "a place outside of them")
-
-
-def _check_free(output: Path) -> None:
-    if os.path.lexists(output):
-        raise InputFileError(output, "output folder", "something there already", "a name that is not taken")
 
 
 def _check_file(output: Path) -> None:

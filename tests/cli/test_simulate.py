@@ -18,6 +18,7 @@ from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.search import command as search
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.crypto.keys.key_file import read_key_file
 from vestige.crypto.keys.public_key_file import load_public_keys
@@ -202,6 +203,24 @@ def test_inspect_finds_it_whole(folder: Path) -> None:
     assert "validated keys" in text
 
 
+def test_ion_metadata_open_the_same_samples(folder: Path, tmp_path: Path) -> None:
+    """The standard has no bound on the clock's error, so a person states it."""
+    own, ion = open_recording(folder), open_recording(folder / "recording.sdrx")
+    for a, b in ((own.e1, ion.e1), (own.e6, ion.e6)):
+        assert a is not None
+        assert b is not None
+        assert (a.file.path, a.file.form, a.start, a.n_samples) == (b.file.path, b.file.form, b.start, b.n_samples)
+        assert a.file.center_frequency_hz == b.file.center_frequency_hz
+    stated = _verdicts(folder / "recording.sdrx", "--time-uncertainty", 1.0)
+    assert stated == _verdicts(folder)
+    assert {one["status"] for one in _verdicts(folder / "recording.sdrx")} == {"NOT_AVAILABLE"}
+    assert "3 RECS can be in the E6 samples" in _written(inspect, folder / "recording.sdrx").stdout
+    (tmp_path / "a.xml").write_text((folder / "recording.sdrx").read_text().replace("<url>", f"<url>{folder}/"))
+    assert "a.xml" in _written(inspect, tmp_path / "a.xml", "--assistance", folder / "assistance").stdout
+    result = json.loads(_written(search, "e1", folder / "recording.sdrx", "--svids", 11, "--json").stdout)
+    assert [one["svid"] for one in result["signals"]] == [11]
+
+
 def test_levels_of_int8_leave_room(folder: Path) -> None:
     for band in ("e1", "e6"):
         counts = np.fromfile(folder / f"{band}.sigmf-data", np.int8).astype(float)
@@ -232,7 +251,9 @@ def test_pocketsdr_gets_few_levels_and_the_conjugate(folder: Path) -> None:
         tag = dict(line.split(" = ") for line in (folder / "pocketsdr" / f"{band}.bin.tag").read_text().splitlines())
         assert (tag["F_S "], tag["IQ  "], tag["FMT "]) == ("6.2", "2", "INT8X2")
     commands = (folder / "pocketsdr" / "README.txt").read_text()
-    assert "-sig E6B -prn 11 -fmt INT8X2 -f 6.2 -fo 1278.75 -IQ 2" in commands
+    assert "-sig E6B -prn 11 -opt pocket_trk.conf -fmt INT8X2 -f 6.2 -fo 1278.75 -IQ 2" in commands
+    options = (folder / "pocketsdr" / "pocket_trk.conf").read_text().splitlines()
+    assert [line.partition("#")[0].split() for line in options if line.partition("#")[0]] == [["b_pll", "=", "10.0"]]
 
 
 @pytest.mark.parametrize(("component", "scale"), [("int16", 1000.0), ("float32", 1.0)])

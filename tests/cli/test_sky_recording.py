@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.osnma import verify_command
@@ -78,6 +79,19 @@ def test_process_says_what_run_says(tmp_path: Path, name: str) -> None:
     said = said_by_run(ATTACKS[name], 1)
     assert {one["svid"]: one["status"] for one in found} == said
     assert sorted(set(said.values())) == SAID[name]
+
+
+def test_a_recording_of_one_epoch_has_a_verdict(tmp_path: Path) -> None:
+    """Its observation file has one epoch; each public key of its assistance is named once."""
+    written(
+        simulate, NIGHT, "-o", tmp_path / "sky", "--epochs", f"{AT}:{AT + 1}", *(f"--set={one}" for one in SETTINGS)
+    )
+    found = json.loads(written(process, tmp_path / "sky", "--json"))["verdicts"]
+    assert [one["status"] for one in found] == ["AUTHENTIC"] * 4
+    text = written(inspect, tmp_path / "sky")
+    assert text.count("public key PKID 1") == 1
+    assert text.count("    public_key.xml: the key of public_key.pem") == 1
+    assert text.count("    merkle_tree.xml: the key of public_key.pem") == 1
 
 
 def test_a_sky_gives_a_position_and_a_message(tmp_path: Path) -> None:

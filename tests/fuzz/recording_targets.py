@@ -15,6 +15,7 @@ import numpy as np
 
 from fuzz.authority import START, files_of
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
+from fuzz.ion_corpus import ion_recording
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline, Quantity
 from vestige.acas_processor.monitoring.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
@@ -81,7 +82,8 @@ def _raw_recordings() -> Sequence[Files]:
             "e1.bin": bytes(range(128)),
             "e6.bin": b"head" + samples,
             **_observation_csv(),
-        }
+        },
+        ion_recording(),
     ]
 
 

@@ -30,14 +30,19 @@ METHODS = frozenset({"read_bytes", "read_text", "open", "iterdir", "glob", "rglo
 # Functions with such a call that are no readers of what comes from outside, and why.
 _PACKAGE = "a file of the package itself"
 _OWN = "what the same call has just written"
+_LEFT = "what a killed process of the same user left in a folder that nobody else can write"
 INSIDE = {
-    "campaign/store/build_id.py: source_digest": _PACKAGE,
+    "source_version.py: source_digest": _PACKAGE,
     "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
+    "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
     "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,
+    "recording/samples/sigmf_writer.py: SigmfWriter.__init__": _LEFT,
     "report/page.py: _part": _PACKAGE,
     "simulated/simulated_recording.py: SimulatedRecording.write": _OWN,
+    "simulated/unfinished_recording.py: _remove_all_but_samples": _LEFT,
+    "simulated/unfinished_recording.py: _samples_left": _LEFT,
     "signals/codes.py: _section": _PACKAGE,
 }
 

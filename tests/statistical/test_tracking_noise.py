@@ -1,7 +1,7 @@
 """Thermal noise, bit errors and thresholds of the tracking loops against theory, on samples without a band limit.
 
-Each stretch of 4 ms is sampled alike, at 4.3 MHz: 17,200 samples for 4092 chips, which meet the chips at 1023 places. So
-R(d) is the triangle of BOC(1,1), and theory holds for an infinite bandwidth.
+Each stretch of 4 ms is sampled alike, at 4.3 MHz: 17,200 samples for 4092 chips, which meet the chips at 1023 places.
+So R(d) is the triangle of BOC(1,1), and theory holds for an infinite bandwidth.
 """
 
 from __future__ import annotations

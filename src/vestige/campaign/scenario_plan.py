@@ -33,7 +33,7 @@ from vestige.campaign.columns.measured_columns import (
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS, own_check_columns
 from vestige.campaign.columns.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
 from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord, column_table
-from vestige.campaign.store.build_id import PARTS, PROCESSOR, processor_name
+from vestige.campaign.store.build_id import PARTS, PROCESSOR
 from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
@@ -46,6 +46,7 @@ from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
+from vestige.source_version import processor_name
 
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")

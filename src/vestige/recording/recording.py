@@ -4,7 +4,8 @@ What a recording may be:
 
 * a folder with a `recording.toml`, or that file (raw samples, described by hand);
 * a folder with a `.sigmf-collection`, or that file;
-* a folder with one `.sigmf-meta` for each band, or one such file.
+* a folder with one `.sigmf-meta` for each band, or one such file;
+* a folder with an `.sdrx` file, or that file, or an `.xml` file: ION GNSS SDR metadata.
 
 In a folder the first of these that is there counts. Observations lie in the same folder (RINEX or CSV, told by their
 first line) or are named in `recording.toml`.
@@ -21,6 +22,7 @@ from vestige.errors import InputFileError, UnsupportedError
 from vestige.recording.description import RecordingDescription, redated
 from vestige.recording.observations.observation_file import ObservationFile, observation_kind, open_observations
 from vestige.recording.recording_toml import NAME, read_recording_toml
+from vestige.recording.samples.ion_metadata import ION_SUFFIX, ION_SUFFIXES, read_ion_metadata
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.recording.samples.sigmf_file import ARCHIVE, COLLECTION, DATA, META, read_collection, read_sigmf
 from vestige.records import Band, SampleBatch
@@ -83,25 +85,31 @@ class Recording:
 def find_recording(path: Path) -> Path | None:
     """Return the file that describes the recording at `path`, the folder if several do together, or None.
 
-    Raises `InputFileError` if a folder has more than one collection. Raises `UnsupportedError` for a SigMF archive.
+    Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
+    `UnsupportedError` for a SigMF archive.
     """
     if path.is_file():
         if path.suffix == DATA:
             path = path.with_suffix(META)
         if path.suffix == ARCHIVE:
             raise UnsupportedError(f"{path}: SigMF archives are not read; unpack it with tar")
-        return path if path.suffix in (".toml", META, COLLECTION) else None
+        return path if path.suffix in (".toml", META, COLLECTION, *ION_SUFFIXES) else None
     if not path.is_dir():
         return None
     if (path / NAME).is_file():
         return path / NAME
-    collections = sorted(path.glob(f"*{COLLECTION}"))
-    if len(collections) > 1:
-        found = ", ".join(collection.name for collection in collections)
-        raise InputFileError(path, "folder", found, "one collection; name the one that is meant")
-    if collections:
-        return collections[0]
-    return path if any(path.glob(f"*{META}")) else None
+    if collection := _only(path, COLLECTION, "collection"):
+        return collection
+    return path if any(path.glob(f"*{META}")) else _only(path, ION_SUFFIX, "ION metadata file")
+
+
+def _only(folder: Path, suffix: str, what: str) -> Path | None:
+    """Return the only file of a suffix in a folder, None if there is none."""
+    found = sorted(folder.glob(f"*{suffix}"))
+    if len(found) > 1:
+        names = ", ".join(one.name for one in found)
+        raise InputFileError(folder, "folder", names, f"one {what}; name the one that is meant")
+    return found[0] if found else None
 
 
 def describe_recording(path: Path) -> RecordingDescription:
@@ -112,12 +120,14 @@ def describe_recording(path: Path) -> RecordingDescription:
     """
     found = find_recording(path)
     if found is None:
-        expected = f"a {NAME}, {COLLECTION} or {META} file, or a folder with one"
+        expected = f"a {NAME}, {COLLECTION}, {META} or {ION_SUFFIX} file, or a folder with one"
         raise InputFileError(path, "recording", "no description of samples" if path.exists() else "nothing", expected)
     if found.suffix == ".toml":
         return read_recording_toml(found)
     if found.suffix == COLLECTION:
         description = read_collection(found)
+    elif found.suffix in ION_SUFFIXES:
+        description = read_ion_metadata(found)
     else:
         metas = sorted(found.glob(f"*{META}")) if found.is_dir() else [found]
         description = read_sigmf(metas, described_in=found)

@@ -46,6 +46,7 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
         description="simulated by vestige, encrypted E6-C",
         companions=lambda folder: write_companions(case, folder),
         interference=case.interference,
+        own_parts=tuple(case.scenario.own_parts),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.keys.key_file import write_key_file
+from vestige.crypto.osnma.operator.osnma_service import SERVICE_WITHOUT_EVENTS
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, straight
 from vestige.receiver.samples.sampled_epoch import osnma_operator
@@ -53,6 +54,6 @@ def _write_keys(scenario: RecordingScenario, folder: Path) -> None:
     osnma.mkdir()
     # the key of the subframe after the last too, for KDI = 1
     subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2
-    operator = osnma_operator(scenario.seed, start, subframes)
+    operator = osnma_operator(scenario.seed, start, subframes, SERVICE_WITHOUT_EVENTS)
     write_key_file(osnma / "keys.csv", operator.validated_keys(), operator.roots)
     operator.write_files(osnma)

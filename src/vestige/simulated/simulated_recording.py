@@ -5,34 +5,41 @@ docs/test_cases.md says what is in the folder.
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from vestige.errors import VestigeError
-from vestige.output import new_folder
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band
+from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band, stretch_samples
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
-from vestige.recording.samples.sample_format import SampleFormat, SampleType
+from vestige.recording.samples.ion_metadata import ION_SUFFIX
+from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, write_ion_metadata
+from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key
+from vestige.simulated.unfinished_recording import UnfinishedRecording, unfinished_recording
+from vestige.source_version import processor_name, vestige_version
 from vestige.time import GalileoTime
 
 Report = Callable[[str, int, int], None]
+Say = Callable[[str], None]
 
 # stored component: counts of one unit. int8: noise of 14 counts in I and in Q, 9 σ to the end of the scale
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _PROBE_S = 0.05
+_KEPT_BATCHES = 50  # half a second: at most so much is made again after a process was killed
 _WRITING = 1.5  # times synthesis: conversion, checksum and disk
 
 
@@ -49,6 +56,7 @@ class SimulatedRecording:
     description: str  # one line for a person
     companions: Callable[[Path], None]  # writes all other files of the folder
     interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, where there is any
+    own_parts: tuple[str, ...] = ()  # the user's own classes that made it, `module:Name@digest`
 
     @property
     def sample_rate_hz(self) -> float:
@@ -74,6 +82,56 @@ class SimulatedRecording:
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
         return replace(batches[0], samples=np.concatenate([batch.samples for batch in batches]))
+
+    def _first_batch(self, band: Band) -> SampleBatch:
+        return next(self.record(band, at_most=stretch_samples(self.sample_rate_hz)))
+
+    def _rest(self, band: Band, done: int, pool: Executor) -> Generator[SampleBatch]:
+        """Yield the samples of a band after the first `done`."""
+        if rest := self.samples[done:]:
+            yield from self._made(band, rest, noise=True, pool=pool)
+
+    def begin(self, band: Band) -> tuple[GalileoTime, float]:
+        """Return the receiver-clock time of the first sample, and the radio frequency in Hz that stands at 0 Hz."""
+        first = self._first_batch(band)
+        return first.start, first.center_frequency_hz
+
+    def send(
+        self,
+        band: Band,
+        write: Callable[[bytes], object],
+        *,
+        component: SampleType = "int8",
+        workers: int = 2,
+        progress: Report | None = None,
+    ) -> None:
+        """Give the samples of a band to `write`, some 10 ms at a time: the bytes of the file that `self.write` writes.
+
+        Parameters
+        ----------
+        band
+            The band.
+        write
+            Takes bytes, I and Q in turn, little endian. While it waits, at most eight stretches of samples are made.
+        component
+            Number type of I and of Q.
+        workers
+            Number of threads that make samples; it changes no bit.
+        progress
+            Called with the band, the number of samples that are written, and the number of all.
+
+        Raises
+        ------
+        OSError
+            Whatever `write` raises.
+        """
+        form, scale, done = SampleFormat(component=component, layout="iq"), self.scale(component), 0
+        with ThreadPoolExecutor(workers) as makers, closing(self._rest(band, 0, makers)) as batches:
+            for batch in batches:
+                write(encode(batch.samples, form, scale=scale).tobytes())
+                done += batch.samples.size
+                if progress is not None:
+                    progress(f"{band.value} samples", done, len(self.samples))
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(
@@ -115,48 +173,99 @@ class SimulatedRecording:
         exports: Sequence[str] = (),
         workers: int = 2,
         progress: Report | None = None,
+        say: Say | None = None,
     ) -> tuple[Path, ...]:
-        """Write the folder and return its files.
+        """Write the folder and return its files; resume if an earlier process was killed while it wrote the folder.
 
-        `component` is the number type of the samples, `exports` are names in `recording.exports.EXPORTS`, `workers` is
-        the number of threads that make samples, and `progress` is called with the band, the samples written, and all.
+        Parameters
+        ----------
+        folder
+            The folder, which is there when it is complete.
+        scenario_text
+            The scenario as TOML, with all that was replaced in it.
+        component
+            Number type of the samples.
+        exports
+            Names in `recording.samples.exports.EXPORTS`.
+        workers
+            Number of threads that make samples; it changes no bit.
+        progress
+            Called with the band, the number of samples that are written, and the number of all.
+        say
+            Called with one line if a recording is resumed.
 
-        Raises `InputFileError` if `folder` exists. Raises `VestigeError` if the samples do not fit on the disk.
+        Raises
+        ------
+        InputFileError
+            If `folder` exists, another process writes it, or what a killed process left is another recording.
+        VestigeError
+            If the samples do not fit on the disk.
         """
-        with new_folder(folder) as part:
-            free, needed = shutil.disk_usage(part).free, self.n_bytes(component, exports)
-            if free < needed:
+        form = SampleFormat(component=component, layout="iq")
+        with unfinished_recording(folder, self._identity(scenario_text, component)) as unfinished:
+            part, left = unfinished.folder, dict(unfinished.samples)
+            needed = self.n_bytes(component, exports) - form.sample_bytes * sum(left.values())
+            if (free := shutil.disk_usage(part).free) < needed:
                 raise VestigeError(f"{folder}: found {free / 1e9:.1f} GB free, expected {needed / 1e9:.1f} GB")
+            if left and say is not None:
+                there = [f"{n / self.sample_rate_hz:.2f} s of {band.value}" for band in Band if (n := left.get(band))]
+                say(f"{folder}: resumes an interrupted recording; already there: {', '.join(there)}")
             (part / "scenario.toml").write_text(scenario_text, encoding="utf-8", newline="\n")
             self.companions(part)
-            metas = self._write_samples(part, SampleFormat(component=component, layout="iq"), workers, progress)
+            metas = self._write_samples(unfinished, form, workers, progress)
             write_collection(part / "recording", metas)
             recording, svids = open_recording(part), sorted({one.svid for sky in self.sky.values() for one in sky})
+            if has_ion_encoding(component):
+                write_ion_metadata(part / f"recording{ION_SUFFIX}", recording.description)
             for name in exports:
                 export(name, recording, part, svids)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
 
-    def _write_samples(self, folder: Path, form: SampleFormat, workers: int, progress: Report | None) -> list[Path]:
+    def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
+        """Return all that the bits of the samples depend on, by the name that a user has for it."""
+        return {
+            "scenario": hashlib.sha256(scenario_text.encode()).hexdigest(),
+            "stretch of time": f"samples {self.samples.start} to {self.samples.stop}",
+            "number format": component,
+            "own class": " ".join(self.own_parts),
+            "version of vestige": vestige_version(),
+            "kind of processor": processor_name(),
+        }
+
+    def scale(self, component: SampleType) -> float:
+        """Return the stored value of 1.0; the levels of a quantiser are stored as they are."""
+        return SCALES[component] if self.front_end.bits is None else 1.0
+
+    def _write_samples(
+        self, unfinished: UnfinishedRecording, form: SampleFormat, workers: int, progress: Report | None
+    ) -> list[Path]:
         """Write both bands at once and return their metadata; each has a thread that takes what the workers make."""
         stop = threading.Event()
+        left = dict(unfinished.samples)
 
         def written(band: Band) -> Path:
+            done = left.get(band, 0)
             with SigmfWriter(
-                folder / band.value.lower(),
+                unfinished.folder / band.value.lower(),
                 form=form,
-                scale=SCALES[form.component] if self.front_end.bits is None else 1.0,
+                scale=self.scale(form.component),
                 bandwidth_hz=self.front_end.bandwidth_hz,
                 time_uncertainty_s=self.time_uncertainty_s,
                 description=self.description,
+                kept=(self._first_batch(band), done) if done else None,
             ) as writer:
-                done = 0
-                for batch in self.record(band, pool=makers):
+                for number, batch in enumerate(self._rest(band, done, makers), start=1):
                     if stop.is_set():
                         raise InterruptedError("the other band failed")
                     writer.append(batch)
                     done += batch.samples.size
+                    if number % _KEPT_BATCHES == 0:
+                        writer.flush()
+                        unfinished.keep(band, done)
                     if progress is not None:
                         progress(f"{band.value} samples", done, len(self.samples))
+                writer.flush()
+                unfinished.keep(band, done)
             return writer.meta
 
         with ThreadPoolExecutor(workers) as makers, ThreadPoolExecutor(len(Band)) as pool:

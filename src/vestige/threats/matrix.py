@@ -19,9 +19,9 @@ from pathlib import Path
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
-from vestige.campaign.store.build_id import vestige_version
 from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario
+from vestige.source_version import vestige_version
 from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario

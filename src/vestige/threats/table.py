@@ -18,10 +18,10 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
-from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import load_small
 from vestige.constants import DAY_S
 from vestige.output import replacement
+from vestige.source_version import vestige_version
 from vestige.threats.matrix import SceneCell
 from vestige.threats.scenes import LEVEL_NUMBERS
 

@@ -12,6 +12,7 @@ from vestige.campaign.store.store import open_store
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.source_version import source_digest
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 
@@ -29,7 +30,7 @@ def test_the_digest_is_of_names_and_contents(tmp_path: Path) -> None:
         for name, content in files.items():
             (tmp_path / f"{name}.py").write_text(content)
         (tmp_path / "notes.txt").write_text("of no importance")
-        return build_id.source_digest(tmp_path)
+        return source_digest(tmp_path)
 
     whole = digest(a="x = 1", b="y = 2")
     assert digest(b="y = 2", a="x = 1") == whole

@@ -15,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from toy_plan import ToyPlan
-from vestige.campaign.store.build_id import vestige_version
 from vestige.campaign.store.results import open_results
 from vestige.campaign.store.store import Store, open_store
 from vestige.errors import InputFileError
+from vestige.source_version import vestige_version
 
 PLAN = ToyPlan(n_epochs=10)
 TRUTH = PLAN.measure(0, PLAN.prepare().advance(0, 10))

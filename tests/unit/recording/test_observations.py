@@ -90,3 +90,11 @@ def test_single_epochs_stand_for_themselves(tmp_path: Path) -> None:
     track = ObservationTrack(open_observations(tmp_path / "o.csv"))
     assert track.at(START) == EPOCHS[0].observations
     assert track.at(START + 0.1) == {}
+
+
+@pytest.mark.parametrize("late_s", [1e-9, -1e-9])
+def test_a_single_epoch_answers_for_a_time_that_rounding_moved(tmp_path: Path, late_s: float) -> None:
+    """The time of a snapshot is a sum, which differs from the time in the file by a rounding error."""
+    write_csv_observations(tmp_path / "o.csv", EPOCHS[:1])
+    track = ObservationTrack(open_observations(tmp_path / "o.csv"))
+    assert track.at(START + late_s) == EPOCHS[0].observations

@@ -13,10 +13,10 @@ from click.testing import CliRunner
 from full_disk import files_of_at_most
 from vestige.campaign.execution.executors import local_executor
 from vestige.campaign.run_outcome import RunOutcome, window_of
-from vestige.campaign.store.build_id import vestige_version
 from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
+from vestige.source_version import vestige_version
 from vestige.threats.matrix import SceneCell, case_of, cases, measure_scenes, measure_threats
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement

@@ -5,21 +5,16 @@ The kind of processor matters for sums of samples alone.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from llvmlite.binding import get_host_cpu_name
+from vestige.source_version import processor_name, vestige_version
 
 if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
 PROCESSOR = "processor"  # attribute of a plan whose bits depend on it
 PARTS = "own_parts"  # attribute of a plan with parts of the user's: `module:Name@digest` of each
-PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def build_id(plan: Plan) -> dict[str, str]:
@@ -27,27 +22,3 @@ def build_id(plan: Plan) -> dict[str, str]:
     processor: Mapping[str, str] = {PROCESSOR: processor_name()} if PROCESSOR in plan.attrs else {}
     parts: Mapping[str, str] = {PARTS: str(plan.attrs[PARTS])} if PARTS in plan.attrs else {}
     return {"vestige_version": vestige_version(), **processor, **parts}
-
-
-@cache
-def vestige_version() -> str:
-    """Return version and digest of the source, `0.1.0+source.1f2e3d4c5b6a`: equal for equal code, wherever it lies."""
-    return f"{version('vestige')}+source.{source_digest(PACKAGE)}"
-
-
-def source_digest(package: Path) -> str:
-    """Return 12 hexadecimal digits of the SHA-256 of all Python files of a package, names included."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py"), key=lambda path: path.relative_to(package).as_posix()):
-        content = path.read_bytes().replace(b"\r\n", b"\n")
-        digest.update(f"{path.relative_to(package).as_posix()} {len(content)}\n".encode() + content)
-    return digest.hexdigest()[:12]
-
-
-def processor_name() -> str:
-    """Return the name that LLVM has for this processor, `znver3`.
-
-    The kernels are compiled for it: how many terms of a sum stand side by side depends on its vector instructions, so
-    sums over samples differ in the last digits of single precision from one kind of processor to the other.
-    """
-    return str(get_host_cpu_name())

@@ -31,7 +31,8 @@ _path = click.Path(path_type=Path)
 def command(path: Path, **options: Any) -> None:
     """Say what PATH holds, and what is missing for ACAS.
 
-    PATH is a folder, a recording.toml, a SigMF metadata or collection file, or a file of E1 observations.
+    PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
+    file of E1 observations.
     """
     import json
 

@@ -120,9 +120,9 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
-    RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
-    says it must be, and was it received before anybody could know the key? With --follow it may still grow, or be `-`:
-    E6 samples on standard input.
+    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: is the
+    encrypted signal in E6 where E1 says it must be, and was it received before anybody could know the key? With
+    --follow it may still grow, or be `-`: E6 samples on standard input.
     """
     check_usage(recording_path, options)
     if options["follow"]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, parts_option
+from vestige.cli.options import FiniteRange, parts_option, threads_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -20,7 +22,10 @@ _path = click.Path(path_type=Path)
 
 @click.command()
 @click.argument("scenario", type=_path)
-@click.option("-o", "--output", required=True, type=_path, help="Folder to write; must not exist.")
+@click.option(
+    "-o", "--output", required=True, type=_path, help="Folder to write, must not exist; - for samples to a pipe."
+)
+@click.option("--band", type=click.Choice(["e1", "e6"]), help="Band of which samples go to the pipe, with -o -.")
 @click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Replace a value, `receiver.cn0_dbhz=45`.")
 @click.option(
@@ -30,12 +35,10 @@ _path = click.Path(path_type=Path)
     "--export",
     "exports",
     multiple=True,
-    type=click.Choice(["gnss-sdr", "pocketsdr"]),
+    type=click.Choice(["gnss-sdr", "pocketsdr", "saslib"]),
     help="Also write what this receiver reads.",
 )
-@click.option(
-    "-j", "--workers", type=click.IntRange(1, 1024), default=2, show_default=True, help="Threads that make samples."
-)
+@threads_option("Threads that make samples.")
 @click.option("--max-gb", type=FiniteRange(0, 1e6), default=10.0, show_default=True, help="Refuse to write more.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
@@ -44,6 +47,8 @@ def command(scenario: Path, **options: Any) -> None:
     A campaign gives a test case of its epochs: encrypted E6-C, E1 observations, RECS, group delays, OSNMA keys, truth;
     `vestige process` authenticates it. A recording gives samples with open E6-C and an OSNMA key chain;
     `vestige recs make` makes RECS for it.
+
+    With `-o -` the I,Q samples of one band go to standard output, and no file is written.
     """
     from vestige.cli.progress import progress
     from vestige.errors import InputFileError, VestigeError
@@ -54,6 +59,8 @@ def command(scenario: Path, **options: Any) -> None:
     from vestige.simulated.exported_case import with_default_range
     from vestige.simulated.open_code_recording import open_code_recording
 
+    to_pipe = options["output"] == Path("-")
+    _check_pipe(to_pipe, options)
     raw = overridden(read_toml(scenario), options["settings"])
     loaded = load_scenario(scenario, options["settings"])
     if isinstance(loaded, RecordingScenario):
@@ -65,6 +72,9 @@ def command(scenario: Path, **options: Any) -> None:
         raw.setdefault("line_of_sight", {})["s0_m"] = loaded.line_of_sight.s0_m
         _check_band(scenario, loaded)
         source = _test_case(loaded, options["epochs"])
+    if to_pipe:
+        _to_pipe(source, options)
+        return
     if options["output"].exists():
         raise InputFileError(options["output"], "output folder", "something there already", "a name that is not taken")
     gigabytes = source.n_bytes(options["component"], options["exports"]) / 1e9
@@ -80,6 +90,7 @@ def command(scenario: Path, **options: Any) -> None:
             exports=options["exports"],
             workers=options["workers"],
             progress=report,
+            say=lambda line: echo(line, err=True),
         )
     for path in files:
         echo(str(path))
@@ -97,6 +108,36 @@ def _check_band(path: Path, scenario: CampaignScenario) -> None:
         check_recorded_band(scenario.receiver.front_end.front_end(scenario.receiver.sample_rate_hz))
     except InconsistentSettingsError as error:
         raise InputFileError(path, error.place, error.found, error.expected) from error
+
+
+def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
+    """Raise a usage error if options do not go together with files or with a pipe."""
+    if to_pipe and options["band"] is None:
+        raise click.UsageError("-o - writes the samples of one band; add --band e1 or --band e6")
+    if to_pipe and options["exports"]:
+        raise click.UsageError("--export writes files; -o - writes samples alone")
+    if not to_pipe and options["band"] is not None:
+        raise click.UsageError("--band is for -o -; a folder gets both bands")
+    if to_pipe and sys.stdout.isatty():
+        raise click.UsageError("-o - writes binary samples; send them to a program or a file, not to the terminal")
+
+
+def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
+    """Write the samples of one band to standard output; a reader that closes the pipe ends it without a message."""
+    from vestige.cli.progress import progress
+    from vestige.records import Band
+
+    band, component, output = Band[options["band"].upper()], options["component"], sys.stdout.buffer
+    rate_hz, (time, center_hz) = source.sample_rate_hz, source.begin(band)
+    what = f"{source.duration_s:g} s of {band.value}: {component} I,Q at {rate_hz:.10g} Hz around {center_hz:.10g} Hz"
+    echo(f"{what}, from {time}", err=True)
+    try:
+        with progress() as report:
+            source.send(band, output.write, component=component, workers=options["workers"], progress=report)
+        output.flush()
+    except BrokenPipeError:
+        # what is still buffered would fail once more when Python ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
 def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:

@@ -87,7 +87,9 @@ class FileTrust:
         """
         paths: Sequence[Path | None] = public_keys or [None]  # a tree alone holds keys too
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
-        return cls(public_keys=tuple(keys), tree=None if merkle_tree is None else read_merkle_tree(merkle_tree))
+        return cls(
+            public_keys=tuple(dict.fromkeys(keys)), tree=None if merkle_tree is None else read_merkle_tree(merkle_tree)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ file costs nothing but itself: it is one problem in the report.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -168,12 +168,7 @@ def read_assistance(
     else:
         trust = problems.attempt(partial(_folder_trust, trust_files))
         if trust is not None:
-            names = ", ".join(str(key) for key in trust.public_keys)
-            files += [
-                AssistanceFile(path=path, kind=kind, content=names)
-                for kind in trust_files
-                for path in trust_files[kind]
-            ]
+            files += _trust_content(trust_files)
     parents = {path.parent for paths in by_kind.values() for path in paths}
     settings = Settings(
         trust=trust,
@@ -250,6 +245,18 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
     if len(trees) > 1:
         raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
     return FileTrust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
+
+
+def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[AssistanceFile]:
+    """Yield what is in each file of public keys; a key is named once, and then the file that held it."""
+    tree = next(iter(files[FileKind.MERKLE_TREE]), None)
+    named: dict[bytes, Path] = {}
+    for kind, paths in files.items():
+        for path in paths:
+            keys = FileTrust.load([path] if kind is FileKind.PUBLIC_KEY else [], tree).public_keys
+            texts = [f"the key of {named[key.point].name}" if key.point in named else str(key) for key in keys]
+            named |= {key.point: path for key in keys if key.point not in named}
+            yield AssistanceFile(path=path, kind=kind, content=", ".join(dict.fromkeys(texts)))
 
 
 def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assistance:

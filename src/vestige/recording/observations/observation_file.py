@@ -15,7 +15,7 @@ from pathlib import Path
 
 from vestige.errors import InputFileError
 from vestige.recording.observations.csv_observations import CsvParser, is_csv_observations
-from vestige.recording.observations.interpolation import interpolate, is_final
+from vestige.recording.observations.interpolation import SAME_TIME_S, interpolate, is_final
 from vestige.recording.observations.observation_epoch import EpochParser, read_epochs
 from vestige.recording.observations.rinex_observations import RinexParser, is_rinex_observations
 from vestige.recording.text_lines import numbered_lines
@@ -120,6 +120,7 @@ class ObservationTrack:
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
         """Read all epochs within `reach`: neighbours of the two epochs around `time` fill in what they lack."""
+        reach = max(reach, SAME_TIME_S)  # a file of one epoch has no interval, and answers for its own time
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()
         while not self._window or self._window[-1].time - time <= reach:

@@ -3,11 +3,14 @@
 | program | what it gets |
 |---|---|
 | gnss-sdr | a configuration a band; it reads the SigMF samples as they are, and finds its place from E1 of a sky |
-| PocketSDR | samples of its own scale, I and −Q, with a tag file a band; the command lines in README.txt |
+| PocketSDR | samples of its own scale, I and −Q, a tag file a band, options of its loops; command lines in README.txt |
+| GalileoSASlib | int16 samples as they are, under names that say when they begin, a table of keys: `saslib_export` |
 
 What goes wrong otherwise: gnss-sdr finds E6 by E6-B alone, and tracks E6-B while E6-C is encrypted. Without
 `bit_transition_flag` it mostly locks 500 Hz off on E6, for E6-B may change its sign every millisecond; with
 a Doppler step of 125 Hz on E1 it locks 125 Hz off. PocketSDR takes no sample beyond ±7 and conjugates what it reads.
+Its built-in phase loop of 5 Hz loses a line of sight whose range swings with 5 m/s², as that of `scenarios/quick.toml`
+does; 10 Hz holds it.
 """
 
 from __future__ import annotations
@@ -22,12 +25,20 @@ from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.recording.samples.sample_format import SampleFormat, encode
+from vestige.recording.samples.saslib_export import export_saslib
 from vestige.records import Band
 
 Export = Callable[[Recording, Path, Iterable[int]], tuple[Path, ...]]
 
 _CHUNK = 1 << 22  # samples
 _POCKETSDR_RMS, _POCKETSDR_LIMIT = 2.0, 7.0
+_POCKETSDR_OPTIONS = (  # name and content; what it does not name keeps PocketSDR's own value
+    "pocket_trk.conf",
+    """\
+# options of pocket_trk for recordings of vestige
+b_pll = 10.0  # bandwidth of the PLL (Hz); with 5 Hz it loses a range that swings with 5 m/s^2
+""",
+)
 
 # stored component: item type and data type adapter of gnss-sdr
 _ITEMS = {
@@ -171,7 +182,7 @@ def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) ->
 
 
 def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
-    """Write samples and tag files for PocketSDR into `folder` with a README.txt of commands, and return their paths.
+    """Write samples, tag files, options and a README.txt of commands for PocketSDR into `folder`; return their paths.
 
     The samples are int8 I and −Q of rms 2, clipped at ±7.
     """
@@ -198,17 +209,22 @@ def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -
         tag_path.write_text("".join(f"{key:4} = {value}\n" for key, value in tag.items()), "ascii", newline="\n")
         signals = " ".join(f"-sig {band.value}{channel} -prn {satellites}" for channel in "BC"[: _OPEN[band]])
         commands.append(
-            f"pocket_trk {signals} -fmt INT8X2 -f {rate_mhz:.10g} -fo {center_mhz:.10g} -IQ 2 -tscale 1 -ti 1 "
+            f"pocket_trk {signals} -opt {_POCKETSDR_OPTIONS[0]} "
+            f"-fmt INT8X2 -f {rate_mhz:.10g} -fo {center_mhz:.10g} -IQ 2 -tscale 1 -ti 1 "
             f"-log {band.value.lower()}.log {path.name}"
         )
         paths += [path, tag_path]
+    options = folder / _POCKETSDR_OPTIONS[0]
+    options.write_text(_POCKETSDR_OPTIONS[1], "ascii", newline="\n")
     readme = folder / "README.txt"
     readme.write_text("PocketSDR, run in this folder:\n\n" + "\n".join(commands) + "\n", "ascii", newline="\n")
-    return (*paths, readme)
+    return (*paths, options, readme)
 
 
-EXPORTS: Mapping[str, Export] = {"gnss-sdr": export_gnss_sdr, "pocketsdr": export_pocketsdr}
-COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2}  # of a sample in the export's own copy
+EXPORTS: Mapping[str, Export] = {
+    "gnss-sdr": export_gnss_sdr, "pocketsdr": export_pocketsdr, "saslib": export_saslib,
+}  # fmt: skip
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # of a sample in the export's own copy
 
 _CI8 = SampleFormat(component="int8", layout="iq")
 _OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted

@@ -1,16 +1,18 @@
 """SigMF recordings written batch by batch, in bounded memory.
 
 The samples go to a `.part` file that takes its name when the recording is complete; the metadata come last. So whatever
-has metadata is whole, and a run that was killed leaves nothing that looks like a recording.
+has metadata is whole, and a run that was killed leaves nothing that looks like a recording. Writing can be
+resumed from its `.part` file: `kept` of `SigmfWriter`.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import sigmf
 
@@ -21,11 +23,14 @@ from vestige.recording.samples.sigmf_file import COLLECTION, DATA, META, NAMESPA
 from vestige.records import SampleBatch
 from vestige.time import GalileoTime
 
+_BLOCK_BYTES = 1 << 22
+
 
 class SigmfWriter:
     """Writes the samples of one band; use it in a `with` statement.
 
-    Raises `InputFileError` if there is a recording of that name already.
+    Raises `InputFileError` if there is a recording of that name already, or if the samples that are kept are fewer than
+    stated or others than those of this recording.
 
     Parameters
     ----------
@@ -43,6 +48,9 @@ class SigmfWriter:
         Bound on the receiver clock's error against Galileo System Time in s.
     description
         One line for a person.
+    kept
+        Resume from the samples that a killed process left: the first batch of the recording, made again, and the number
+        of samples that are certainly in the file. What follows them is cut off.
     """
 
     def __init__(
@@ -55,9 +63,13 @@ class SigmfWriter:
         bandwidth_hz: float | None = None,
         time_uncertainty_s: float | None = None,
         description: str = "",
+        kept: tuple[SampleBatch, int] | None = None,
     ) -> None:
         self.meta = base.with_name(base.name + META)
         self.data = base.with_name(base.name + DATA)
+        self._part = self.data.with_name(self.data.name + ".part")
+        if kept is not None and self.data.exists():  # the process was killed after this band was complete
+            self.data.rename(self._part)
         for path in (self.meta, self.data):
             _refuse_existing(path)
         own = {"bandwidth_hz": bandwidth_hz, "time_uncertainty_s": time_uncertainty_s}
@@ -69,9 +81,13 @@ class SigmfWriter:
         self._first: SampleBatch | None = None
         self._count = 0
         self._hash = hashlib.sha512()
-        self._part = self.data.with_name(self.data.name + ".part")
-        self._part.unlink(missing_ok=True)  # of a run that was killed
-        self._stream = self._part.open("xb")  # never through a link that somebody prepared
+        self._stream: BinaryIO
+        if kept is None:
+            self._part.unlink(missing_ok=True)  # of a run that was killed
+            self._stream = self._part.open("xb")  # never through a link that somebody prepared
+        else:
+            self._stream = self._part.open("r+b")
+            self._go_on(*kept)
 
     def __enter__(self) -> SigmfWriter:
         return self
@@ -84,6 +100,35 @@ class SigmfWriter:
         else:
             self._part.unlink(missing_ok=True)  # first: on a full disk closing fails
             self._stream.close()
+
+    def _go_on(self, first: SampleBatch, n_samples: int) -> None:
+        """Take over the first `n_samples` of the file and cut off the rest."""
+        begin = self._encoded(first)
+        left = n_samples * self._form.sample_bytes
+        found = 0
+        while found < left and (block := self._stream.read(min(_BLOCK_BYTES, left - found))):
+            if found == 0 and block[: len(begin)] != begin[: len(block)]:
+                self._stream.close()
+                expected = "those that this command makes; what was left is removed, so begin again"
+                raise InputFileError(self._part, "first samples", "other samples", expected)
+            self._hash.update(block)
+            found += len(block)
+        if found < left:
+            self._stream.close()
+            raise InputFileError(
+                self._part, "length", f"{found} bytes", f"{left} bytes; what was left is removed, so begin again"
+            )
+        self._stream.seek(left)
+        self._stream.truncate()
+        self._first, self._count = first, n_samples
+
+    def flush(self) -> None:
+        """Have all samples so far on the disk."""
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+
+    def _encoded(self, batch: SampleBatch) -> bytes:
+        return encode(batch.samples, self._form, scale=self._scale, inverted=self._inverted).tobytes()
 
     def append(self, batch: SampleBatch) -> None:
         """Write the samples that follow those before.
@@ -98,7 +143,7 @@ class SigmfWriter:
                 raise ValueError(f"{name} changes from {getattr(first, name)} to {getattr(batch, name)}")
         if batch.first_sample != first.first_sample + self._count:
             raise ValueError(f"batch starts at sample {batch.first_sample}, not {first.first_sample + self._count}")
-        raw = encode(batch.samples, self._form, scale=self._scale, inverted=self._inverted).tobytes()
+        raw = self._encoded(batch)
         self._stream.write(raw)
         self._hash.update(raw)
         self._count += len(batch.samples)

@@ -14,9 +14,9 @@ with R the correlation of the received pulse with the replica at half the distan
 those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock, (I² − Q²)/(I² + Q²) of
-their sum, the estimate of cos 2φ [VAN-DIERENDONCK96]. C/N0 = S/(2 V T) with S the square of the mean in-phase part, less
-the noise in it, and V its variance, both smoothed over 1 s. The quadrature part is not used: the loop's own phase noise
-is in it, which would take 0.3 dB from the C/N0.
+their sum, the estimate of cos 2φ [VAN-DIERENDONCK96]. C/N0 = S/(2 V T) with S the square of the mean in-phase part,
+less the noise in it, and V its variance, both smoothed over 1 s. The quadrature part is not used: the loop's own phase
+noise is in it, which would take 0.3 dB from the C/N0.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

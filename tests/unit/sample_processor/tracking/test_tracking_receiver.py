@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def _cut(whole: SampleBatch, places: list[int]) -> list[SampleBatch]:
     edges = [0, *places, whole.samples.size]
     return [
         replace(whole, samples=whole.samples[a:b], first_sample=whole.first_sample + a, start=whole.start + a / RATE_HZ)
-        for a, b in zip(edges, edges[1:], strict=False)
+        for a, b in pairwise(edges)
         if b > a
     ]
 

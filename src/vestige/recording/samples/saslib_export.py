@@ -1,0 +1,91 @@
+"""Files by which GalileoSASlib reads a recording [SASLIB]: samples under names that say when they begin, and keys.
+
+It wants int16 I,Q and a name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. Keys are a table of `epoch`, the
+start of the subframe that the key belongs to in seconds since the start of Galileo System Time (week · 604800 + TOW),
+and `osnma_key` in hexadecimal. RECS and group delays are read as they are in the assistance folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+from vestige.errors import UnsupportedError
+from vestige.recording.assistance.folder import read_assistance
+from vestige.recording.recording import Recording
+from vestige.recording.samples.sample_file import SampleReader
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.records import Band
+
+KEYS_TABLE = "osnma_keys.csv"
+_SC16 = SampleFormat(component="int16", layout="iq")
+
+_README = """\
+GalileoSASlib, version 1.0:
+
+  {samples}
+      sc16 samples at {rate} Hz; sample_rate_hz = {rate} in SignalCorrelation
+      the first sample is {late:.6f} s after the second in the name
+  {keys}
+      OSNMA keys, for tesla_keys_path or manual_xml_path
+  ../assistance/
+      RECS (*.bin, *.RCS) and group delays (*.BGD)
+  satellites with encrypted E6-C
+      {satellites}
+"""
+
+
+def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+    """Write samples, keys and a README.txt for GalileoSASlib into `folder`, and return their paths.
+
+    The samples are the same files under another name, and need no room of their own where the disk has hard links.
+
+    Parameters
+    ----------
+    recording
+        The recording; its folder holds the keys.
+    folder
+        Folder inside that of the recording.
+    svids
+        The satellites in it.
+
+    Raises
+    ------
+    UnsupportedError
+        If the samples are not int16 I,Q, upright and without header.
+    OSError
+        If a file cannot be written.
+    """
+    readers = [reader for reader in (recording.e1, recording.e6) if reader is not None]
+    samples = [_samples(reader, folder) for reader in readers]
+    keys = read_assistance(folder.parent).assistance.keys
+    rows = [f"{key.time.gst_seconds},{key.data.hex().upper()}" for key in keys]
+    table = folder / KEYS_TABLE
+    table.write_text("\n".join(["epoch,osnma_key", *rows]) + "\n", "ascii", newline="\n")
+    readme = folder / "README.txt"
+    text = _README.format(
+        samples=", ".join(path.name for path in samples),
+        rate=f"{readers[0].file.sample_rate_hz:.10g}",
+        late=readers[0].start.fraction,
+        keys=table.name,
+        satellites=",".join(str(svid) for svid in svids),
+    )
+    readme.write_text(text, "ascii", newline="\n")
+    return (*samples, table, readme)
+
+
+def _samples(reader: SampleReader, folder: Path) -> Path:
+    """Give the samples of a band the name that says when they begin."""
+    file = reader.file
+    if file.form != _SC16 or file.spectral_inversion or file.header_bytes:
+        raise UnsupportedError(
+            f"{file.path}: GalileoSASlib reads int16 I,Q, not {file.form}; write it with --format int16"
+        )
+    path = folder / f"{Band(file.band).value}_{reader.start.utc:%Y%m%d_%H%M%SZ}.sc16"
+    try:
+        os.link(file.path, path)
+    except OSError:  # a file system without hard links
+        shutil.copyfile(file.path, path)
+    return path

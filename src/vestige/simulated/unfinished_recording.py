@@ -1,0 +1,161 @@
+"""The hidden folder in which a recording is written, so that the same command can resume it after it was killed.
+
+A recording `night` is written in `.night.unfinished`, beside the place where it will stand:
+
+| file | what it is |
+|---|---|
+| `progress.json` | what the recording depends on, and how many samples of each band are certainly on the disk |
+| `night/` | the folder as it will be; samples are in `*.part` until their band is complete |
+
+`progress.json` is replaced as a whole, and only after the samples that it counts are on the disk. So the process or the
+machine may stop at any moment: the next call cuts the samples to what is counted and makes the rest. All other files
+are made anew. After an error or Ctrl-C nothing is left.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from vestige.errors import InputFileError
+from vestige.folder_lock import only_writer
+from vestige.output import NAME_KEPT, check_new_folder, naming
+from vestige.recording.samples.sigmf_file import DATA
+from vestige.records import Band
+
+_PROGRESS = "progress.json"
+_BEGIN_AGAIN = "remove the folder to begin again"
+
+
+@dataclass(slots=True)
+class UnfinishedRecording:
+    """A recording that is being written.
+
+    Attributes
+    ----------
+    folder
+        Folder to write into; it becomes the output at the end.
+    samples
+        Number of samples of each band that are on the disk; empty if there are none.
+    """
+
+    folder: Path
+    samples: dict[Band, int]
+    _identity: Mapping[str, str]
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def keep(self, band: Band, n_samples: int) -> None:
+        """Note that the first `n_samples` of a band are on the disk; the next process resumes there."""
+        with self._lock:
+            self.samples[band] = n_samples
+            counts = {band.value: count for band, count in self.samples.items()}
+            text = json.dumps({"recording": dict(self._identity), "samples": counts}, indent=1)
+            unfinished = self.folder.parent / f"{_PROGRESS}.part"
+            with unfinished.open("w", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            unfinished.replace(self.folder.parent / _PROGRESS)
+
+
+def unfinished_folder(output: Path) -> Path:
+    """Return the hidden folder in which `output` is written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from vestige.simulated.unfinished_recording import unfinished_folder
+    >>> unfinished_folder(Path("build/night")).as_posix()
+    'build/.night.unfinished'
+    """
+    return output.parent / f".{output.name[:NAME_KEPT]}.unfinished"
+
+
+@contextmanager
+def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[UnfinishedRecording]:
+    """Yield a folder to write a recording into, with what a killed process left in it; it becomes `output` at the end.
+
+    Parameters
+    ----------
+    output
+        Folder of the recording; must not exist.
+    identity
+        All that the samples depend on, by name. A recording is resumed only if all of it is equal.
+
+    Raises
+    ------
+    InputFileError
+        If `output` exists or lies in the results of a campaign; if what a process left is of another recording; if
+        another process writes it now; if the hidden folder could have been prepared by somebody else.
+    OSError
+        If it cannot be written; the error has the name of `output`.
+    """
+    check_new_folder(output)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    hidden = unfinished_folder(output)
+    with naming(output, str(hidden)):
+        _own_folder(hidden)
+    with only_writer(hidden):
+        check_new_folder(output)  # a process that has just ended may have written it
+        samples = _samples_left(hidden, identity)
+        with naming(output, str(hidden)):
+            try:
+                folder = hidden / output.name
+                folder.mkdir(exist_ok=True)
+                _remove_all_but_samples(hidden, folder, samples)
+                yield UnfinishedRecording(folder, samples, identity)
+                check_new_folder(output)
+                folder.rename(output)
+            finally:
+                shutil.rmtree(hidden, ignore_errors=True)
+
+
+def _own_folder(hidden: Path) -> None:
+    """Make the folder, or check that nobody but this user could have put anything into the one that is there."""
+    try:
+        hidden.mkdir(mode=0o700)
+    except FileExistsError:
+        found = hidden.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+            expected = f"your own folder that nobody else can write; {_BEGIN_AGAIN}"
+            raise InputFileError(hidden, "unfinished recording", "something else", expected) from None
+
+
+def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
+    """Return how many samples a killed process left of each band."""
+    progress = hidden / _PROGRESS
+    try:
+        text = progress.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return {}
+    try:
+        content = json.loads(text)
+        before, samples = dict(content["recording"]), {Band(name): int(n) for name, n in content["samples"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise InputFileError(
+            progress, "content", "something else", f"the progress of a recording; {_BEGIN_AGAIN}"
+        ) from None
+    other = [name for name in identity if before.get(name) != identity[name]]
+    if other:
+        found, expected = f"one with another {other[0]}", "the command that began it"
+        raise InputFileError(hidden, "unfinished recording", found, f"{expected}; {_BEGIN_AGAIN}")
+    return samples
+
+
+def _remove_all_but_samples(hidden: Path, folder: Path, samples: Mapping[Band, int]) -> None:
+    """Remove all that is made anew."""
+    kept = {folder / f"{band.value.lower()}{suffix}" for band in samples for suffix in (DATA, f"{DATA}.part")}
+    for path in (*hidden.iterdir(), *folder.iterdir()):
+        if path in (folder, hidden / _PROGRESS) or path in kept:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
