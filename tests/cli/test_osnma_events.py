@@ -17,7 +17,7 @@ from vestige.cli.services.osnma import verify_command
 from vestige.crypto.keys.key_file import load_key_file
 from vestige.crypto.keys.public_key_file import load_public_keys
 from vestige.crypto.osnma.messages.dsm import NmaHeader
-from vestige.crypto.osnma.operator.events import EVENT_NAMES
+from vestige.crypto.osnma.operator.events import OsnmaEventKind
 from vestige.errors import VestigeError
 from vestige.recording.navigation.navigation_pages import read_pages
 from vestige.recording.observations.sbf import SbfCounts
@@ -65,7 +65,7 @@ def verified(folder: Path) -> dict[str, Any]:
 
 
 def test_every_kind_of_the_operator_is_one_of_a_scenario() -> None:
-    assert EVENTS.keys() == EVENT_NAMES.keys()
+    assert EVENTS.keys() == {kind.value for kind in OsnmaEventKind}
 
 
 @pytest.mark.parametrize(
