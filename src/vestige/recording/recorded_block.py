@@ -1,15 +1,23 @@
-"""A snapshot of a recording as a block for the processor, with what other channels say since the last one."""
+"""Blocks of one epoch for the processor: a snapshot of a recording, or what E1 tracking says between two of them.
+
+What other channels say since the block before is with it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from vestige.acas_processor.osnma_comparison import compare_osnma
 from vestige.acas_processor.searches.sampled_snapshot import block_of
 from vestige.constants import SUBFRAME_S
-from vestige.records import Assistance, Snapshot
+from vestige.records import Assistance, Band, Snapshot
 from vestige.records.inertial import Accelerations
-from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.records.snapshot_block import OBSERVED, E1Block, FrontEndBlock, SnapshotBlock, VelocityIncrements
+from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 
 OSNMA_SUBFRAMES = 20  # in which keys are looked for at first, 10 minutes
@@ -28,9 +36,63 @@ class OtherChannels:
 
         `since` is the time of the snapshot before; None at first.
         """
-        block = block_of(snapshot, since=since, accelerations=self.accelerations)
+        return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
+
+    def joined(self, block: SnapshotBlock, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
+        """Return a block of one epoch with the OSNMA of the second channel beside that of the message."""
+        now = block.time.at(0)
         if self.second_channel is None or not block.svids:
             return block
-        begin = snapshot.time + -SUBFRAME_S * OSNMA_SUBFRAMES if since is None else since
-        osnma = compare_osnma(assistance, self.second_channel, begin, snapshot.time, block.svids)
+        begin = now + -SUBFRAME_S * OSNMA_SUBFRAMES if since is None else since
+        osnma = compare_osnma(assistance, self.second_channel, begin, now, block.svids)
         return replace(block, osnma=osnma)
+
+
+def tracked_block(
+    index: int, epoch: ObservationEpoch, *, time_uncertainty_s: float, increments: VelocityIncrements | None
+) -> SnapshotBlock:
+    """Return what E1 tracking says at an epoch without RECS.
+
+    Parameters
+    ----------
+    index
+        Running number of the block.
+    epoch
+        Observations, correlators and power.
+    time_uncertainty_s
+        Upper limit of the error of the receiver's clock in s.
+    increments
+        Of inertial sensors since the block before; None without any.
+    """
+    svids = tuple(sorted(epoch.observations))
+    rows: dict[str, Any] = {
+        name: np.array([[getattr(epoch.observations[svid], name) for svid in svids]]) for name in OBSERVED
+    }
+    shape = (1, len(svids))
+    block = SnapshotBlock(
+        index=np.array([index]),
+        time=GalileoTimes.of([epoch.time]),
+        received_at=GalileoTimes.of([epoch.time]).reshaped(shape),
+        time_uncertainty_s=np.array([time_uncertainty_s], np.float64),
+        svids=svids,
+        asked=np.ones(shape, np.bool_),
+        recs=np.zeros(1, np.bool_),
+        e1=E1Block(**rows),
+        increments=increments,
+    )
+    return with_correlators(block, epoch)
+
+
+def with_correlators(block: SnapshotBlock, epoch: ObservationEpoch) -> SnapshotBlock:
+    """Return a block of one epoch with the E1 correlators and the power of E1 that tracking has at that time."""
+    if not epoch.tap_chips:
+        return block
+    nothing = np.full(len(epoch.tap_chips), np.nan + 0j)
+    taps = np.array([[epoch.taps.get(svid, nothing) for svid in block.svids]], np.complex128)
+    unknown = np.array([np.nan])
+    power = FrontEndBlock(agc_gain_db=unknown, total_power_db=np.array([epoch.power_db]), saturated=np.zeros(1, bool))
+    return replace(
+        block,
+        e1=replace(block.e1, taps=taps.reshape(1, len(block.svids), -1), tap_chips=epoch.tap_chips),
+        front_end={Band.E1: power} | dict(block.front_end),
+    )

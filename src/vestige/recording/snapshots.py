@@ -8,15 +8,16 @@ a recording may be far larger than memory.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import MAX_SVID, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.recording.observations.e1_observation import observe
 from vestige.recording.observations.observation_file import ObservationTrack
-from vestige.recording.recorded_block import OtherChannels
+from vestige.recording.recorded_block import OtherChannels, tracked_block, with_correlators
 from vestige.recording.recording import Recording
 from vestige.recording.samples.front_end_power import front_end_status
 from vestige.recording.samples.sample_file import SampleReader
@@ -80,11 +81,40 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot of `snapshots`."""
-        since = None
+        """Yield a block for each snapshot of `snapshots`, and between them one a second of what E1 tracking says.
+
+        The second needs `tracked` and `searchable`: the checks of level 1 do not look at E1 between two RECS.
+        """
+        between = deque(self.tracked if self.tracked is not None and self.searchable else ())
+        since, index, last = None, 0, None
         for snapshot in self.snapshots():
-            yield self.channels.block(snapshot, self.assistance, since)
-            since = snapshot.time
+            while between and between[0].time <= snapshot.time:
+                last = between.popleft()
+                if last.time.fraction == 0.0 and last.observations and last.time < snapshot.time:
+                    yield self._tracked_block(index, last, since)
+                    since, index = last.time, index + 1
+            block = self.channels.block(replace(snapshot, index=index), self.assistance, since)
+            yield block if last is None else with_correlators(block, last)
+            since, index = snapshot.time, index + 1
+        for epoch in between:
+            if epoch.time.fraction == 0.0 and epoch.observations:
+                yield self._tracked_block(index, epoch, since)
+                since, index = epoch.time, index + 1
+
+    def _tracked_block(self, index: int, epoch: ObservationEpoch, since: GalileoTime | None) -> SnapshotBlock:
+        accelerations = self.channels.accelerations
+        block = tracked_block(
+            index,
+            epoch,
+            time_uncertainty_s=self._time_uncertainty_s,
+            increments=None if accelerations is None else accelerations.increments(since, epoch.time),
+        )
+        return self.channels.joined(block, self.assistance, since)
+
+    @property
+    def _time_uncertainty_s(self) -> float:
+        stated = self.time_uncertainty_s
+        return self.recording.description.time_uncertainty_s if stated is None else stated
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield one snapshot for each epoch of `epochs`."""
@@ -119,12 +149,11 @@ class RecordingSource:
         time, observations = self._observe(transmit_time, svids, track)
         duration_s = max(segment.n_chips for segment in segments) / E6C.chip_rate_hz
         batch = self._e6(transmit_time, observations, duration_s)
-        uncertainty = self.recording.description.time_uncertainty_s
         return Snapshot(
             index=index,
             time=time,
             received_at=time if batch is None else batch.end,
-            time_uncertainty_s=uncertainty if self.time_uncertainty_s is None else self.time_uncertainty_s,
+            time_uncertainty_s=self._time_uncertainty_s,
             observations=observations,
             recs=svids,
             e6=None if batch is None else CorrelatableSamples(batch, self.recording.e6 if self.searchable else None),

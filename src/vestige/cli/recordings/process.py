@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from vestige.acas_processor.detectors import Detector
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
-    from vestige.navigation.ephemeris import Ephemeris
     from vestige.recording.recorded_block import OtherChannels
     from vestige.recording.recording import Recording
     from vestige.recording.snapshots import RecordingSource
@@ -142,7 +141,6 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
     from vestige.recording.snapshots import RecordingSource, time_span
-    from vestige.recording.tracked.message_navigation import ephemerides_in
 
     recording = open_recording(recording_path, start=options["start"])
     folder = assistance_folder(recording_path, options["assistance_path"])
@@ -169,7 +167,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
         )
-    processor = _processor(options, () if tracked is None else ephemerides_in(tracked.pages))
+    processor = _processor(options, tracked)
     error_s = told_s or 0.0
     if around_s:
         error_s = _label_error_s(recording, found.assistance, around_s, processor)
@@ -189,6 +187,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
         if options["write_bias"]:
             write_hardware_bias(options["write_bias"], bias_s)
+        steps = (step for step in steps if _is_shown(step))
         if options["output"]:
             steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
         if options["as_json"]:
@@ -196,6 +195,11 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
             print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
         else:
             print_table(steps, hardware_bias_s=bias_s)
+
+
+def _is_shown(step: Step) -> bool:
+    """Return whether a step has verdicts of RECS, or something that changed between two of them."""
+    return bool(step.block.measured.snapshots.recs.any()) or any(change.alarm for change in step.changes)
 
 
 def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[Step]:
@@ -265,7 +269,7 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
         return track_recording(recording, workers=options["workers"], progress=report)
 
 
-def _processor(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...] = ()) -> AcasProcessor:
+def _processor(options: dict[str, Any], tracked: TrackedRecording | None = None) -> AcasProcessor:
     from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
@@ -287,7 +291,7 @@ def _processor(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...] = ())
         budget=budget(),
         kappa=options["kappa"],
         min_pd=options["min_pd"],
-        monitoring=_monitoring(options, ephemerides),
+        monitoring=_monitoring(options, tracked),
         cipher_mode=cipher_mode(options),
         group_delay_convention=group_delay_convention(options),
         own_checks=checks,
@@ -303,7 +307,7 @@ def _detector(name: str, spacing: int) -> Detector:
     )
 
 
-def _monitoring(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...]) -> MonitoringSettings:
+def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> MonitoringSettings:
     """Return the settings of levels 2 and 3, with the orbits of a file, or those of the message."""
     from dataclasses import replace
 
@@ -311,15 +315,23 @@ def _monitoring(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...]) -> 
     from vestige.acas_processor.position.fix_measurement import FixSettings
     from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
     from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
+    from vestige.recording.tracked.message_navigation import ephemerides_in
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+    from vestige.signals.pulse import BOC11
 
     navigation, settings = options["navigation"], MonitoringSettings()
+    ephemerides = () if tracked is None else ephemerides_in(tracked.pages)
+    half = settings.power_distortion.hypotheses.half_spacing_chips
+    if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
+        half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
+    hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
         fix=FixSettings(ephemerides=ephemerides if navigation is None else read_rinex_navigation(navigation)),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
+        power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),
         inertial=replace(settings.inertial, sigma_bias_mps2=options["acceleration_bias_mps2"]),
     )
 

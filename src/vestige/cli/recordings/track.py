@@ -25,7 +25,7 @@ def tracking_options(command: Any) -> Any:
         click.option("--fll-bandwidth-hz", type=FiniteRange(0.1, 60), default=10.0, show_default=True),
         click.option("--dll-bandwidth-hz", type=FiniteRange(0.01, 20), default=1.0, show_default=True),
         click.option("--integration-ms", type=click.Choice(["4", "20"]), default="4", show_default=True),
-        click.option("--early-late-chips", type=FiniteRange(0.01, 0.66), default=0.3, show_default=True),
+        click.option("--early-late-chips", type=FiniteRange(0.01, 0.66), default=0.16, show_default=True),
         click.option("--correlators", type=click.Choice(["5", "7", "9", "11"]), default="5", show_default=True),
         click.option("--replica", type=click.Choice(["BOC(1,1)", "CBOC"]), default="BOC(1,1)", show_default=True),
         threads_option("Threads that track E1."),

@@ -41,6 +41,11 @@ class TrackedRecording:
     pages: tuple[InavPage, ...]
     time_tag_error_s: float | None
 
+    @property
+    def tap_chips(self) -> tuple[float, ...]:
+        """Offsets of the correlators from the prompt in chips; () if nothing was tracked."""
+        return self.epochs[-1].tap_chips if self.epochs else ()
+
 
 def track_recording(
     recording: Recording,

@@ -49,7 +49,7 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
     Examples
     --------
     >>> correlator_lags(TrackingSettings(), 12.5e6)
-    [-4, -2, 0, 2, 4]
+    [-2, -1, 0, 1, 2]
     """
     samples_per_chip = sample_rate_hz / E1C.chip_rate_hz
     spacing = max(1, round(settings.early_late_chips / 2 * samples_per_chip))

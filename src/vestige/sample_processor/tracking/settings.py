@@ -48,7 +48,7 @@ class TrackingSettings:
     fll_bandwidth_hz: float = 10.0
     dll_bandwidth_hz: float = 1.0
     integration_periods: int = 1
-    early_late_chips: float = 0.3
+    early_late_chips: float = 0.16
     n_correlators: int = 5
     replica: str = "BOC(1,1)"
     pull_in_s: float = 0.2

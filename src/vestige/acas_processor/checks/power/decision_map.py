@@ -244,8 +244,8 @@ class PowerDistortionMonitor:
         rise_db = evidence.observed[Quantity.E1_POWER_DB] - evidence.references[Quantity.E1_POWER_DB].value
         distortion = np.full(evidence.shape, np.nan)
         if e1.taps is not None:
-            half = self.hypotheses.half_spacing_chips
-            early, late = e1.tap_chips.index(-half), e1.tap_chips.index(half)
+            half, chips = self.hypotheses.half_spacing_chips, np.array(e1.tap_chips)
+            early, late = int(np.argmin(np.abs(chips + half))), int(np.argmin(np.abs(chips - half)))
             distortion = np.abs(e1.taps[..., early] - e1.taps[..., late])
         return PowerAndDistortion(
             map_dbhz=np.round(expected_dbhz / self.cn0_step_db) * self.cn0_step_db,
