@@ -1,0 +1,127 @@
+"""E1 of a sky, tracked from its samples: `vestige track`, and `vestige process` with samples, RECS and a Merkle tree."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from night import invoke
+from vestige.cli.recordings.process import command as process
+from vestige.cli.recordings.simulate import command as simulate
+from vestige.cli.recordings.track import command as track
+from vestige.errors import InputFileError
+from vestige.navigation.inav.ephemeris_words import ephemeris_words
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
+from vestige.recording.observations.observation_file import ObservationTrack, open_observations
+
+NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
+SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7, 8, 13, 14]", "recs.every=10")
+
+
+def _written(command: object, *arguments: object) -> Result:
+    result = invoke(command, *arguments)
+    if result.exception is not None:
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def sky(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """34 s of four satellites: every word of an ephemeris comes in 30 s."""
+    folder = tmp_path_factory.mktemp("tracked") / "sky"
+    settings = [item for one in SETTINGS for item in ("--set", one)]
+    _written(simulate, NIGHT, "-o", folder, "--epochs", "0:34", *settings)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tracked(sky: Path) -> Path:
+    folder = sky.parent / "tracked"
+    result = _written(track, sky, "-o", folder)
+    assert result.stdout.count("dBHz") == 4
+    return folder
+
+
+@pytest.mark.slow
+def test_observations_are_those_that_were_sent(sky: Path, tracked: Path) -> None:
+    """Against the truth, whose noise is known: pseudorange 1 m rms, Doppler 0.5 Hz, phase between epochs 1 cm."""
+    noise = {}
+    with (sky / "truth.csv").open() as stream:
+        for row in csv.DictReader(stream):
+            noise[int(row["svid"]), float(row["gst_second"])] = float(row["e1_noise_m"]), float(row["doppler_e1_hz"])
+    found = ObservationTrack(open_observations(tracked / "observations.rnx"))
+    range_error, doppler_error = [], []
+    for epoch in open_observations(sky / "observations.csv"):
+        ours = found.at(epoch.time)
+        for svid, one in epoch.observations.items():
+            if svid not in ours:
+                continue
+            noise_m, doppler_hz = noise[svid, float(epoch.time.second)]
+            range_error.append(ours[svid].pseudorange_m - (one.pseudorange_m - noise_m))
+            doppler_error.append(ours[svid].doppler_hz - doppler_hz)
+    assert len(range_error) > 4 * 30
+    assert (sum(error**2 for error in range_error) / len(range_error)) ** 0.5 < 1.0
+    assert (sum(error**2 for error in doppler_error) / len(doppler_error)) ** 0.5 < 0.5
+
+
+@pytest.mark.slow
+def test_the_message_is_read(sky: Path, tracked: Path) -> None:
+    """Every page is one that was sent, and every ephemeris has the words of the one that was sent."""
+    sent = {one.svid: one for one in read_rinex_navigation(sky / "rinex" / "navigation.rnx")}
+    found = read_rinex_navigation(tracked / "navigation.rnx")
+    assert {one.svid for one in found} == {7, 8, 13, 14}
+    for one in found:
+        assert ephemeris_words(one) == ephemeris_words(sent[one.svid])
+    pages = {}
+    for name, folder in (("sent", sky), ("found", tracked)):
+        with (folder / "inav_pages.csv").open() as stream:
+            pages[name] = {row["SVID"]: row["NavBitsHEX"] for row in csv.DictReader(stream)}
+    for svid, line in pages["found"].items():
+        assert line in pages["sent"][svid]
+
+
+@pytest.mark.slow
+def test_process_needs_samples_recs_and_keys_only(sky: Path, tmp_path: Path) -> None:
+    """No observation file: every satellite is AUTHENTIC at each RECS that was tracked, with a position by the message.
+
+    A time tag that is 10 s late gives the same verdicts where the bound on the clock says so.
+    """
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    for path in sky.iterdir():
+        if "sigmf" in path.name:
+            (alone / path.name).symlink_to(path)
+    shutil.copytree(sky / "assistance", alone / "assistance")
+    result = json.loads(_written(process, alone, "--json").stdout)
+    assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
+    assert len(result["verdicts"]) == 12
+    last = result["positions"][-1]
+    assert last["latitude_deg"] == pytest.approx(48.1, abs=5e-5)
+    assert last["longitude_deg"] == pytest.approx(11.6, abs=8e-5)
+    late = json.loads(
+        _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 15, "--json").stdout
+    )
+    assert [one["status"] for one in late["verdicts"]] == [one["status"] for one in result["verdicts"]]
+    later = _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 60, "--json")
+    said = json.loads(later.stdout)["verdicts"]
+    assert {one["status"] for one in said} == {"NOT_AVAILABLE"}
+    assert "key" in said[0]["reason"]
+
+
+def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    with pytest.raises(InputFileError, match="something there already"):
+        _written(track, tmp_path, "-o", tmp_path / "there")
+    with pytest.raises(InputFileError, match="no description of samples"):
+        _written(track, tmp_path, "-o", tmp_path / "new")
+
+
+def test_help_names_the_loops() -> None:
+    text = CliRunner().invoke(track, ["--help"]).stdout
+    for option in ("--pll-bandwidth-hz", "--dll-bandwidth-hz", "--integration-ms", "--correlators", "--replica"):
+        assert option in text
