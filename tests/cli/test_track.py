@@ -1,4 +1,4 @@
-"""E1 of a sky, tracked from its samples: `vestige track`, and `vestige process` with samples, RECS and a Merkle tree."""
+"""E1 of a sky, tracked from its samples: `vestige track`, and `process` with samples, RECS and keys alone."""
 
 from __future__ import annotations
 
