@@ -24,7 +24,7 @@ from vestige.recording.recording import open_recording
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
 SETTINGS = (
-    "--epochs", "28:31", "--set", "receiver.sample_rate_hz=3e6", "--set", "constellation.svids=[7, 8]",
+    "--epochs", "28:31", "--set", "receiver.sample_rate_hz=6.2e6", "--set", "constellation.svids=[7, 8]",
     "--export", "saslib",
 )  # fmt: skip
 GST_START = datetime(1999, 8, 22, tzinfo=UTC) - timedelta(seconds=13)  # 13 leap seconds then, 18 today
@@ -72,7 +72,7 @@ def test_the_samples_are_those_of_the_recording_and_the_name_says_when(folder: P
     recording = open_recording(folder)
     reader = recording.e1 if band == "E1" else recording.e6
     assert reader is not None
-    assert samples.size == reader.n_samples == round(2.3 * 3e6)
+    assert samples.size == reader.n_samples == round(2.3 * 6.2e6)
     assert np.array_equal(samples[-1000:], reader.samples(reader.end_sample - 1000, 1000))
     # epoch 28 of a scenario that begins at 22:00:00 GST, which is 18 s ahead of UTC
     assert begin(path) == datetime(2026, 11, 22, 22, 0, 28, tzinfo=UTC) - timedelta(seconds=18)
@@ -101,7 +101,7 @@ def test_the_key_of_a_recs_is_found_by_its_subframe(folder: Path) -> None:
 
 def test_the_readme_says_rate_and_satellites(folder: Path) -> None:
     text = (folder / "saslib" / "README.txt").read_text()
-    assert "sc16 samples at 3000000 Hz" in text
+    assert "sc16 samples at 6200000 Hz" in text
     assert "the first sample is 0.000000 s after the second in the name" in text
     assert "7,8" in text
 

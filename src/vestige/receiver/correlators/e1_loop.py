@@ -20,7 +20,11 @@ never captures a loop in lock.
 strongest signal. A counterfeit that is switched off so leaves the receiver to the true signal.
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
-dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone.
+dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
+(`sample_processor.tracking`) agree on who captures the code as long as the counterfeit has the carrier frequency of the
+true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not capture
+them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz). There the
+model errs to the attacker's advantage.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from vestige.recording.samples.sample_file import SampleReader
 from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.tracking.settings import TrackingSettings
-from vestige.sample_processor.tracking.tracking_receiver import STRETCH_S, TrackingReceiver
+from vestige.sample_processor.tracking.tracking_receiver import TRACKED_STRETCH_S, TrackingReceiver
 
 MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each RECS: loops would hardly have settled
 
@@ -80,11 +80,11 @@ def track_recording(
     receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
     epochs: list[ObservationEpoch] = []
     pages: list[InavPage] = []
-    for done, stretch in enumerate(receiver.run(stretches(reader)), start=1):
+    for done, stretch in enumerate(receiver.run(tracked_batches(reader)), start=1):
         epochs += stretch.epochs
         pages += stretch.pages
         if progress is not None:
-            progress("tracking E1", done, -(-reader.n_samples // round(STRETCH_S * reader.file.sample_rate_hz)))
+            progress("tracking E1", done, -(-reader.n_samples // round(TRACKED_STRETCH_S * reader.file.sample_rate_hz)))
     told = receiver.time_tag_error_s if receiver.time_is_told else None
     return TrackedRecording(
         epochs=tuple(epochs if told is None else (placed(epoch, told) for epoch in epochs)),
@@ -93,9 +93,9 @@ def track_recording(
     )
 
 
-def stretches(reader: SampleReader) -> Iterator[SampleBatch]:
+def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
     """Yield all samples in the pieces that the tracking receiver works on."""
-    return reader.blocks(round(STRETCH_S * reader.file.sample_rate_hz))
+    return reader.blocks(round(TRACKED_STRETCH_S * reader.file.sample_rate_hz))
 
 
 def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:

@@ -12,11 +12,11 @@ from vestige.errors import VestigeError
 from vestige.records import SampleBatch
 from vestige.sample_processor.e1_snapshot import E1Snapshot
 from vestige.sample_processor.tracking.channel_kernel import (
+    CHANNEL_STATE,
     CODE_LENGTH,
     CONSTANTS,
     LOST,
     PERIOD,
-    STATE,
     track_periods,
 )
 from vestige.sample_processor.tracking.loop_gains import loop_gains
@@ -182,7 +182,7 @@ class Channel:
         phase = found.transmit_phase_s * E1C.chip_rate_hz - elapsed * rate  # of the first sample
         period = int(np.ceil(phase / CODE_LENGTH))
         skipped = int(np.ceil((period * CODE_LENGTH - phase) / rate))
-        state = np.zeros(1, STATE)
+        state = np.zeros(1, CHANNEL_STATE)
         for name, value in {
             "first_sample": batch.first_sample + skipped,
             "code_phase": max(phase + skipped * rate - period * CODE_LENGTH, 0.0),

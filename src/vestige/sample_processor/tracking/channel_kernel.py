@@ -8,7 +8,7 @@ integration the discriminators tell the errors, with the early (E), prompt (P) a
 
     carrier phase     arg P / 2π                     four quadrants: the pilot has no data
     carrier frequency arg(P_k P*_{k−1}) / (2π T)     while the carrier is pulled in
-    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ-KOLODZIEJSKI]; A is the smoothed amplitude of P
+    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P
 
 with R the correlation of the received pulse with the replica at half the distance d from early to late. The gains are
 those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
@@ -38,7 +38,7 @@ _IN_PHASE_SHARE = 0.2  # of a new prompt in the smoothed in-phase part: 20 ms
 _LOCK_SHARE = 0.3  # and in the smoothed phase lock: 0.3 s
 
 # What a channel carries from period to period.
-STATE = np.dtype(
+CHANNEL_STATE = np.dtype(
     [
         ("first_sample", "i8"),  # of the next code period
         ("code_phase", "f8"),  # of that sample, in chips
@@ -131,7 +131,7 @@ def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, cons
     lags
         int64[k], the places of the correlators in samples.
     constants, state
-        Arrays of one `CONSTANTS` and one `STATE`; the state is carried on.
+        Arrays of one `CONSTANTS` and one `CHANNEL_STATE`; the state is carried on.
     total
         complex128[k], the bank of the integration that is under way; carried on.
     periods, banks

@@ -14,8 +14,8 @@ The oscillator's phase, as the correlator sees it, is the one at the middle of a
 and the one-sided noise bandwidth is B = Σ h_j² / (2T): then σ_φ² = 2 B T σ_n² holds exactly.
 
 The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for
-order 3 [KAPLAN, Table 8.23]. The textbook has B as a function of ω for T → 0; here ω is chosen so that the digital loop
-with its delay has the B that was asked for.
+order 3 [KAPLAN06, Table 5.6]. The textbook has B as a function of ω for T → 0; here ω is chosen so that the digital
+loop with its delay has the B that was asked for.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scipy import optimize
 
 from vestige.errors import VestigeError
 
-_SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN, Table 8.23]
+_SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN06, Table 5.6]
 _LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # x beyond which the loop rings so much that nobody wants it
 
 

@@ -36,7 +36,7 @@ from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
 EPOCHS_PER_S = 10
-STRETCH_S = (
+TRACKED_STRETCH_S = (
     0.2  # of samples between two looks at the loops; a batch of it stays small enough for its memory to be used again
 )
 _SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: more than two code periods
@@ -90,7 +90,7 @@ class TrackingReceiver:
     _seen: set[int] = field(default_factory=set)  # satellites in the epoch before
 
     def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
-        """Yield what each stretch of samples gives, `STRETCH_S` long; the last one is shorter.
+        """Yield what each stretch of samples gives, `TRACKED_STRETCH_S` long; the last one is shorter.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class TrackingReceiver:
             Samples of E1 that follow one another without a gap, in pieces of any length.
         """
         with ThreadPoolExecutor(self.workers) as pool:
-            for piece in recut(batches, STRETCH_S):
+            for piece in recut(batches, TRACKED_STRETCH_S):
                 self._origin = self._origin or (piece.first_sample, piece.start)
                 first, start = self._origin
                 # the same bits however the samples were cut
