@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -15,6 +17,7 @@ from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.recordings.track import command as track
 from vestige.errors import InputFileError
+from vestige.navigation.earth import ecef_from_geodetic
 from vestige.navigation.inav.ephemeris_words import ephemeris_words
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import ObservationTrack, open_observations
@@ -83,6 +86,22 @@ def test_the_message_is_read(sky: Path, tracked: Path) -> None:
             pages[name] = {row["SVID"]: row["NavBitsHEX"] for row in csv.DictReader(stream)}
     for svid, line in pages["found"].items():
         assert line in pages["sent"][svid]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("rnx2rtkp") is None, reason="RTKLIB is not installed (Debian: apt-get install rtklib)")
+def test_rtklib_finds_the_receiver(tracked: Path) -> None:
+    """Its fix of our observations and orbits is within three of the standard deviations that it states itself."""
+    run = subprocess.run(
+        ["rnx2rtkp", "-p", "0", "-sys", "E", "-e", "observations.rnx", "navigation.rnx"],  # noqa: S607
+        cwd=tracked, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    rows = np.array([line.split()[2:10] for line in run.stdout.splitlines() if line[:1] != "%"], float)
+    place = ecef_from_geodetic(np.radians([48.1]), np.radians([11.6]), np.array([500.0]))[0]
+    assert rows.shape[0] > 20
+    assert np.all(np.abs(rows[:, :3] - place) < 3 * rows[:, 5:8])
+    # what it states is that of a real sky without corrections; ours has none
+    assert np.all(np.abs(np.mean(rows[:, :3] - place, axis=0)) < 2.0)
 
 
 @pytest.mark.slow
