@@ -2,8 +2,9 @@
 
 A short recording of `scenarios/night.toml` is made, E1 alone, int8. `vestige` tracks it on one thread, reading and
 decoding of the file included, but for the first stretch, which searches for all satellites. The straightforward version
-is one code period written out: an `np.exp`, a floor and a look-up for each correlator. gnss-sdr, if it is installed, has
-the same file and is told the satellites; its time is CPU time, too, start and acquisition included, so the ratio to it is for the whole file.
+is one code period written out: an `np.exp`, a floor and a look-up for each correlator. gnss-sdr, if it is installed,
+has the same file and is told the satellites; its CPU time includes start and acquisition, so the ratio to it is for the
+whole file.
 
     python benchmarks/tracking.py [--seconds 30] [--json FILE]
 
