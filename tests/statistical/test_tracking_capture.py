@@ -85,11 +85,10 @@ def _model(spoofer: Spoofer) -> E1Tracking:
     return E1Loop(spoofer, SVID, interval_s=1.0, cn0_dbhz=CN0_DBHZ).advance(0, SECONDS)
 
 
-@pytest.mark.parametrize("phase", [Locked(phase_rad=0.0), Locked(phase_rad=np.pi / 2)])
-@pytest.mark.parametrize("power_db", [-3.0, 3.0])
-def test_who_captures_the_loop(power_db: float, phase: Phase) -> None:
+@pytest.mark.parametrize(("power_db", "phase_rad"), [(-3.0, 0.0), (3.0, 0.0), (3.0, np.pi / 2)])
+def test_who_captures_the_loop(power_db: float, phase_rad: float) -> None:
     """More power than the true signal takes the loop along, less does not, in the model and on samples."""
-    spoofer = _attack(power_db, phase)
+    spoofer = _attack(power_db, Locked(phase_rad=phase_rad))
     model, periods = _model(spoofer), _tracked(spoofer, seed=3)
     assert abs(model.error_m[-1] - (700.0 if power_db > 0 else 0.0)) < 0.1
     last = _range_error_m(periods[-500:])

@@ -74,17 +74,18 @@ def _track(
 
 
 def _code_error_m(periods: np.ndarray) -> np.ndarray:
-    sent = CODE_AT_0 + periods["first_sample"] * 1.023e6 / RATE_HZ
-    followed = (periods["number"] + 1) * 4092 + periods["code_phase"]
+    """Return the code error at the middle of each period, which is what the correlators see."""
+    sent = CODE_AT_0 + (periods["first_sample"] + PERIOD_SAMPLES / 2) * 1.023e6 / RATE_HZ
+    followed = (periods["number"] + 1) * 4092 + periods["code_phase"] + periods["code_rate"] * PERIOD_SAMPLES / 2
     return ((followed - sent + 2046) % 4092 - 2046) * CHIP_M
 
 
 def _phase_error_rad(periods: np.ndarray) -> np.ndarray:
-    return (2 * np.pi * periods["carrier_cycles"] - PHASE + np.pi) % (2 * np.pi) - np.pi
+    cycles = periods["carrier_cycles"] + periods["carrier_step"] * PERIOD_SAMPLES / 2
+    return (2 * np.pi * cycles - PHASE + np.pi) % (2 * np.pi) - np.pi
 
 
-@pytest.mark.parametrize("cn0_dbhz", [32.0, 38.0, 45.0])
-@pytest.mark.parametrize("integration_periods", [1, 5])
+@pytest.mark.parametrize(("cn0_dbhz", "integration_periods"), [(32.0, 1), (38.0, 1), (45.0, 1), (32.0, 5)])
 def test_thermal_noise_of_both_loops(cn0_dbhz: float, integration_periods: int) -> None:
     """60 s at 4 Hz hold 480 independent code errors, at 15 Hz 1800 phase errors: 3.3 % and 1.7 % of the σ, one sigma.
 
@@ -107,31 +108,32 @@ def test_thermal_noise_of_both_loops(cn0_dbhz: float, integration_periods: int) 
     assert abs(np.mean(error_m)) < 4 * expected_m / np.sqrt(480)
     phase = _phase_error_rad(settled)
     assert np.std(phase) == pytest.approx(np.sqrt(15.0 / 10 ** (cn0_dbhz / 10)), rel=0.1)
-    # 0.4 dB is lost to noise of the loops and the E1-B of the same satellite; an estimate of 1 s scatters by 0.6 dB
-    assert np.median(settled["cn0_dbhz"]) == pytest.approx(cn0_dbhz - 0.3, abs=0.3)
+    # noise of the code loop takes 0.4 dB at 32 dBHz, what E1-B leaves in the pilot's correlator 0.8 dB at 45 dBHz
+    assert np.median(settled["cn0_dbhz"]) == pytest.approx(cn0_dbhz - 0.5, abs=0.5)
 
 
 def test_symbol_errors_are_those_of_bpsk() -> None:
-    """At 27 dBHz the symbol error rate is Q(√(2 C/N0 T)) = 2.3 %, a little more with the pilot's phase noise.
+    """At 28 dBHz the symbol error rate is Q(√(2 C/N0 T)) = 1.2 %, more with the noise of the pilot's loops.
 
-    Of 25,000 symbols 580 are wrong, give or take 24; ten degrees of phase noise add 3 %: four sigma is 17 %.
+    Of 20,000 symbols 240 are wrong, give or take 16. The phase noise of 0.16 rad takes 2.6 % of the amplitude and the
+    code noise of 8 m 6 %: 0.8 dB in all, with which theory says 2.0 %.
     """
-    periods, symbols = _track(27.0, 100.0, TrackingSettings(pll_bandwidth_hz=8.0), seed=3)
+    periods, symbols = _track(28.0, 80.0, TrackingSettings(integration_periods=5, pll_bandwidth_hz=10.0), seed=3)
     settled = periods[250:]
     sent = symbols[settled["number"] + 1]
     wrong = np.mean(np.sign(settled["data"].real) != sent)
-    expected = float(stats.norm.sf(np.sqrt(2 * 10**2.7 * 0.004)))
-    assert wrong == pytest.approx(1.03 * expected, rel=0.17)
+    best, worst = (float(stats.norm.sf(np.sqrt(2 * 10 ** (cn0 / 10) * 0.004))) for cn0 in (28.0, 27.2))
+    assert 0.8 * best < wrong < 1.2 * worst
 
 
-def test_a_fading_signal_is_followed_down_to_26_and_lost_below_21_dbhz() -> None:
-    """What docs/tracking.md states: no slip in 20 s at 26 dBHz; lost within 3 s at 18 dBHz."""
+def test_a_weak_signal_is_followed_at_26_and_lost_at_18_dbhz() -> None:
+    """What docs/recorder_to_verdict.md states: no slip in 20 s at 26 dBHz; given up within 5 s at 18 dBHz."""
     steady, _ = _track(26.0, 20.0, TrackingSettings(), seed=7)
     assert steady["number"].size >= 4990
     assert np.abs(_phase_error_rad(steady[250:])).max() < np.pi
     fading = np.repeat([40.0, 18.0], [500, 1500])
     lost, _ = _track(fading, 8.0, TrackingSettings(), seed=8)
-    assert 500 < lost["number"].size < 500 + 750
+    assert 500 < lost["number"].size < 500 + 1250
 
 
 @pytest.mark.parametrize("doppler_error_hz", [-40.0, 40.0])

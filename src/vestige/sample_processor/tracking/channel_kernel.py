@@ -6,7 +6,7 @@ The code oscillator cuts the samples into code periods: period k begins with the
 negative. Each period gives the bank P_j of E1-C, with the secondary chip taken off, and the prompt of E1-B. After every
 integration the discriminators tell the errors, with the early (E), prompt (P) and late (L) correlator:
 
-    carrier phase     arg P / 2π                     four quadrants: the pilot has no data
+    carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle
     carrier frequency arg(P_k P*_{k−1}) / (2π T)     while the carrier is pulled in
     code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P
 
@@ -187,12 +187,12 @@ def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, cons
 def _update(c, s, total):
     """Close the loops with the bank of one integration."""
     early, prompt, late = total[c.early], total[c.prompt], total[c.late]
-    angle = np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
     t = c.interval_s
     # the in-phase part has no noise in its mean; it is no measure while the phase is not locked
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
     s.amplitude = size if s.amplitude == 0.0 else s.amplitude + t / _AMPLITUDE_TIME_S * (size - s.amplitude)
     rate_hz = 0.0
+    angle = _phase_error(prompt, s.amplitude)
     if s.mode == PULL_IN:
         if s.pulled_in > 0:
             cross = prompt.imag * s.last_re - prompt.real * s.last_im
@@ -203,7 +203,8 @@ def _update(c, s, total):
         if s.pulled_in == c.pull_in:
             s.mode = TRACKING
             s.in_phase = s.amplitude / c.periods
-            s.carrier_cycles += angle  # the PLL starts without a phase error
+            # the PLL starts without a phase error
+            s.carrier_cycles += np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
             # what was measured while the carrier still turned does not count
             s.noise, s.signal, s.mean_lock = 0.0, 0.0, 0.0
             s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
@@ -222,6 +223,17 @@ def _update(c, s, total):
     s.code_drift -= c.dll[1] * error / t
     drift = s.code_drift - c.dll[0] * error / t
     s.code_rate = (c.chip_rate_hz * (1.0 + s.doppler_hz / c.carrier_hz) + drift) / c.sample_rate_hz
+
+
+@njit(cache=True, nogil=True)
+def _phase_error(prompt, amplitude):
+    """Return the phase error in cycles: linear in the noise, where an arctangent makes more of it in weak signals."""
+    size = max(amplitude, 0.5 * np.hypot(prompt.real, prompt.imag))
+    if size <= 0.0:
+        return 0.0
+    if prompt.real < 0.0:  # beyond a quarter of a cycle
+        return 0.25 if prompt.imag > 0.0 else -0.25
+    return min(max(prompt.imag / size / (2 * np.pi), -0.25), 0.25)
 
 
 @njit(cache=True, nogil=True)
