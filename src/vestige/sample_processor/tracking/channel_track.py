@@ -95,6 +95,17 @@ class ChannelTrack:
         """Number of the last sample for which there are observables."""
         return float(self.channel.first_sample) - DOPPLER_SPAN_S / 2 * self._rate_hz
 
+    def newest(self) -> tuple[int, float] | None:
+        """Return the first sample of the newest code period and its time of transmission, locked or not.
+
+        The time is in s after that of the channel's code period 0; None if nothing was tracked yet.
+        """
+        if not self._past.size:
+            return None
+        period = self._past[-1]
+        sent_s = period["number"] * E1_CODE_PERIOD_S + period["code_phase"] / E1C.chip_rate_hz
+        return int(period["first_sample"]), float(sent_s)
+
     def learn_time(self, page: ReceivedPage, week: int) -> GalileoTime | None:
         """Return the time of transmission of a page if its word tells it, and remember it.
 

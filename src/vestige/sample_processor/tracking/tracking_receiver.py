@@ -179,11 +179,10 @@ class TrackingReceiver:
         """Learn by how much the time tag is late from the satellites whose message has told the time."""
         errors_s = []
         for track in self._alive():
-            at = track.reach
-            transmit_s = float(track.observables(np.array([at])).transmit_s[0])
-            if track.zero is not None and math.isfinite(transmit_s):
-                received = whole.start + (at - whole.first_sample) / whole.sample_rate_hz
-                errors_s.append(received - (track.zero + transmit_s) - MEDIAN_TRAVEL_TIME_S)
+            newest = track.newest()
+            if track.zero is not None and newest is not None:
+                received = whole.start + (newest[0] - whole.first_sample) / whole.sample_rate_hz
+                errors_s.append(received - (track.zero + newest[1]) - MEDIAN_TRAVEL_TIME_S)
         if errors_s:
             self.time_tag_error_s, self.time_is_told = statistics.median(errors_s), True
 
@@ -191,12 +190,11 @@ class TrackingReceiver:
         """Return the time of transmission of a channel's code period 0: told by its message, or placed by the clock."""
         if track.zero is not None:
             return track.zero
-        at = track.reach
-        seen = track.observables(np.array([at]))
-        if not np.isfinite(seen.transmit_s[0]):
+        newest = track.newest()
+        if newest is None:
             return None
-        received = whole.start + ((at - whole.first_sample) / whole.sample_rate_hz - self.time_tag_error_s)
-        near = received + (-MEDIAN_TRAVEL_TIME_S - float(seen.transmit_s[0]))
+        received = whole.start + ((newest[0] - whole.first_sample) / whole.sample_rate_hz - self.time_tag_error_s)
+        near = received + (-MEDIAN_TRAVEL_TIME_S - newest[1])
         return GalileoTime.normalized(near.week, near.second, round(near.fraction / SECONDARY_PERIOD_S) / 10)
 
     def _epochs(self, whole: SampleBatch, power: float) -> list[ObservationEpoch]:
