@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.navigation.ephemeris import Ephemeris
+    from vestige.recording.assistance.folder import Message
     from vestige.recording.recorded_block import OtherChannels
     from vestige.recording.recording import Recording
     from vestige.recording.snapshots import RecordingSource
@@ -110,6 +111,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
 @click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
 @click.option("--real-time", is_flag=True, help="Standard input cannot wait: drop samples when the buffer is full.")
+@click.option("--nmea", type=_path, help="Follow: positions as NMEA 0183, into a file, or - for standard output.")
 @click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
 @click.option(
     "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: a number of a sample."
@@ -159,7 +161,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         certificates=options["certificates"],
         window=time_span(recording, told_s or 0.0, uncertainty_s=around_s),
         strict=options["strict"],
-        message=None if tracked is None else (recording.description.path, tracked.pages),
+        message=_message(recording, tracked),
     )
     for line in (*recording.notes, *found.problems, *found.missing, *found.warnings):
         echo(f"warning: {line}", err=True)
@@ -263,6 +265,18 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
         return None
     with progress() as report:
         return track_recording(recording, workers=options["workers"], progress=report)
+
+
+def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:
+    """Return the message that tracking decoded; None if there is none."""
+    from functools import partial
+
+    from vestige.recording.assistance.assistance_files import contents_of_pages
+
+    if tracked is None or not tracked.pages:
+        return None
+    path = recording.description.path
+    return path, partial(contents_of_pages, path, tracked.pages)
 
 
 def _processor(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...] = ()) -> AcasProcessor:
