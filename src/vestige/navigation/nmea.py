@@ -1,8 +1,8 @@
 """Positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC [NMEA 0183].
 
 A sentence has no field that says that a position is authentic. So the fields of validity say it: only an authentic
-position is a fix (GGA quality 1, RMC status A). Without one the fields of the position are empty: a program that looks at
-no status finds nothing to use.
+position is a fix (GGA quality 1, RMC status A). Without one the fields of the position are empty: a program that looks
+at no status finds nothing to use.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from vestige.output import check_output
 from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.processor import AcasProcessor, Step
+    from vestige.acas_processor.processor import AcasProcessor
     from vestige.cli.recordings.nmea_log import NmeaLog
     from vestige.cli.recordings.verdicts import Tally
     from vestige.recording.live.follow_journal import FollowJournal
@@ -115,7 +115,7 @@ def _run(
                 _say_what_is_missing(following, warn)
                 if options["navigation"] and (why := processor.monitoring.fix.why_no_fix(epoch.sent)):
                     warn(f"{options['navigation']}: {why}")
-            processor = _with_orbits(processor, following, options)
+            processor, verified = _with_orbits(processor, following, options)
             since = None if state is None else state.last
             block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)
             step = processor.step(state, block, epoch.assistance)
@@ -133,8 +133,7 @@ def _run(
             else:
                 print_snapshot(step)
                 print_changes(step)
-            vouched = options["navigation"] is not None or _vouched(step, processor, following)
-            log.write(step, epoch.snapshot.time + -epoch.time_tag_error_s, orbits_are_authentic=vouched)
+            log.write(step, epoch.snapshot.time + -epoch.time_tag_error_s, verified=verified)
             tally.add(step)
     except KeyboardInterrupt as stop:
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
@@ -151,25 +150,21 @@ def _run(
     _check_nothing_dropped(following.live.n_dropped, tally)
 
 
-def _with_orbits(processor: AcasProcessor, following: Following, options: dict[str, Any]) -> AcasProcessor:
-    """Return the processor with the orbits that the message has told by now, unless a file tells them."""
+def _with_orbits(
+    processor: AcasProcessor, following: Following, options: dict[str, Any]
+) -> tuple[AcasProcessor, frozenset[int] | None]:
+    """Return the processor with the orbits that are known by now, and the satellites whose orbits are authentic.
+
+    The user vouches for a file of orbits (None: all satellites), OSNMA for those of the message.
+    """
     tracking, monitoring = following.live.tracking, processor.monitoring
     if tracking is None or options["navigation"] is not None:
-        return processor
-    orbits = tracking.message.ephemerides
+        return processor, None
+    orbits, verified = tracking.message.ephemerides()
     if orbits == monitoring.fix.ephemerides:
-        return processor
-    return replace(processor, monitoring=replace(monitoring, fix=replace(monitoring.fix, ephemerides=orbits)))
-
-
-def _vouched(step: Step, processor: AcasProcessor, following: Following) -> bool:
-    """Return whether OSNMA has verified all orbits in the message of the satellites that a position rests on."""
-    tracking = following.live.tracking
-    if tracking is None:
-        return False
-    used = {svid for position in step.positions for svid in position.svids}
-    orbits = [one for one in processor.monitoring.fix.ephemerides if one.svid in used]
-    return all(tracking.message.is_authenticated(one) for one in orbits)
+        return processor, verified
+    monitoring = replace(monitoring, fix=replace(monitoring.fix, ephemerides=orbits))
+    return replace(processor, monitoring=monitoring), verified
 
 
 def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:

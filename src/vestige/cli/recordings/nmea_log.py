@@ -21,15 +21,12 @@ NMEA_STDOUT = Path("-")
 
 
 class NmeaLog:
-    """Writes two sentences for each snapshot at once.
-
-    A position counts as a fix if it is authentic, and the caller knows that the orbits are.
-    """
+    """Writes two sentences for each snapshot at once."""
 
     def __init__(self, stream: TextIO | None, path: Path) -> None:
         self._stream, self._path = stream, path
 
-    def write(self, step: Step, time: GalileoTime, *, orbits_are_authentic: bool) -> None:
+    def write(self, step: Step, time: GalileoTime, *, verified: frozenset[int] | None) -> None:
         """Write what a snapshot says.
 
         Parameters
@@ -38,14 +35,13 @@ class NmeaLog:
             The processor's answer to the snapshot.
         time
             Of the snapshot in Galileo System Time.
-        orbits_are_authentic
-            Whether OSNMA tags, or the user, vouch for the orbits of all satellites that a position rests on.
+        verified
+            Satellites whose orbits are authentic; None for all. A position that rests on others is no fix.
         """
         if self._stream is None:
             return
-        found = step.positions[-1] if step.positions and orbits_are_authentic else None
-        fix = None
-        if found is not None:
+        found, fix = next(iter(step.positions), None), None
+        if found is not None and (verified is None or verified.issuperset(found.svids)):
             fix = NmeaFix(
                 latitude_deg=found.latitude_deg,
                 longitude_deg=found.longitude_deg,

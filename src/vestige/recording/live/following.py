@@ -13,8 +13,8 @@ for its key holds up those after it, whose keys come later anyway. A key that ne
 `wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
 
 Where E1 is tracked in the samples, the observations, the keys and the time of the recording come out of them as well.
-An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples is
-missing, however fast a file is read.
+An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples
+is missing, however fast a file is read.
 
 Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
 which samples are there and which may go is answered as of that same look.
@@ -108,9 +108,7 @@ class Following:
     def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
         """Take in what is new; return whether anything is."""
         changed = self.live.look()
-        begin = self.live.start + -TRAVEL_TIME_S[1]
-        since = begin if self.after is None else self.after
-        changed |= self.folder.look(since, max(self.live.end, begin), at_once=at_once)
+        changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
             changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
         if self.accelerations is not None:
@@ -123,6 +121,11 @@ class Following:
                 complete_since.setdefault(one, time.monotonic())
         self.live.keep(to_come, self._known_until)
         return changed
+
+    def _look_at_folder(self, *, at_once: bool) -> bool:
+        begin = self.live.start + -TRAVEL_TIME_S[1]
+        since = begin if self.after is None else self.after
+        return self.folder.look(since, max(self.live.end, begin), at_once=at_once)
 
     @property
     def _known_until(self) -> GalileoTime:
@@ -145,8 +148,10 @@ class Following:
             return None
         if not finished:
             overdue = time.monotonic() - complete_since.get(sent, math.inf) >= self.patience.wait_s
-            if not (overdue or self._is_passed(sent) or self._is_ready(sent)):
-                return None
+            if not self._is_ready(sent):
+                if not (overdue or self._is_passed(sent)):
+                    return None
+                self._look_at_folder(at_once=True)  # what is about to be missing may have come
             if overdue and not self.live.complete(sent):
                 self.live.say_stalled(sent)
         return self._handed_out(sent)

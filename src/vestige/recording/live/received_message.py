@@ -42,7 +42,6 @@ class ReceivedMessage:
         self._receiver: OsnmaReceiver | None = None
         self._n_subframes = 0  # of receivers before, with another trust anchor
         self._begun = False
-        self.ephemerides: tuple[Ephemeris, ...] = ()
 
     @property
     def version(self) -> int:
@@ -59,7 +58,6 @@ class ReceivedMessage:
                 self._receiver.process(page)
         if new:
             self._begun = True
-            self.ephemerides = self._collector.ephemerides
             self._forget()
 
     def finish(self) -> None:
@@ -90,14 +88,16 @@ class ReceivedMessage:
             received=receiver.received(),
         )
 
-    def is_authenticated(self, ephemeris: Ephemeris) -> bool:
-        """Return whether OSNMA tags have verified the navigation data of an ephemeris."""
+    def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
+        """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them.
+
+        Of such a satellite an issue that is not verified yet is left out.
+        """
         proven = () if self._receiver is None else self._receiver.navigation()
-        return any(
-            (one.svid, one.adkd, one.iod_nav) == (ephemeris.svid, ADKD_EPHEMERIS, ephemeris.iod_nav)
-            and one.authenticated
-            for one in proven
-        )
+        verified = {(one.svid, one.iod_nav) for one in proven if one.authenticated and one.adkd == ADKD_EPHEMERIS}
+        found = self._collector.ephemerides
+        svids = frozenset(one.svid for one in found if (one.svid, one.iod_nav) in verified)
+        return tuple(one for one in found if one.svid not in svids or (one.svid, one.iod_nav) in verified), svids
 
     def _receiver_for(self, trust: FileTrust) -> OsnmaReceiver:
         """Return the receiver of a trust anchor; a new one is given the pages that are kept."""
