@@ -133,8 +133,8 @@ def test_memory_is_constant(
     orbits, verified = messages[-1].ephemerides()
     assert verified == set(case.message.pages)  # type: ignore[union-attr]
     assert {one.svid for one in orbits} == verified
-    # How many observations wait for keys depends on the speed of the machine, up to 180 s of them: 4 MB. Those of the 23
-    # minutes between the two would be 25 MB.
+    # How many observations wait for keys depends on the speed of the machine, up to 180 s of them: 4 MB. Those of the
+    # 23 minutes between the two would be 25 MB.
     assert peaks[LATE[1]] < peaks[EARLY[1]] + 8_000_000
     lines = (tmp_path / "kept" / LINES).read_text().splitlines()
     without_key = {json.loads(line)["snapshot"] for line in lines if "no validated OSNMA key" in line}

@@ -108,6 +108,7 @@ class Following:
     def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
         """Take in what is new; return whether anything is."""
         changed = self.live.look()
+        self.live.say_held_up(self.patience.wait_s)
         changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
             changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
@@ -152,8 +153,6 @@ class Following:
                 if not (overdue or self._is_passed(sent)):
                     return None
                 self._look_at_folder(at_once=True)  # what is about to be missing may have come
-            if overdue and not self.live.complete(sent):
-                self.live.say_stalled(sent)
         return self._handed_out(sent)
 
     def _is_passed(self, sent: GalileoTime) -> bool:

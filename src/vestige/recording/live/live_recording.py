@@ -97,6 +97,7 @@ class LiveRecording:
         self._read: dict[Band, StreamState] = {}
         self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
+        self._told_held_up: set[Band] = set()
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(
@@ -236,15 +237,17 @@ class LiveRecording:
         late = max(ends.values()) - sent >= self._span_s[1] and not self.is_behind
         return late and len(ends) > 1
 
-    def say_stalled(self, sent: GalileoTime) -> None:
-        """Warn of the band of which the samples of a RECS did not come."""
-        for band, end in self._ends.items():
-            if end - sent < self._span_s[1]:
-                raw = end + self.time_tag_error_s
+    def say_held_up(self, least_s: float) -> None:
+        """Warn once of a band of which the samples end so much earlier than those of the other."""
+        ends = self._ends
+        for band, end in ends.items():
+            behind_s = max(ends.values()) - end
+            if behind_s >= least_s and band not in self._told_held_up:
+                self._told_held_up.add(band)
                 self._warn(
                     VestigeError(
-                        f"{self.description.bands[band].path}: {band.name} samples end at {raw}, those of the other "
-                        "band go on; RECS after it have no verdict but NOT_AVAILABLE"
+                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind those of "
+                        "the other band; a RECS without both has no verdict, or NOT_AVAILABLE"
                     )
                 )
 
