@@ -124,7 +124,7 @@ def command(recording_path: Path, **options: Any) -> None:
 
     RECORDING is a folder with a `recording.toml` or SigMF files. For each RECS: is the encrypted signal in E6 where E1
     says it must be, and was it received before anybody could know the key? With --follow it may still grow, or be `-`:
-    E6 samples on standard input.
+    E6 samples on standard input. Where there are no observations E1 is tracked in its samples.
     """
     check_usage(recording_path, options)
     if options["follow"]:

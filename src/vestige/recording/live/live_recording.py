@@ -246,8 +246,8 @@ class LiveRecording:
                 self._told_held_up.add(band)
                 self._warn(
                     VestigeError(
-                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind those of "
-                        "the other band; a RECS without both has no verdict, or NOT_AVAILABLE"
+                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind those "
+                        "of the other band; a RECS without both has no verdict, or NOT_AVAILABLE"
                     )
                 )
 
