@@ -1,4 +1,4 @@
-"""Positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC [NMEA 0183].
+"""Positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
 
 A sentence has no field that says that a position is authentic. So the fields of validity say it: only an authentic
 position is a fix (GGA quality 1, RMC status A). Without one the fields of the position are empty: a program that looks
@@ -53,7 +53,7 @@ def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
     >>> from datetime import UTC
     >>> for line in sentences(datetime(2026, 11, 22, 21, 59, 42, tzinfo=UTC), None):
     ...     print(line)
-    $GAGGA,215942.00,,,,,0,00,,,M,,M,,*75
+    $GAGGA,215942.00,,,,,0,00,,,M,,M,,*50
     $GARMC,215942.00,V,,,,,,,221126,,,N,V*1B
     """
     tenths = round(utc.microsecond / 1e4)

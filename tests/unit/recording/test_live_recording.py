@@ -121,7 +121,7 @@ def _following(
     live = LiveRecording(
         RecordingDescription(path=path, bands={Band.E6: _file(path)}),
         observations=observations or companions / "observations.csv",
-        stream=None if pipe is None else pipe.stream,
+        streams={} if pipe is None else {Band.E6: pipe.stream},
         warn=lambda error: told.append(str(error)),
     )
     folder = GrowingAssistance(assistance or companions / "assistance", warn=lambda error: told.append(str(error)))
