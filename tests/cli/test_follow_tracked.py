@@ -209,8 +209,8 @@ def test_two_named_pipes(night: Path, verdicts: list[dict], tmp_path: Path) -> N
     writers = [threading.Thread(target=write, args=(band,)) for band in BANDS]
     for one in writers:
         one.start()
-    # tracking needs 30 s until it knows the time, so much is kept of both bands
-    result = invoke(process, tmp_path, *FAST, "--assistance", night / "assistance", "--buffer-mb", "450")
+    # tracking needs 30 s until it knows the time; four RECS of 1.6 s wait meanwhile, not all samples
+    result = invoke(process, tmp_path, *FAST, "--assistance", night / "assistance", "--buffer-mb", "200")
     for one in writers:
         one.join()
     assert result.exception is None

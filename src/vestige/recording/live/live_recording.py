@@ -34,6 +34,7 @@ from vestige.time import GalileoTime
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
 OBSERVED_BEFORE_S = 2.0  # of observations that are kept before a RECS, whose epochs around it are interpolated
+MOVED_S = 0.1  # by which windows that are kept may still move, when a message tells the error of the time tag
 ROOM = 1.5  # windows that a buffer has to hold at least
 
 
@@ -271,9 +272,10 @@ class LiveRecording:
         """
         if self.tracking is not None:
             self.tracking.release((min(sent) if sent else until) + (self.time_tag_error_s - OBSERVED_BEFORE_S))
-        room = True
+        room, margin_s = True, 0.0 if self.tracking is None else MOVED_S
         for band, stream in self._streams.items():
-            windows, (first, _) = [self._window(one, band) for one in sent], self._window(until, band)
+            windows = [self._window(one, band, margin_s) for one in sent]
+            first, _ = self._window(until, band, margin_s)
             if self.tracking is not None and band is Band.E1:
                 first = min(first, self.tracking.end_sample)
             everything = self._unplaced and stream.keep(windows, stream.file.first_sample)
@@ -337,11 +339,12 @@ class LiveRecording:
         if self.tracking is not None:
             self.tracking.finish(self._trackable)
 
-    def _window(self, sent: GalileoTime, band: Band = Band.E6) -> tuple[int, int]:
-        """Return the first sample of a band and the end of what a RECS of a time may need."""
+    def _window(self, sent: GalileoTime, band: Band, margin_s: float = 0.0) -> tuple[int, int]:
+        """Return the first sample of a band and the end of what a RECS of a time may need, with a margin around."""
         file = self.description.bands[band]
         since_s = sent - (SampleReader(file=file, n_samples=0).start + -self.time_tag_error_s)
-        first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in self._span_s)
+        span_s = self._span_s[0] - margin_s, self._span_s[1] + margin_s
+        first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in span_s)
         return first, end
 
     @property
