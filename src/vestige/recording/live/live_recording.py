@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.description import RecordingDescription
-from vestige.recording.live.live_tracking import LiveTracking
+from vestige.recording.live.live_tracking import LiveTracking, StreamSamples
 from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 from vestige.recording.observations.growing_observations import GrowingObservations
 from vestige.recording.observations.observation_file import ObservationTrack
@@ -26,7 +25,7 @@ from vestige.recording.recording import Recording, observation_names
 from vestige.recording.samples.sample_file import SampleReader, samples_so_far
 from vestige.recording.samples.sample_stream import SampleStream, StreamState
 from vestige.recording.tracked.track_recording import MIN_TRACKED_S
-from vestige.records import Band, SampleBatch
+from vestige.records import Band
 from vestige.records.recs_block import SEGMENT_WINDOW_S
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.time import GalileoTime
@@ -99,6 +98,7 @@ class LiveRecording:
         self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
+        self._kept_error_s: float | None = None  # of the time tag, when it was first known
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(
@@ -272,10 +272,9 @@ class LiveRecording:
         """
         if self.tracking is not None:
             self.tracking.release((min(sent) if sent else until) + (self.time_tag_error_s - OBSERVED_BEFORE_S))
-        room, margin_s = True, 0.0 if self.tracking is None else MOVED_S
+        room = True
         for band, stream in self._streams.items():
-            windows = [self._window(one, band, margin_s) for one in sent]
-            first, _ = self._window(until, band, margin_s)
+            windows, (first, _) = [self._kept(one, band) for one in sent], self._kept(until, band)
             if self.tracking is not None and band is Band.E1:
                 first = min(first, self.tracking.end_sample)
             everything = self._unplaced and stream.keep(windows, stream.file.first_sample)
@@ -285,9 +284,9 @@ class LiveRecording:
     @property
     def _unplaced(self) -> bool:
         """Whether nothing tells yet where in the samples a RECS is: by how much the clock is wrong is unknown."""
-        return (self._observations is not None and self._clock_s is None) or (
-            self.tracking is not None and not self._told and not self.tracking.is_told
-        )
+        if self.tracking is not None:
+            return not self._told and not self.tracking.is_told
+        return self._observations is not None and self._clock_s is None
 
     def recording(self, sent: GalileoTime) -> Recording:
         """Return the recording in which to process the RECS of a time; warns if its samples were dropped."""
@@ -339,11 +338,22 @@ class LiveRecording:
         if self.tracking is not None:
             self.tracking.finish(self._trackable)
 
-    def _window(self, sent: GalileoTime, band: Band, margin_s: float = 0.0) -> tuple[int, int]:
-        """Return the first sample of a band and the end of what a RECS of a time may need, with a margin around."""
+    def _kept(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
+        """Return the window to keep: one that grew or moved would reach what was let go, so it only shrinks."""
+        if self.tracking is None:
+            return self._window(sent, band)
+        if self._kept_error_s is None and self.tracking.is_told:
+            self._kept_error_s = self.time_tag_error_s
+        error_s, margin_s = (0.0, MOVED_S) if self._kept_error_s is None else (self._kept_error_s, MOVED_S / 2)
+        return self._samples(sent, band, error_s, (-self._before_s - margin_s, self._after_s + margin_s))
+
+    def _window(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
+        """Return the first sample of a band and the end of what a RECS of a time may need."""
+        return self._samples(sent, band, self.time_tag_error_s, self._span_s)
+
+    def _samples(self, sent: GalileoTime, band: Band, late_s: float, span_s: tuple[float, float]) -> tuple[int, int]:
         file = self.description.bands[band]
-        since_s = sent - (SampleReader(file=file, n_samples=0).start + -self.time_tag_error_s)
-        span_s = self._span_s[0] - margin_s, self._span_s[1] + margin_s
+        since_s = sent - SampleReader(file=file, n_samples=0).start + late_s
         first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in span_s)
         return first, end
 
@@ -363,22 +373,6 @@ class LiveRecording:
             for stream in self._streams.values()
         )
         return max(capacity_s / ROOM - self._before_s - self._after_s, 0.0) / 2
-
-
-@dataclass(frozen=True, slots=True)
-class StreamSamples:
-    """Samples out of a pipe, for tracking."""
-
-    stream: SampleStream
-    end_sample: int  # number after that of the last one, as of one look
-
-    def read(self, first: int, count: int) -> SampleBatch:
-        """Return samples that were not let go; those of a stretch of which any was dropped come after the gap."""
-        found = self.stream.cut(first, first + count)
-        while found is None:
-            first = self.stream.next_after(first)
-            found = self.stream.cut(first, min(first + count, self.end_sample))
-        return found.read(found.first_sample, found.n_samples)
 
 
 def buffer_s(uncertainty_s: float) -> float:

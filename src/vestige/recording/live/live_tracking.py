@@ -11,12 +11,14 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Protocol
 
 from vestige.errors import VestigeError
 from vestige.recording.description import BandFile
 from vestige.recording.live.received_message import ReceivedMessage
 from vestige.recording.observations.observation_file import GAP_INTERVALS, ObservationTrack
+from vestige.recording.samples.sample_stream import SampleStream
 from vestige.recording.tracked.track_recording import placed
 from vestige.records import SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
@@ -43,6 +45,22 @@ class TrackableSamples(Protocol):
 
     def read(self, first: int, count: int) -> SampleBatch:
         """Return some of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSamples:
+    """Samples out of a pipe, for tracking."""
+
+    stream: SampleStream
+    end_sample: int  # number after that of the last one, as of one look
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return samples that were not let go; those of a stretch of which any was dropped come after the gap."""
+        found = self.stream.cut(first, first + count)
+        while found is None:
+            first = self.stream.next_after(first)
+            found = self.stream.cut(first, min(first + count, self.end_sample))
+        return found.read(found.first_sample, found.n_samples)
 
 
 class LiveTracking:
