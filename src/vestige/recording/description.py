@@ -83,11 +83,12 @@ def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
 def sample_file(described_in: Path, place: str, name: str) -> Path:
     """Return the path of a file that a description names, relative to the description.
 
-    Raises `InputFileError` if there is no regular file of that name.
+    Raises `InputFileError` if there is no regular file or named pipe of that name.
     """
     path = described_in.parent / name
     try:
-        if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116  (Path.is_file lets some errors through)
+        mode = os.stat(path).st_mode  # noqa: PTH116  (Path.is_file lets some errors through)
+        if stat.S_ISREG(mode) or stat.S_ISFIFO(mode):
             return path
         found = f"{name}, which is not a regular file"
     except (OSError, ValueError):  # no such file, or a name that no file can have

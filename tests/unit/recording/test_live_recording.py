@@ -121,7 +121,7 @@ def _following(
     live = LiveRecording(
         RecordingDescription(path=path, bands={Band.E6: _file(path)}),
         observations=observations or companions / "observations.csv",
-        stream=None if pipe is None else pipe.stream,
+        streams={} if pipe is None else {Band.E6: pipe.stream},
         warn=lambda error: told.append(str(error)),
     )
     folder = GrowingAssistance(assistance or companions / "assistance", warn=lambda error: told.append(str(error)))
@@ -261,7 +261,7 @@ def test_windows_that_overlap_are_there_once(pipe: Callable[..., Pipe]) -> None:
     fed.write(10 * BYTES_PER_S)
     fed.read_by(fed.n_written)
     description = RecordingDescription(path=Path("-"), bands={Band.E6: _file(Path("-"))})
-    live = LiveRecording(description, observations=None, stream=fed.stream, warn=pytest.fail)
+    live = LiveRecording(description, observations=None, streams={Band.E6: fed.stream}, warn=pytest.fail)
     live.keep([START + 0.1 * n for n in range(1, 90)], START + 9.5)
     assert fed.stream._n_kept <= fed.n_written
     live.keep([START + 3.0], START + 9.5)

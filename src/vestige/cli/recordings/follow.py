@@ -3,33 +3,47 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from vestige.cli.options import assistance_folder
+from vestige.cli.recordings.follow_input import STDIN, live_description, live_tracking, opened_live, stdin_description
+from vestige.cli.recordings.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
+    from vestige.cli.recordings.nmea_log import NmeaLog
     from vestige.cli.recordings.verdicts import Tally
-    from vestige.recording.description import BandFile, RecordingDescription
     from vestige.recording.live.follow_journal import FollowJournal
     from vestige.recording.live.following import Following
     from vestige.recording.live.live_recording import LiveRecording
 
-STDIN = Path("-")
 FINISHED_ONLY = ("calibrate", "write_bias", "strict")
 STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz", "real_time")
-FOLLOW_ONLY = ("observations", *STDIN_ONLY)
+FOLLOW_ONLY = ("observations", "nmea", *STDIN_ONLY)
 # Options on which no verdict depends
-_HOW = {"follow", "as_json", "output", "poll_s", "idle_s", "wait_s", "buffer_mb", "observations", "start", *STDIN_ONLY}
+_HOW = {
+    "workers",
+    "nmea",
+    "follow",
+    "as_json",
+    "output",
+    "poll_s",
+    "idle_s",
+    "wait_s",
+    "buffer_mb",
+    "observations",
+    "start",
+    *STDIN_ONLY,
+}
 _READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerations", "description")
 _MOST_WARNINGS = 1000
 
@@ -65,11 +79,17 @@ def follow_recording(recording: Path, options: dict[str, Any], processor: AcasPr
     warn = _Warnings()
     following = _following(recording, options, warn)
     settings = _settings(recording, options, following.live)
+    nmea: Path | None = options["nmea"]
     output, described = options["output"], following.live.description.files
     read = (*inputs(recording, options), *described, following.folder.path, options["observations"])
     check_output(output, (one for one in read if one != STDIN), folder=True)
-    with nullcontext() if output is None else FollowJournal(output, settings) as journal:
-        _run(following, processor, options, journal, warn)
+    if nmea is not None and nmea != NMEA_STDOUT:
+        check_output(nmea, (one for one in read if one != STDIN))
+    with (
+        nmea_log(nmea, as_json=options["as_json"]) as log,
+        nullcontext() if output is None else FollowJournal(output, settings) as journal,
+    ):
+        _run(following, processor, options, journal, log, warn)
 
 
 def _run(
@@ -77,6 +97,7 @@ def _run(
     processor: AcasProcessor,
     options: dict[str, Any],
     journal: FollowJournal | None,
+    log: NmeaLog,
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.recordings.verdicts import Tally, lines, print_changes, print_snapshot
@@ -86,26 +107,33 @@ def _run(
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.state
+        following.live.resume(journal.progress.sent, journal.progress.time_tag_error_s)
         echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
     try:
         for epoch in following:
             if not tally.snapshots:
                 _say_what_is_missing(following, warn)
-                if why := processor.monitoring.fix.why_no_fix(epoch.sent):
+                if options["navigation"] and (why := processor.monitoring.fix.why_no_fix(epoch.sent)):
                     warn(f"{options['navigation']}: {why}")
+            processor, verified = _with_orbits(processor, following, options)
             since = None if state is None else state.last
             block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)
             step = processor.step(state, block, epoch.assistance)
             state = step.state
             text = lines(step)
             if journal is not None:  # kept first: what was printed is never printed again
-                journal.record(text, FollowProgress(index=epoch.snapshot.index, sent=epoch.sent, state=state))
+                late_s = epoch.time_tag_error_s
+                progress = FollowProgress(
+                    index=epoch.snapshot.index, sent=epoch.sent, state=state, time_tag_error_s=late_s
+                )
+                journal.record(text, progress)
             if options["as_json"]:
                 for line in text:
                     echo(line)
             else:
                 print_snapshot(step)
                 print_changes(step)
+            log.write(step, epoch.snapshot.time + -epoch.time_tag_error_s, verified=verified)
             tally.add(step)
     except KeyboardInterrupt as stop:
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
@@ -120,6 +148,23 @@ def _run(
         echo(f"{tally.nothing}: {following.live.extent}", err=True)
     echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
     _check_nothing_dropped(following.live.n_dropped, tally)
+
+
+def _with_orbits(
+    processor: AcasProcessor, following: Following, options: dict[str, Any]
+) -> tuple[AcasProcessor, frozenset[int] | None]:
+    """Return the processor with the orbits that are known by now, and the satellites whose orbits are authentic.
+
+    The user vouches for a file of orbits (None: all satellites), OSNMA for those of the message.
+    """
+    tracking, monitoring = following.live.tracking, processor.monitoring
+    if tracking is None or options["navigation"] is not None:
+        return processor, None
+    orbits, verified = tracking.message.ephemerides()
+    if orbits == monitoring.fix.ephemerides:
+        return processor, verified
+    monitoring = replace(monitoring, fix=replace(monitoring.fix, ephemerides=orbits))
+    return replace(processor, monitoring=monitoring), verified
 
 
 def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
@@ -182,7 +227,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.recording import named_observations, unread_observations
 
-    description = _stdin_description(options) if recording == STDIN else _description(recording, options)
+    description = stdin_description(options) if recording == STDIN else live_description(recording, options)
     stated_s = options["time_uncertainty"]
     around_s = description.time_uncertainty_s if stated_s is None else stated_s
     searchable = options["level"] != "1"
@@ -191,22 +236,26 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             f"{description.path}: time uncertainty: found none, expected a bound on the clock's error to search in "
             "(--time-uncertainty)"
         )
-    observations = options["observations"] or description.observations
+    tracking = live_tracking(description, options, warn)
+    observations = None if tracking else options["observations"] or description.observations
     told = around_s <= TIME_TAG_TOLERANCE_S  # by E1 samples alone
-    if observations is None and not told:
+    if observations is None and tracking is None and not told:
         for wrong in unread_observations(description):
             raise wrong
         raise VestigeError(
-            f"{description.path}: observations: found none, expected a file of E1 observations (--observations), or a "
-            f"clock that is right to {TIME_TAG_TOLERANCE_S:g} s: E1 samples alone tell time modulo 100 ms"
+            f"{description.path}: observations: found none, expected E1 samples to track, a file of E1 observations "
+            f"(--observations), or a clock that is right to {TIME_TAG_TOLERANCE_S:g} s: 100 ms of E1 tell time modulo "
+            "100 ms"
         )
     named = options["observations"] is not None or named_observations(description)
-    live = _live(
+    live = opened_live(
         description,
         options,
         observations,
+        tracking,
         warn,
         replaceable=told and not named,
+        told=told,
         around_s=around_s if searchable else 0.0,
     )
     bias_m = options["hardware_bias_m"]
@@ -214,15 +263,16 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         raise click.UsageError("samples on standard input need --assistance")
     folder = assistance_folder(recording, options["assistance_path"])
     trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
+    message = None if tracking is None else tracking.message
     second, sensed = options["second_channel"], options["accelerations"]
     return Following(
         live=live,
-        folder=GrowingAssistance(folder, **trust, certificates=options["certificates"], warn=warn),
+        folder=GrowingAssistance(folder, **trust, certificates=options["certificates"], message=message, warn=warn),
         second=None if second is None else GrowingAssistance(second, **trust, warn=warn),
         accelerations=None if sensed is None else GrowingAccelerations(sensed, warn=warn),
         time_uncertainty_s=around_s,
         searchable=searchable,
-        cn0_estimator=cn0_estimator(options, measured=observations is None),
+        cn0_estimator=cn0_estimator(options, measured=observations is None and tracking is None),
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
         patience=WaitLimits(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
     )
@@ -233,104 +283,6 @@ def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 out of samples; here a file of observations tells the C/N0")
     return options["cn0_estimator"] or "noise-floor"
-
-
-def _live(
-    description: RecordingDescription,
-    options: dict[str, Any],
-    observations: Path | None,
-    warn: Callable[[object], None],
-    *,
-    replaceable: bool,
-    around_s: float,
-) -> LiveRecording:
-    from vestige.errors import VestigeError
-    from vestige.recording.live.live_recording import LiveRecording, buffer_s
-    from vestige.recording.samples.sample_stream import SampleStream
-    from vestige.records import Band
-
-    stream, e6 = None, description.bands.get(Band.E6)
-    if e6 is not None and e6.path == STDIN:
-        capacity = round(options["buffer_mb"] * 1e6)
-        second_bytes = e6.sample_rate_hz * e6.form.sample_bytes
-        needed_mb = buffer_s(around_s) * second_bytes / 1e6
-        if needed_mb * 1e6 > capacity:
-            raise VestigeError(
-                f"--buffer-mb: found {options['buffer_mb']:g}, expected at least {math.ceil(needed_mb)} for a clock "
-                f"that may be wrong by {around_s:g} s (--time-uncertainty)"
-            )
-        stream = SampleStream(sys.stdin.fileno(), e6, capacity_bytes=capacity, can_wait=not options["real_time"])
-    return LiveRecording(
-        description,
-        observations=observations,
-        replaceable=replaceable,
-        stream=stream,
-        uncertainty_s=around_s,
-        warn=warn,
-    )
-
-
-def _description(recording: Path, options: dict[str, Any]) -> RecordingDescription:
-    """Return the description of a recording on disk; its samples may all be still to come."""
-    from dataclasses import replace
-
-    from vestige.recording.description import redated
-    from vestige.recording.live.live_recording import awaited_observations
-    from vestige.recording.recording import describe_recording, unread_observations
-
-    found = describe_recording(recording)
-    if found.observations is None:
-        awaited = awaited_observations(found)
-        wrong = tuple(f"{one}; not used" for one in unread_observations(found) if one.path != awaited)
-        found = replace(found, observations=awaited, notes=found.notes + wrong)
-    return found if options["start"] is None else redated(found, options["start"])
-
-
-def _stdin_description(options: dict[str, Any]) -> RecordingDescription:
-    """Return the description of E6 samples on standard input."""
-    from dataclasses import replace
-
-    from vestige.recording.description import RecordingDescription, redated
-    from vestige.recording.recording_toml import read_recording_toml
-    from vestige.records import Band
-
-    if options["description"] is None:
-        return RecordingDescription(path=STDIN, bands={Band.E6: _stdin_file(options)})
-    found = read_recording_toml(options["description"])
-    if Band.E6 in found.bands:
-        e6 = replace(found.bands[Band.E6], path=STDIN)
-        found = replace(found, bands={**found.bands, Band.E6: e6})
-    return found if options["start"] is None else redated(found, options["start"])
-
-
-def _stdin_file(options: dict[str, Any]) -> BandFile:
-    from vestige.errors import VestigeError
-    from vestige.recording.description import SAMPLE_RATE_RANGE_HZ, BandFile, band_of
-    from vestige.recording.samples.sample_format import SampleFormat
-    from vestige.records import Band
-
-    needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz",
-              "--center-frequency-hz": "center_frequency_hz", "--start": "start"}  # fmt: skip
-    if missing := [name for name, key in needed.items() if options[key] is None]:
-        raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")
-    rate, center = options["sample_rate_hz"], options["center_frequency_hz"]
-    if not SAMPLE_RATE_RANGE_HZ[0] <= rate <= SAMPLE_RATE_RANGE_HZ[1]:
-        raise VestigeError(
-            f"--sample-rate-hz: found {rate:g}, expected {SAMPLE_RATE_RANGE_HZ[0]:g} to {SAMPLE_RATE_RANGE_HZ[1]:g}"
-        )
-    if band_of(center, rate) is not Band.E6:
-        raise VestigeError(
-            f"--center-frequency-hz: found {center:g}, expected the E6 carrier within half a sample rate of it"
-        )
-    return BandFile(
-        band=Band.E6,
-        path=STDIN,
-        described_in=STDIN,
-        form=SampleFormat(component=options["sample_format"], layout=options["layout"]),
-        sample_rate_hz=rate,
-        center_frequency_hz=center,
-        start=options["start"],
-    )
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:

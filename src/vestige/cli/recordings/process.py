@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.detectors import Detector
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor, Step
+    from vestige.recording.assistance.folder import Message
     from vestige.recording.recorded_block import OtherChannels
     from vestige.recording.recording import Recording
     from vestige.recording.snapshots import RecordingSource
@@ -109,6 +110,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
 @click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
 @click.option("--real-time", is_flag=True, help="Standard input cannot wait: drop samples when the buffer is full.")
+@click.option("--nmea", type=_path, help="Follow: positions as NMEA 0183, into a file, or - for standard output.")
 @click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
 @click.option(
     "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: a number of a sample."
@@ -120,8 +122,9 @@ def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
     RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: is the
-    encrypted signal in E6 where E1 says it must be, and was it received before anybody could know the key? With
-    --follow it may still grow, or be `-`: E6 samples on standard input.
+    encrypted signal in E6 where E1 says it must be, and was it received before anybody could know the key? Where there
+    are no observations E1 is tracked in its samples. With --follow it may still grow, or be `-`: E6 samples on standard
+    input.
     """
     check_usage(recording_path, options)
     if options["follow"]:
@@ -157,7 +160,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         certificates=options["certificates"],
         window=time_span(recording, told_s or 0.0, uncertainty_s=around_s),
         strict=options["strict"],
-        message=None if tracked is None else (recording.description.path, tracked.pages),
+        message=_message(recording, tracked),
     )
     for line in (*recording.notes, *found.problems, *found.missing, *found.warnings):
         echo(f"warning: {line}", err=True)
@@ -267,6 +270,18 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
         return None
     with progress() as report:
         return track_recording(recording, workers=options["workers"], progress=report)
+
+
+def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:
+    """Return the message that tracking decoded; None if there is none."""
+    from functools import partial
+
+    from vestige.recording.assistance.assistance_files import contents_of_pages
+
+    if tracked is None or not tracked.pages:
+        return None
+    path = recording.description.path
+    return path, partial(contents_of_pages, path, tracked.pages)
 
 
 def _processor(options: dict[str, Any], tracked: TrackedRecording | None = None) -> AcasProcessor:

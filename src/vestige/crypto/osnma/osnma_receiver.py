@@ -31,6 +31,7 @@ from vestige.crypto.osnma.messages.subframe import Content, Epoch, SatelliteSubf
 from vestige.crypto.osnma.messages.tags import parse_mack
 from vestige.crypto.osnma.messages.tesla import Chain, Key, fill_gaps, validate
 from vestige.crypto.osnma.osnma_report import (
+    AuthenticatedData,
     Count,
     KeyGap,
     OsnmaReport,
@@ -76,6 +77,11 @@ class OsnmaReceiver:
     """Verifies OSNMA, page by page.
 
     Without a tree broadcast public keys are only reported.
+
+    Attributes
+    ----------
+    n_subframes
+        Subframes that were taken so far: while it stays, nothing new is known.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
@@ -88,6 +94,7 @@ class OsnmaReceiver:
         self._withheld: dict[int, WithheldKey] = {}
         self._received: dict[tuple[int, int], ReceivedOsnma] = {}
         self._steps = [0, 0]
+        self.n_subframes = 0
         self._waiting: list[_Message] = []
         self._claims: list[_Claim] = []
         self._navigation: dict[int, NavigationWords] = {}
@@ -128,6 +135,24 @@ class OsnmaReceiver:
                     filled.setdefault(time, key)
         return tuple(filled[time] for time in sorted(filled))
 
+    def navigation(self) -> tuple[AuthenticatedData, ...]:
+        """Return the navigation data that tags verified, by satellite and time."""
+        return self._tags.navigation()
+
+    def forget(self, before: GalileoTime) -> None:
+        """Drop what was received before a time, so that a receiver can run for ever; what is signed stays.
+
+        Keys of that time are not given again, and what waited for a root key since then waits no more.
+        """
+        limit = before.gst_seconds
+        self._keys = {time: key for time, key in self._keys.items() if time >= limit}
+        self._withheld = {time: key for time, key in self._withheld.items() if time >= limit}
+        self._received = {place: one for place, one in self._received.items() if place[0] >= limit}
+        self._waiting = [one for one in self._waiting if one.time >= before]
+        self._claims = [one for one in self._claims if one.message.time >= before]
+        self._tags.forget(before)
+        self._problems.forget(before)
+
     def received(self) -> tuple[ReceivedOsnma, ...]:
         """Return what was demodulated, in the order of time: keys that do not validate are in it, too."""
         return tuple(self._received[place] for place in sorted(self._received))
@@ -164,6 +189,7 @@ class OsnmaReceiver:
     def _take(self, epochs: Iterable[Epoch]) -> tuple[ValidatedKey, ...]:
         keys: list[ValidatedKey] = []
         for epoch in epochs:
+            self.n_subframes += 1
             message = self._read(epoch)
             messages = [message] if message is not None else []
             n_chains, n_changes = len(self._register.chains), self._register.n_changes

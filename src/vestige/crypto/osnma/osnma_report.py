@@ -64,6 +64,10 @@ class ProblemLog:
         """Return all problems."""
         return tuple(self._problems)
 
+    def forget(self, before: GalileoTime) -> None:
+        """Drop the problems of an earlier time; one that is reported once is not reported again."""
+        self._problems = [one for one in self._problems if one.time >= before]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootCheck:

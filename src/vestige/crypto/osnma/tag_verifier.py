@@ -97,6 +97,14 @@ class TagVerifier:
         """Return the navigation data that tags verified, by satellite and time."""
         return tuple(sorted(self._proven.values(), key=lambda data: (data.svid, data.adkd, data.first)))
 
+    def forget(self, before: GalileoTime) -> None:
+        """Drop navigation data that was last verified before a time, and checks whose key should have come by then."""
+        limit = before.gst_seconds
+        self._proven = {place: data for place, data in self._proven.items() if data.last >= before}
+        for pending in self._pending.values():
+            for due in [due for due in pending if due < limit]:
+                del pending[due]
+
     def _wait(self, chain: Chain, key_time: int, check: _Check) -> None:
         self._pending.setdefault(chain, {}).setdefault(key_time, []).append(check)
 

@@ -22,7 +22,6 @@ from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
-from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import (
     READERS,
     Contents,
@@ -30,7 +29,6 @@ from vestige.recording.assistance.assistance_files import (
     FileTrust,
     Settings,
     assistance_kind,
-    contents_of_pages,
 )
 from vestige.records import Assistance
 from vestige.time import GalileoTime
@@ -38,6 +36,7 @@ from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
 
+Message = tuple[Path, Callable[[Settings], Contents | None]]  # where it is from, and what it holds; None for nothing
 FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
 
 
@@ -122,7 +121,7 @@ def read_assistance(
     window: tuple[GalileoTime, GalileoTime] | None = None,
     strict: bool = False,
     remembered: FileCache | None = None,
-    message: tuple[Path, Sequence[InavPage]] | None = None,
+    message: Message | None = None,
 ) -> AssistanceFolder:
     """Return all usable assistance in `folder`, and what is wrong with the rest.
 
@@ -144,8 +143,8 @@ def read_assistance(
     remembered
         What the same call found before, brought up to date: RECS and BGD files that did not change are not read again.
     message
-        Navigation pages that the receiver itself has decoded, in the order of time, and the recording that they are
-        from. Their keys are used like those of a file of pages.
+        What the receiver itself has decoded, and the recording that it is from. Its keys are used like those of a file
+        of navigation pages.
 
     Raises
     ------
@@ -194,9 +193,9 @@ def read_assistance(
                 files.append(
                     AssistanceFile(path=path, kind=kind, content=contents.summary, signature=contents.signature)
                 )
-    if message is not None and message[1]:
-        path, pages = message
-        contents = problems.attempt(partial(contents_of_pages, path, pages, settings))
+    if message is not None:
+        path, contents_of = message
+        contents = problems.attempt(partial(contents_of, settings))
         if contents is not None:
             problems.add(contents.problems)
             read.append((path, contents))

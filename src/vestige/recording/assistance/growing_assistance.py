@@ -11,8 +11,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from vestige.errors import VestigeError
+from vestige.recording.assistance.assistance_files import Contents, Settings
 from vestige.recording.assistance.folder import AssistanceFolder, FileCache, read_assistance
 from vestige.records import Assistance
 from vestige.time import GalileoTime
@@ -22,13 +24,27 @@ BEHIND_S = 1.0
 PATIENCE_S = 5.0  # longer than writing a file takes
 REST = 4.0  # times as long as reading took
 
-_Stamp = frozenset[tuple[Path, int, int]]
+_Stamp = tuple[frozenset[tuple[Path, int, int]], int]
+
+
+class LiveMessage(Protocol):
+    """A message that grows."""
+
+    path: Path  # of the recording that it is from
+
+    @property
+    def version(self) -> int:
+        """Another number when it holds something new."""
+
+    def contents(self, settings: Settings) -> Contents | None:
+        """Return what it holds by now; None for nothing."""
 
 
 class GrowingAssistance:
     """What a folder holds by now.
 
-    `warn` is told what is wrong with a file, once; all else is as for `read_assistance`.
+    `message` is what the receiver decodes itself, `warn` is told what is wrong with a file, once; all else is as for
+    `read_assistance`.
     """
 
     def __init__(
@@ -38,9 +54,11 @@ class GrowingAssistance:
         public_key: Path | None = None,
         merkle_tree: Path | None = None,
         certificates: Sequence[Path] = (),
+        message: LiveMessage | None = None,
         warn: Callable[[VestigeError], None],
     ) -> None:
         self.path = folder
+        self._message = message
         self._trust = {"public_key": public_key, "merkle_tree": merkle_tree}
         self._certificates = certificates
         self._warn = warn
@@ -56,14 +74,16 @@ class GrowingAssistance:
         """Time up to which RECS were read; those after it are not in `found`, though they may be in the folder."""
         return self._window[1]
 
-    def look(self, first: GalileoTime, last: GalileoTime) -> bool:
+    def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
         """Bring `found` up to date, for RECS from one time to another; return whether something changed.
+
+        A change soon after reading is taken in later, unless it has to be `at_once`.
 
         Raises `VestigeError` as `read_assistance`.
         """
         now_s = time.monotonic()
         stamp = self._files()
-        changed = stamp != self._stamp and now_s >= self._not_before_s
+        changed = stamp != self._stamp and (at_once or now_s >= self._not_before_s)
         if changed or not self._covers(first, last):
             ahead_s = AHEAD_S
             if self._covers(first, last):
@@ -99,6 +119,7 @@ class GrowingAssistance:
             certificates=self._certificates,
             window=window,
             remembered=self._remembered,
+            message=None if self._message is None else (self._message.path, self._message.contents),
         )
         self._window = window
 
@@ -108,7 +129,7 @@ class GrowingAssistance:
             self._warn(problem)
 
     def _files(self) -> _Stamp:
-        """Return what changes when a file of the folder, or one folder below, changes."""
+        """Return what changes when a file of the folder, or one folder below, or the message changes."""
         found = set()
         for path in (*self.path.glob("*"), *self.path.glob("*/*")):
             try:
@@ -116,4 +137,4 @@ class GrowingAssistance:
             except OSError:  # gone since it was listed
                 continue
             found.add((path, state.st_size, state.st_mtime_ns))
-        return frozenset(found)
+        return frozenset(found), 0 if self._message is None else self._message.version

@@ -43,6 +43,7 @@ class FollowProgress:
     index: _Count  # of the last snapshot
     sent: GalileoTime  # when its RECS was sent
     state: ReceiverState  # what is remembered after it
+    time_tag_error_s: float = 0.0  # by how much the time tag of the samples was late
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

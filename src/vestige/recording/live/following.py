@@ -12,6 +12,10 @@ Epochs are handed out in the order of time, because the state of the receiver go
 for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
 `wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
 
+Where E1 is tracked in the samples, the observations, the keys and the time of the recording come out of them as well.
+An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples
+is missing, however fast a file is read.
+
 Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
 which samples are there and which may go is answered as of that same look.
 
@@ -58,6 +62,7 @@ class FollowedEpoch:
     assistance: Assistance  # what is known by now
     # what the second channel has of OSNMA by now, and the accelerations since the epoch before and further
     channels: OtherChannels
+    time_tag_error_s: float = 0.0  # by how much the snapshot's time, which is the receiver clock's, is late
 
 
 @dataclass(slots=True, kw_only=True)
@@ -92,6 +97,7 @@ class Following:
                 break
             self.live.wait(self.patience.poll_s)
         self.live.finish()
+        self._look(complete_since, at_once=True)
         while (epoch := self._next(complete_since, finished=True)) is not None:
             yield epoch
             self._look(complete_since)
@@ -99,11 +105,11 @@ class Following:
             if growing is not None:
                 growing.tell()
 
-    def _look(self, complete_since: dict[GalileoTime, float]) -> bool:
+    def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
         """Take in what is new; return whether anything is."""
         changed = self.live.look()
-        begin = self.live.start + -TRAVEL_TIME_S[1]
-        changed |= self.folder.look(begin if self.after is None else self.after, max(self.live.end, begin))
+        self.live.say_held_up(self.patience.wait_s)
+        changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
             changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
         if self.accelerations is not None:
@@ -112,10 +118,15 @@ class Following:
             del complete_since[one]
         to_come = self._to_come()
         for number, one in enumerate(to_come):
-            if self.live.complete(one) or (self.live.full and number == 0):
+            if self.live.complete(one) or self.live.stalled(one) or (self.live.full and number == 0):
                 complete_since.setdefault(one, time.monotonic())
         self.live.keep(to_come, self._known_until)
         return changed
+
+    def _look_at_folder(self, *, at_once: bool) -> bool:
+        begin = self.live.start + -TRAVEL_TIME_S[1]
+        since = begin if self.after is None else self.after
+        return self.folder.look(since, max(self.live.end, begin), at_once=at_once)
 
     @property
     def _known_until(self) -> GalileoTime:
@@ -138,9 +149,16 @@ class Following:
             return None
         if not finished:
             overdue = time.monotonic() - complete_since.get(sent, math.inf) >= self.patience.wait_s
-            if not (overdue or self._is_ready(sent)):
-                return None
+            if not self._is_ready(sent):
+                if not (overdue or self._is_passed(sent)):
+                    return None
+                self._look_at_folder(at_once=True)  # what is about to be missing may have come
         return self._handed_out(sent)
+
+    def _is_passed(self, sent: GalileoTime) -> bool:
+        """Return whether tracking is so far ahead of an epoch that its key should have come."""
+        tracked = self.live.tracked
+        return tracked is not None and self.live.complete(sent) and tracked - sent >= self.patience.wait_s
 
     def _is_ready(self, sent: GalileoTime) -> bool:
         """Return whether everything is there that the finished recording will have for an epoch."""
@@ -156,17 +174,19 @@ class Following:
 
     def _is_observed(self, sent: GalileoTime) -> bool:
         """Return whether the observations are final, and the samples reach as far as they say."""
-        track, at = self.live.track, sent + MEDIAN_TRAVEL_TIME_S
+        track, at = self.live.track, sent + (MEDIAN_TRAVEL_TIME_S + self.live.time_tag_error_s)
         if track is None:
             return True
-        if not track.settled(at):
+        if (self.live.tracking is not None and not self.live.tracking.is_told) or not track.settled(at):
             return False
         self.live.place([one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in track.at(at).values()])
         return self.live.complete(sent)
 
     def _is_sensed(self, sent: GalileoTime) -> bool:
         """Return whether the accelerations reach as far as the snapshot's time may be."""
-        return self.accelerations is None or self.accelerations.reaches(sent + (MEDIAN_TRAVEL_TIME_S + E1_WINDOW_S))
+        return self.accelerations is None or self.accelerations.reaches(
+            sent + (MEDIAN_TRAVEL_TIME_S + E1_WINDOW_S + self.live.time_tag_error_s)
+        )
 
     def _handed_out(self, sent: GalileoTime) -> FollowedEpoch:
         assistance = self.folder.found.assistance
@@ -176,6 +196,7 @@ class Following:
             recording=self.live.recording(sent),
             assistance=assistance,
             time_uncertainty_s=self.time_uncertainty_s,
+            time_tag_error_s=self.live.time_tag_error_s,
             searchable=self.searchable,
             cn0_estimator=self.cn0_estimator,
         )
@@ -191,6 +212,7 @@ class Following:
             snapshot=snapshot,
             assistance=assistance,
             channels=OtherChannels(second_channel=second, accelerations=sensed),
+            time_tag_error_s=self.live.time_tag_error_s,
         )
 
 

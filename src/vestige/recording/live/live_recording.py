@@ -1,24 +1,30 @@
-"""A recording that another process is still writing, as far as it goes: sample files, or E6 from a pipe.
+"""A recording that another process is still writing, as far as it goes: sample files, or pipes.
 
 `look` says what is new, and until the next look everything here is as of that moment. Out of files every window can be
 read at any time. Out of a pipe `keep` says which RECS still need a snapshot; the samples of all others are let go.
+
+Times here are those that are right: where E1 is tracked, a message tells by how much the time tag of the samples is
+late.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.description import RecordingDescription
+from vestige.recording.live.live_tracking import LiveTracking, StreamSamples
+from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 from vestige.recording.observations.growing_observations import GrowingObservations
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.recording.recording import Recording, observation_names
 from vestige.recording.samples.sample_file import SampleReader, samples_so_far
 from vestige.recording.samples.sample_stream import SampleStream, StreamState
+from vestige.recording.tracked.track_recording import MIN_TRACKED_S
 from vestige.records import Band
 from vestige.records.recs_block import SEGMENT_WINDOW_S
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
@@ -26,6 +32,8 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
+OBSERVED_BEFORE_S = 2.0  # of observations that are kept before a RECS, whose epochs around it are interpolated
+MOVED_S = 0.1  # by which windows that are kept may still move, when a message tells the error of the time tag
 ROOM = 1.5  # windows that a buffer has to hold at least
 
 
@@ -42,8 +50,12 @@ class LiveRecording:
         The file of E1 observations, which need not be there yet; None to measure them in the E1 samples.
     replaceable
         Whether E1 is measured in the samples if that file stays empty, as in a finished recording.
-    stream
-        The E6 samples, if they come from a pipe.
+    streams
+        The samples of the bands that come from pipes.
+    tracking
+        Tracks E1, in place of a file of observations; None without.
+    told
+        Whether the time tag is known to be right to 40 ms, without tracking.
     uncertainty_s
         How far from their place a search may look for the RECS, in s.
     warn
@@ -64,7 +76,9 @@ class LiveRecording:
         *,
         observations: Path | None,
         replaceable: bool = False,
-        stream: SampleStream | None = None,
+        streams: Mapping[Band, SampleStream] | None = None,
+        tracking: LiveTracking | None = None,
+        told: bool = False,
         uncertainty_s: float = 0.0,
         warn: Callable[[VestigeError], None],
     ) -> None:
@@ -72,31 +86,61 @@ class LiveRecording:
             raise InputFileError(description.path, "E6", "no samples", "E6 samples, in which the RECS are")
         self.description = description
         self._replaceable, self._warn = replaceable and Band.E1 in description.bands, warn
-        self._stream = stream
+        self._streams = dict(streams or {})
+        self.tracking, self._told = tracking, told
         self._before_s, self._after_s = BEFORE_S + uncertainty_s, AFTER_S + uncertainty_s
         self._observations = None if observations is None else GrowingObservations(observations, warn=warn)
         self.track = None if self._observations is None else ObservationTrack(self._observations)
+        if tracking is not None:
+            self.track = tracking.track
         self._readers: dict[Band, SampleReader] = {}
-        self._read: StreamState | None = None
+        self._read: dict[Band, StreamState] = {}
         self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
+        self._told_held_up: set[Band] = set()
+        self._kept_error_s: float | None = None  # of the time tag, when it was first known
         self.n_dropped, self.full = 0, False
-        self.look()
-        self.start = SampleReader(file=description.bands[Band.E6], n_samples=0).start  # fails if nothing tells it
+        self._look()
+        self._tagged_start = SampleReader(
+            file=description.bands[Band.E6], n_samples=0
+        ).start  # fails if nothing tells it
 
     def look(self) -> bool:
-        """Look at what was written, and return whether there is more of it."""
-        files = {band: file for band, file in self.description.bands.items() if self._stream is None or band is Band.E1}
+        """Look at what was written, track some of it, and return whether there is more of it."""
+        changed = self._look()
+        if self.tracking is None:
+            return changed
+        before = self.tracking.end_sample
+        self.tracking.advance(self._trackable)
+        return changed or self.tracking.end_sample != before
+
+    def _look(self) -> bool:
+        files = {band: file for band, file in self.description.bands.items() if band not in self._streams}
         self._readers = {band: samples_so_far(file) for band, file in files.items()}
+        self._read = {band: stream.look() for band, stream in self._streams.items()}
         ends = [reader.end_sample for reader in self._readers.values()]
-        if self._stream is not None:
-            self._read = self._stream.look()
-            ends.append(self._read.end_sample)
+        ends += [state.end_sample for state in self._read.values()]
         seen = (*ends, 0 if self._observations is None else self._observations.n_bytes)
         before, self._seen = self._seen, seen
         if any(now < then for now, then in zip(ends, before, strict=False)):
             raise InputFileError(self.description.path, "samples", "fewer than before", "a recording that grows")
         return seen != before
+
+    def resume(self, after: GalileoTime, time_tag_error_s: float) -> None:
+        """Track only what the RECS after a time need; by so much the time tag was late then."""
+        if self.tracking is not None and Band.E1 in self._readers:
+            self.tracking.resume(after - self._readers[Band.E1].start + time_tag_error_s)
+
+    @property
+    def _trackable(self) -> SampleReader | StreamSamples:
+        """The E1 samples that are there."""
+        stream = self._streams.get(Band.E1)
+        return self._readers[Band.E1] if stream is None else StreamSamples(stream, self._read[Band.E1].end_sample)
+
+    @property
+    def time_tag_error_s(self) -> float:
+        """By how much the time tag of the samples is late, as far as it is known."""
+        return 0.0 if self.tracking is None else self.tracking.time_tag_error_s or 0.0
 
     def observed(self) -> ObservationTrack | None:
         """Return the observations to judge an epoch by that is not waited for any longer; None to measure E1 anew.
@@ -104,6 +148,8 @@ class LiveRecording:
         Raises `InputFileError` if nothing more is written, and no observation was.
         """
         file = self._observations
+        if self.tracking is not None:
+            return self._tracked(self.tracking)
         if file is None or file.begun:
             return self.track
         if self._replaceable:
@@ -114,33 +160,101 @@ class LiveRecording:
         self._warn(file.missing())
         return self.track
 
+    def _tracked(self, tracking: LiveTracking) -> ObservationTrack | None:
+        """Return what tracking observed; None if that is too little, and E1 can be measured without."""
+        if tracking.time_tag_error_s is not None:
+            return tracking.track
+        if not self._told:
+            self._warn(
+                VestigeError(
+                    f"{self.description.path}: E1: no message has told the time, and the time tag need not be right to "
+                    f"{TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges"
+                )
+            )
+            return ObservationTrack(())
+        if tracking.tracked_s < MIN_TRACKED_S and Band.E1 in self._readers:
+            return None
+        tracking.place_by_time_tag()
+        return tracking.track
+
+    @property
+    def start(self) -> GalileoTime:
+        """Time of the first E6 sample."""
+        return self._tagged_start + -self.time_tag_error_s
+
     @property
     def extent(self) -> str:
         """How much of E6 there is, in words."""
         span_s = self.end - self.start
-        where = "standard input" if self._stream is not None else str(self.description.bands[Band.E6].path)
+        pipe = self.description.bands[Band.E6].path == Path("-")
+        where = "standard input" if pipe else str(self.description.bands[Band.E6].path)
         return f"{where}: {span_s:g} s of E6 samples from {self.start} on" if span_s else f"{where}: no E6 sample"
 
     @property
     def end(self) -> GalileoTime:
-        """Receiver-clock time after the last E6 sample."""
-        if self._read is not None:
-            return SampleReader(file=self.description.bands[Band.E6], n_samples=0).time_of(self._read.end_sample)
-        reader = self._readers[Band.E6]
-        return reader.time_of(reader.end_sample)
+        """Time after the last E6 sample."""
+        return self._ends[Band.E6]
+
+    @property
+    def _ends(self) -> dict[Band, GalileoTime]:
+        """Times after the last sample of each band."""
+        late_s, ends = self.time_tag_error_s, {}
+        for band, file in self.description.bands.items():
+            count = self._readers[band].end_sample if band in self._readers else self._read[band].end_sample
+            ends[band] = SampleReader(file=file, n_samples=0).time_of(count) + -late_s
+        return ends
+
+    @property
+    def tracked(self) -> GalileoTime | None:
+        """Time after the last E1 sample that was tracked; None if E1 is not tracked."""
+        if self.tracking is None:
+            return None
+        e1 = SampleReader(file=self.description.bands[Band.E1], n_samples=0)
+        return e1.time_of(self.tracking.end_sample) + -self.time_tag_error_s
 
     @property
     def ended(self) -> bool:
-        """Whether no more samples can come; a file does not say so."""
-        return self._read is not None and self._read.ended
+        """Whether no more samples can come, and all of E1 is tracked; a file does not say that it is finished."""
+        return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether samples wait to be tracked."""
+        return self.tracking is not None and self.tracking.is_behind(self._trackable)
 
     def complete(self, sent: GalileoTime) -> bool:
-        """Return whether all samples are there that a snapshot of the RECS of a time may need."""
-        ends = [reader.time_of(reader.end_sample) for reader in self._readers.values()] + [self.end]
+        """Return whether all samples are there, and tracked, that a snapshot of the RECS of a time may need."""
+        ends = list(self._ends.values())
+        if (tracked := self.tracked) is not None:
+            ends.append(tracked)
         return min(ends) - sent >= self._span_s[1]
+
+    def stalled(self, sent: GalileoTime) -> bool:
+        """Return whether one band has all samples that a RECS may need, and nothing is left to be tracked.
+
+        Then the other band has ended, or is held up.
+        """
+        ends = self._ends
+        late = max(ends.values()) - sent >= self._span_s[1] and not self.is_behind
+        return late and len(ends) > 1
+
+    def say_held_up(self, least_s: float) -> None:
+        """Warn once of a band of which the samples end so much earlier than those of the other."""
+        ends = self._ends
+        for band, end in ends.items():
+            behind_s = max(ends.values()) - end
+            if behind_s >= least_s and band not in self._told_held_up:
+                self._told_held_up.add(band)
+                self._warn(
+                    VestigeError(
+                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind those "
+                        "of the other band; a RECS without both has no verdict, or NOT_AVAILABLE"
+                    )
+                )
 
     def place(self, travel_s: Sequence[float]) -> None:
         """Take in how long signals are under way by the receiver's clock: its error places the windows of all RECS."""
+        travel_s = [one - self.time_tag_error_s for one in travel_s]
         if travel_s:
             early, late = TRAVEL_TIME_S
             most_s = self._most_clock_s
@@ -156,24 +270,38 @@ class LiveRecording:
         until
             Up to when they are known.
         """
-        if self._stream is None:
-            return
-        windows, (first, _) = [self._window(one) for one in sent], self._window(until)
-        unplaced = self._observations is not None and self._clock_s is None  # by how much the clock is wrong is unknown
-        if unplaced and self._stream.keep(windows, self._stream.file.first_sample):
-            self.full = False
-        else:
-            self.full = not self._stream.keep(windows, first)
+        if self.tracking is not None:
+            self.tracking.release((min(sent) if sent else until) + (self.time_tag_error_s - OBSERVED_BEFORE_S))
+        room = True
+        for band, stream in self._streams.items():
+            windows, (first, _) = [self._kept(one, band) for one in sent], self._kept(until, band)
+            if self.tracking is not None and band is Band.E1:
+                first = min(first, self.tracking.end_sample)
+            everything = self._unplaced and stream.keep(windows, stream.file.first_sample)
+            room &= everything or stream.keep(windows, first)
+        self.full = not room
+
+    @property
+    def _unplaced(self) -> bool:
+        """Whether nothing tells yet where in the samples a RECS is: by how much the clock is wrong is unknown."""
+        if self.tracking is not None:
+            return not self._told and not self.tracking.is_told
+        return self._observations is not None and self._clock_s is None
 
     def recording(self, sent: GalileoTime) -> Recording:
         """Return the recording in which to process the RECS of a time; warns if its samples were dropped."""
-        e6 = self._readers.get(Band.E6)
-        if self._stream is not None:
-            e6 = self._stream.cut(*self._window(sent))
-            if e6 is None:  # a part of a window would be searched in vain
-                self._say_dropped(self._stream, sent)
-                e6 = self._stream.nothing()
-        return Recording(description=self.description, e1=self._readers.get(Band.E1), e6=e6, observations=None)
+        readers = dict(self._readers)
+        for band, stream in self._streams.items():
+            found = stream.cut(*self._window(sent, band))
+            if found is None:  # a part of a window would be searched in vain
+                if band is Band.E6:
+                    self._say_dropped(stream, sent)
+                found = stream.nothing()
+            readers[band] = found
+        e1 = readers.get(Band.E1)
+        if e1 is not None and not e1.n_samples:
+            e1 = None
+        return Recording(description=self.description, e1=e1, e6=readers.get(Band.E6), observations=None)
 
     def _say_dropped(self, stream: SampleStream, sent: GalileoTime) -> None:
         self.n_dropped += 1
@@ -182,32 +310,51 @@ class LiveRecording:
 
     def wait(self, timeout_s: float) -> None:
         """Wait until it is worth another look, at most so long."""
-        if self._stream is None:
+        if self.is_behind:
+            return
+        stream = self._streams.get(Band.E6) or next(iter(self._streams.values()), None)
+        if stream is None:
             time.sleep(timeout_s)
             return
         if self.full:
             then = (
                 "the program that writes the pipe has to wait (a receiver that cannot wait: --real-time)"
-                if self._stream.can_wait
+                if stream.can_wait
                 else "samples are dropped"
             )
+            where = "standard input" if stream.file.path == Path("-") else stream.file.path
             self._warn(
                 VestigeError(
-                    "standard input: the buffer is full of RECS whose keys or observations are not there yet: "
+                    f"{where}: the buffer is full of RECS whose keys or observations are not there yet: "
                     f"{then}; a larger --buffer-mb holds more"
                 )
             )
-        self._stream.wait(timeout_s)
+        stream.wait(timeout_s)
 
     def finish(self) -> None:
         """Say that no more is written."""
         if self._observations is not None:
             self._observations.end()
+        if self.tracking is not None:
+            self.tracking.finish(self._trackable)
 
-    def _window(self, sent: GalileoTime) -> tuple[int, int]:
-        """Return the first E6 sample and the end of what a RECS of a time may need."""
-        file, since_s = self.description.bands[Band.E6], sent - self.start
-        first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in self._span_s)
+    def _kept(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
+        """Return the window to keep: one that grew or moved would reach what was let go, so it only shrinks."""
+        if self.tracking is None:
+            return self._window(sent, band)
+        if self._kept_error_s is None and self.tracking.is_told:
+            self._kept_error_s = self.time_tag_error_s
+        error_s, margin_s = (0.0, MOVED_S) if self._kept_error_s is None else (self._kept_error_s, MOVED_S / 2)
+        return self._samples(sent, band, error_s, (-self._before_s - margin_s, self._after_s + margin_s))
+
+    def _window(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
+        """Return the first sample of a band and the end of what a RECS of a time may need."""
+        return self._samples(sent, band, self.time_tag_error_s, self._span_s)
+
+    def _samples(self, sent: GalileoTime, band: Band, late_s: float, span_s: tuple[float, float]) -> tuple[int, int]:
+        file = self.description.bands[band]
+        since_s = sent - SampleReader(file=file, n_samples=0).start + late_s
+        first, end = (file.first_sample + round((since_s + s) * file.sample_rate_hz) for s in span_s)
         return first, end
 
     @property
@@ -219,10 +366,12 @@ class LiveRecording:
     @property
     def _most_clock_s(self) -> float:
         """Clock error up to which windows fit into the buffer; an absurd observation must not fill it."""
-        if self._stream is None:
+        if not self._streams:
             return math.inf
-        file = self._stream.file
-        capacity_s = self._stream.capacity_bytes / file.form.sample_bytes / file.sample_rate_hz
+        capacity_s = min(
+            stream.capacity_bytes / stream.file.form.sample_bytes / stream.file.sample_rate_hz
+            for stream in self._streams.values()
+        )
         return max(capacity_s / ROOM - self._before_s - self._after_s, 0.0) / 2
 
 

@@ -16,6 +16,7 @@ import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
@@ -43,16 +44,17 @@ class _Block:
 
 
 class SampleStream:
-    """Samples of one band out of a file descriptor; starts to read at once.
+    """Samples of one band out of a file descriptor or a named pipe; starts to read at once.
 
-    At most `capacity_bytes` wait. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full.
+    A named pipe is opened by the thread that reads, because that waits for the program that writes. At most
+    `capacity_bytes` wait. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full.
     """
 
-    def __init__(self, descriptor: int, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
+    def __init__(self, source: int | Path, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
         self.file = file
         self.capacity_bytes = capacity_bytes
         self.can_wait = can_wait
-        self._descriptor = descriptor
+        self._source = source
         self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of sample 0 of the counter
         self._blocks: deque[_Block] = deque()
         self._n_kept = 0  # bytes in the blocks
@@ -71,7 +73,8 @@ class SampleStream:
         with self._changed:
             if self._error is not None:
                 found = self._error.strerror or "an error"
-                raise InputFileError(self.file.path, "standard input", found, "samples") from self._error
+                place = "standard input" if isinstance(self._source, int) else "pipe"
+                raise InputFileError(self.file.path, place, found, "samples") from self._error
             read = max(self._end_byte - self.file.header_bytes, 0) // self.file.form.sample_bytes
             return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
 
@@ -91,6 +94,14 @@ class SampleStream:
             ]
         held = b"".join(pieces)
         return self._reader(low, held) if len(held) == high - low else None
+
+    def next_after(self, first: int) -> int:
+        """Return the number of the first sample behind the next gap that ends after sample number `first`."""
+        size = self.file.form.sample_bytes
+        with self._changed:
+            ends = [high for _, high in self._gaps() if high > self._byte(first)]
+            end = ends[0] if ends else self._end_byte
+        return -((self._origin - end) // size)
 
     def nothing(self) -> SampleReader:
         """Return a reader without samples."""
@@ -150,13 +161,16 @@ class SampleStream:
         return SampleReader(file=self.file, n_samples=len(held) // size, skipped=skipped, held=held)
 
     def _fill(self) -> None:
+        descriptor = self._source if isinstance(self._source, int) else None
         while not self._ended:
             if self.can_wait:
                 with self._changed:
                     self._changed.wait_for(lambda: not self._full)
             block, error = b"", None
             try:
-                block = os.read(self._descriptor, BLOCK_BYTES)
+                if descriptor is None:
+                    descriptor = os.open(self.file.path, os.O_RDONLY)
+                block = os.read(descriptor, BLOCK_BYTES)
             except OSError as failure:
                 error = failure
             with self._changed:

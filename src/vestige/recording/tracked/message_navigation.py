@@ -14,46 +14,81 @@ from vestige.navigation.inav.words import word_type
 _MIXED_S = 120  # words of one issue come within half of it; a parity word of another issue is not mixed in
 
 
-def ephemerides_in(pages: Iterable[InavPage]) -> tuple[Ephemeris, ...]:
-    """Return the ephemerides that navigation pages hold, each issue of each satellite once.
+class EphemerisCollector:
+    """Collects the ephemerides in the message of all satellites, page by page.
 
     Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, with the health,
     must have been received.
 
     Parameters
     ----------
-    pages
-        Pages with good checksums in the order of time.
+    most_issues
+        How many issues of a satellite are kept, the newest; None for all.
     """
-    held: dict[int, dict[int, tuple[int, int]]] = {}  # satellite: word type: when, and the word
-    found: dict[tuple[int, int], Ephemeris] = {}
-    for page in pages:
+
+    def __init__(self, most_issues: int | None = None) -> None:
+        self._most = most_issues
+        self._held: dict[int, dict[int, tuple[int, int]]] = {}  # satellite: word type: when, and the word
+        self._found: dict[tuple[int, int], Ephemeris] = {}  # satellite and issue
+
+    @property
+    def ephemerides(self) -> tuple[Ephemeris, ...]:
+        """Each issue of each satellite once, in the order of satellite and issue number."""
+        return tuple(self._found[key] for key in sorted(self._found))
+
+    def take(self, page: InavPage) -> None:
+        """Take the next page with a good checksum."""
         if page.is_alert:
-            continue
+            return
         kind, now = word_type(page.word), page.time.gst_seconds
         if kind not in (*EPHEMERIS_WORDS, *PARITY_WORDS, STATUS_WORD):
-            continue
-        words = held.setdefault(page.svid, {})
+            return
+        words = self._held.setdefault(page.svid, {})
         words[kind] = (now, page.word)
         recent = {one: word for one, (when, word) in words.items() if now - when <= _MIXED_S}
         status = words.get(STATUS_WORD)
         if status is None:
-            continue
-        issues = {WORD_LAYOUTS[one].read(recent[one], "iod_nav") for one in EPHEMERIS_WORDS if one in recent}
-        if len(issues) > 1:  # a new issue has begun: what is older does not belong to it
-            newest = max((when, one) for one, (when, _) in words.items() if one in EPHEMERIS_WORDS)[1]
-            issue = WORD_LAYOUTS[newest].read(words[newest][1], "iod_nav")
-            for one in EPHEMERIS_WORDS:
-                if one in words and WORD_LAYOUTS[one].read(words[one][1], "iod_nav") != issue:
-                    del words[one]
-                    recent.pop(one, None)
-            for one in PARITY_WORDS:
-                if words.pop(one, None):
-                    recent.pop(one, None)
+            return
+        _drop_other_issues(words, recent)
         restored = restored_words(recent)
         if restored is None:
-            continue
+            return
         ephemeris = ephemeris_from_words({**restored, STATUS_WORD: status[1]}, page.time)
         if ephemeris is not None and ephemeris.svid == page.svid:
-            found[ephemeris.svid, ephemeris.iod_nav] = ephemeris
-    return tuple(found[key] for key in sorted(found))
+            self._keep(ephemeris)
+
+    def _keep(self, ephemeris: Ephemeris) -> None:
+        self._found[ephemeris.svid, ephemeris.iod_nav] = ephemeris
+        own = sorted((one for one in self._found.values() if one.svid == ephemeris.svid), key=lambda one: one.toe)
+        for old in own[: -self._most] if self._most else ():
+            del self._found[old.svid, old.iod_nav]
+
+
+def ephemerides_in(pages: Iterable[InavPage]) -> tuple[Ephemeris, ...]:
+    """Return the ephemerides that navigation pages hold, each issue of each satellite once.
+
+    Parameters
+    ----------
+    pages
+        Pages with good checksums in the order of time.
+    """
+    collector = EphemerisCollector()
+    for page in pages:
+        collector.take(page)
+    return collector.ephemerides
+
+
+def _drop_other_issues(words: dict[int, tuple[int, int]], recent: dict[int, int]) -> None:
+    """Drop the words of older issues if a new one has begun; parity words do not say of which issue they are."""
+    issues = {WORD_LAYOUTS[one].read(recent[one], "iod_nav") for one in EPHEMERIS_WORDS if one in recent}
+    if len(issues) < 2:
+        return
+    newest = max((when, one) for one, (when, _) in words.items() if one in EPHEMERIS_WORDS)[1]
+    issue = WORD_LAYOUTS[newest].read(words[newest][1], "iod_nav")
+    for one in EPHEMERIS_WORDS:
+        if one in words and WORD_LAYOUTS[one].read(words[one][1], "iod_nav") != issue:
+            del words[one]
+            recent.pop(one, None)
+    for one in PARITY_WORDS:
+        if words.pop(one, None):
+            recent.pop(one, None)

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -43,6 +43,7 @@ _SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: m
 _SEARCHED_PERIODS = 8  # code periods in which satellites are looked for: enough for 30 dBHz
 _NEW_EVERY = 25  # stretches from one satellite that was never seen to the next
 _LOST_EVERY = 5  # stretches from one search for satellites that were lost to the next
+_MAX_WAITING = 60  # pages of a satellite that wait for the time, two minutes
 _LOST_SPAN_HZ = 500.0  # around their last Doppler, with all of 100 ms
 
 
@@ -84,6 +85,7 @@ class TrackingReceiver:
     time_is_told: bool = False  # whether a message has told the time
     _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
     _stretch: int = 0
+    _end_sample: int | None = None  # number after that of the last sample
     _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
     _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
@@ -95,19 +97,47 @@ class TrackingReceiver:
         Parameters
         ----------
         batches
-            Samples of E1 that follow one another without a gap, in pieces of any length.
+            Samples of E1 in pieces of any length. Where a piece does not follow the one before, as samples were lost
+            or the counter was set, tracking starts anew.
         """
         with ThreadPoolExecutor(self.workers) as pool:
             for piece in recut(batches, TRACKED_STRETCH_S):
-                self._origin = self._origin or (piece.first_sample, piece.start)
-                first, start = self._origin
-                # the same bits however the samples were cut
-                batch = replace(piece, start=start + (piece.first_sample - first) / piece.sample_rate_hz)
-                self._search(batch)
-                self._stretch += 1
-                yield self._take(batch, pool)
+                yield self.track(piece, pool)
 
-    def _take(self, batch: SampleBatch, pool: ThreadPoolExecutor) -> TrackedStretch:
+    def track(self, piece: SampleBatch, pool: Executor | None = None) -> TrackedStretch:
+        """Return what one stretch of samples gives.
+
+        Parameters
+        ----------
+        piece
+            Samples of E1, `TRACKED_STRETCH_S` long. The last ones before an end or a gap may be fewer.
+        pool
+            Where channels run side by side; None to run one after the other.
+        """
+        if self._end_sample is not None and piece.first_sample != self._end_sample:
+            self._start_anew()
+        self._end_sample = piece.first_sample + piece.samples.size
+        self._origin = self._origin or (piece.first_sample, piece.start)
+        first, start = self._origin
+        # the same bits however the samples were cut
+        batch = replace(piece, start=start + (piece.first_sample - first) / piece.sample_rate_hz)
+        if self._stretch or piece.samples.size >= round(E1_WINDOW_S * piece.sample_rate_hz):
+            self._search(batch)
+            self._stretch += 1
+        return self._take(batch, map if pool is None else pool.map)
+
+    def _start_anew(self) -> None:
+        """Forget the channels: the samples to come have nothing in common with those before.
+
+        What is known of the time tag is the best guess still, but pages and ranges wait until a message tells it again.
+        """
+        self.tracks.clear()
+        self._waiting.clear()
+        self._seen.clear()
+        self._rest = np.empty(0, np.complex64)
+        self._stretch, self._origin, self.time_is_told = 0, None, False
+
+    def _take(self, batch: SampleBatch, run_all: Callable[..., Iterator[list[ReceivedPage]]]) -> TrackedStretch:
         running = self._alive()
         seam = np.concatenate((self._rest, batch.samples[: round(_SEAM_S * batch.sample_rate_hz)]))
         seam_first = batch.first_sample - self._rest.size
@@ -118,7 +148,7 @@ class TrackingReceiver:
                 pages = track.take(track.channel.run(seam, seam_first))
             return pages + track.take(track.channel.run(batch.samples, batch.first_sample))
 
-        found = pool.map(run, running)
+        found = run_all(run, running)
         pages = {track.svid: received for track, received in zip(running, found, strict=True)}
         placed = self._place(pages, batch)
         power = float(np.vdot(batch.samples, batch.samples).real) / max(batch.samples.size, 1)
@@ -162,7 +192,9 @@ class TrackingReceiver:
             for page in received:
                 if track.learn_time(page, whole.start.week) is not None:
                     self._learn_clock(whole)
-            self._waiting.setdefault(svid, []).extend(received)
+            waiting = self._waiting.setdefault(svid, [])
+            waiting.extend(received)
+            del waiting[:-_MAX_WAITING]
         placed = []
         for svid, waiting in self._waiting.items():
             zero = self._zero(self.tracks[svid], whole)
@@ -203,8 +235,9 @@ class TrackingReceiver:
         step = 1.0 / self.epochs_per_s
         reach = min((track.reach for track in alive), default=float(whole.first_sample + whole.samples.size))
         begin = whole.start
-        if self._next_epoch is None:
-            self._next_epoch = begin.gst_seconds * self.epochs_per_s + math.ceil(begin.fraction * self.epochs_per_s)
+        if self._next_epoch is None or whole.first_sample == (self._origin or (None,))[0]:
+            first = begin.gst_seconds * self.epochs_per_s + math.ceil(begin.fraction * self.epochs_per_s)
+            self._next_epoch = max(first, self._next_epoch or first)  # time never goes back
         numbers: list[int] = []
         places: list[float] = []
         number = self._next_epoch
@@ -263,24 +296,20 @@ class TrackingReceiver:
 
 
 def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:
-    """Yield the same samples in pieces of one length, the last one shorter.
+    """Yield the same samples in pieces of one length; the last one before the end or a gap is shorter.
 
     Parameters
     ----------
     batches
-        Samples that follow one another.
+        Samples in the order in which they came. A gap is where the number of a first sample does not follow.
     duration_s
         Length of a piece in s.
-
-    Raises
-    ------
-    ValueError
-        If a batch does not follow the one before.
     """
     held: list[SampleBatch] = []
     for batch in batches:
         if held and batch.first_sample != held[-1].first_sample + held[-1].samples.size:
-            raise ValueError(f"samples from {batch.first_sample} on do not follow those before")
+            yield replace(held[0], samples=np.concatenate([one.samples for one in held]))
+            held = []
         count = round(duration_s * batch.sample_rate_hz)
         if not held and batch.samples.size == count:
             yield batch

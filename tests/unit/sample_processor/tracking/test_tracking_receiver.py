@@ -142,7 +142,32 @@ def test_settings_are_checked() -> None:
         TrackingSettings(n_correlators=6)
 
 
-def test_recut_refuses_a_gap(sky: SampleBatch) -> None:
+def test_recut_ends_a_piece_at_a_gap(sky: SampleBatch) -> None:
     first, _, third = _cut(sky, [100_000, 200_000])
-    with pytest.raises(ValueError, match="do not follow"):
-        list(recut([first, third], 0.2))
+    pieces = [(one.first_sample, one.samples.size) for one in recut([first, third], 0.2)]
+    assert pieces[0] == (sky.first_sample, 100_000)
+    assert pieces[1] == (sky.first_sample + 200_000, round(0.2 * RATE_HZ))
+
+
+@pytest.mark.parametrize("jump", [123_456, -50_000])
+def test_tracking_starts_anew_behind_a_gap(sky: SampleBatch, jump: int) -> None:
+    """Samples are lost, or the counter is set back: what was tracked before is not joined to what comes."""
+    n = sky.samples.size
+    first, second = _cut(sky, [n // 2])
+    moved = replace(second, first_sample=second.first_sample + jump, start=second.start + jump / RATE_HZ)
+    receiver = TrackingReceiver(svids=(11, 30))
+    stretches = list(receiver.run([first, moved]))
+    epochs = _epochs(stretches)
+    times = [epoch.time for epoch in epochs]
+    assert times == sorted(set(times))
+    behind = [epoch for epoch in epochs if epoch.time >= max(moved.start, first.end)]
+    assert behind
+    assert set(behind[-1].observations) == {11, 30}
+    assert behind[0].slipped == set(behind[0].observations)
+    # the signals are those of before, the clock says another time: the ranges differ by the jump, modulo 100 ms
+    at_s = behind[-1].time - START - jump / RATE_HZ
+    expected_m = RANGE_M + RATE_MPS * at_s + jump / RATE_HZ * SPEED_OF_LIGHT_MPS
+    off_m = behind[-1].observations[11].pseudorange_m - expected_m
+    period_m = 0.1 * SPEED_OF_LIGHT_MPS
+    assert off_m - round(off_m / period_m) * period_m == pytest.approx(0.0, abs=10.0)
+    assert not receiver.time_is_told

@@ -1,0 +1,87 @@
+"""Positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
+
+A sentence has no field that says that a position is authentic. So the fields of validity say it: only an authentic
+position is a fix (GGA quality 1, RMC status A). Without one the fields of the position are empty: a program that looks
+at no status finds nothing to use.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+TALKER = "GA"
+_MAX_SATELLITES = 12  # that the field of GGA tells
+_ROUNDED = 5  # decimals of minutes: 2 cm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NmeaFix:
+    """A position that is a valid fix.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg
+        Geodetic position, north and east positive.
+    height_m
+        Height over the ellipsoid.
+    n_satellites
+        Satellites of which a range is used.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    n_satellites: int
+
+
+def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
+    """Return GGA and RMC of one moment, without line ends.
+
+    There is no model of the geoid, so the altitude is the height over the ellipsoid and the separation is 0: their sum
+    is right. Dilution of precision, speed and course are left empty.
+
+    Parameters
+    ----------
+    utc
+        The moment in UTC.
+    fix
+        The position, None if there is no valid one.
+
+    Examples
+    --------
+    >>> from datetime import UTC
+    >>> for line in sentences(datetime(2026, 11, 22, 21, 59, 42, tzinfo=UTC), None):
+    ...     print(line)
+    $GAGGA,215942.00,,,,,0,00,,,M,,M,,*50
+    $GARMC,215942.00,V,,,,,,,221126,,,N,V*1B
+    """
+    tenths = round(utc.microsecond / 1e4)
+    clock = f"{utc:%H%M%S}.{min(tenths, 99):02d}"
+    if fix is None:
+        return (
+            _sentence(f"{TALKER}GGA,{clock},,,,,0,00,,,M,,M,,"),
+            _sentence(f"{TALKER}RMC,{clock},V,,,,,,,{utc:%d%m%y},,,N,V"),
+        )
+    place = f"{_angle(fix.latitude_deg, 2, 'NS')},{_angle(fix.longitude_deg, 3, 'EW')}"
+    used = min(fix.n_satellites, _MAX_SATELLITES)
+    return (
+        _sentence(f"{TALKER}GGA,{clock},{place},1,{used:02d},,{fix.height_m:.2f},M,0.0,M,,"),
+        _sentence(f"{TALKER}RMC,{clock},A,{place},,,{utc:%d%m%y},,,A,V"),
+    )
+
+
+def _angle(degrees: float, width: int, signs: str) -> str:
+    """Return an angle as degrees and minutes without a separator, and its hemisphere."""
+    scale = 60 * 10**_ROUNDED
+    whole, rest = divmod(round(abs(degrees) * scale), scale)
+    minutes = f"{rest / 10**_ROUNDED:0{_ROUNDED + 3}.{_ROUNDED}f}"
+    return f"{whole:0{width}d}{minutes},{signs[degrees < 0]}"
+
+
+def _sentence(body: str) -> str:
+    """Return a sentence with its checksum, the exclusive or of all characters between $ and *."""
+    checksum = 0
+    for character in body.encode("ascii"):
+        checksum ^= character
+    return f"${body}*{checksum:02X}"

@@ -1,0 +1,223 @@
+"""Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
+
+The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. What it gives is the same as of the finished recording:
+the stretches begin at the same samples. Pseudoranges are known to multiples of 100 ms until a message has told the
+time; observations wait until then, and are placed by it. All is dropped as soon as no RECS needs it any more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
+
+from vestige.errors import VestigeError
+from vestige.recording.description import BandFile
+from vestige.recording.live.received_message import ReceivedMessage
+from vestige.recording.observations.observation_file import GAP_INTERVALS, ObservationTrack
+from vestige.recording.samples.sample_stream import SampleStream
+from vestige.recording.tracked.track_recording import placed
+from vestige.records import SampleBatch
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.sample_processor.tracking.settings import TrackingSettings
+from vestige.sample_processor.tracking.tracking_receiver import (
+    EPOCHS_PER_S,
+    TRACKED_STRETCH_S,
+    TrackedStretch,
+    TrackingReceiver,
+)
+from vestige.time import GalileoTime
+
+AT_ONCE_S = 2.0  # of samples that are tracked between two looks at what else is there
+UNPLACED_S = 200.0  # of observations that wait for the time; a message tells it after 30 s
+RETRACKED_S = 600.0  # before the last verdict: time enough for a root key, ephemerides and the time
+
+
+class TrackableSamples(Protocol):
+    """E1 samples as far as they were written."""
+
+    @property
+    def end_sample(self) -> int:
+        """Number after that of the last sample."""
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return some of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSamples:
+    """Samples out of a pipe, for tracking."""
+
+    stream: SampleStream
+    end_sample: int  # number after that of the last one, as of one look
+
+    def read(self, first: int, count: int) -> SampleBatch:
+        """Return samples that were not let go; those of a stretch of which any was dropped come after the gap."""
+        found = self.stream.cut(first, first + count)
+        while found is None:
+            first = self.stream.next_after(first)
+            found = self.stream.cut(first, min(first + count, self.end_sample))
+        return found.read(found.first_sample, found.n_samples)
+
+
+class LiveTracking:
+    """The tracking receiver of a recording that grows.
+
+    Parameters
+    ----------
+    file
+        The E1 samples.
+    message
+        Takes the pages.
+    settings
+        Of all channels.
+    workers
+        Threads.
+    warn
+        Is told that tracking had to start anew.
+
+    Attributes
+    ----------
+    track
+        The observations, for any time for which they are kept.
+    time_tag_error_s
+        By how much the time tag of the samples is late; None as long as no message has told the time.
+    end_sample
+        Number after that of the last sample that was tracked.
+    """
+
+    def __init__(
+        self,
+        file: BandFile,
+        message: ReceivedMessage,
+        *,
+        settings: TrackingSettings | None = None,
+        workers: int = 1,
+        warn: Callable[[VestigeError], None],
+    ) -> None:
+        self.message = message
+        self._file, self._warn = file, warn
+        self._count = round(TRACKED_STRETCH_S * file.sample_rate_hz)
+        self._receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
+        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        self._first = self.end_sample = file.first_sample
+        self._epochs = _KeptEpochs()
+        self._ended = False
+        self.time_tag_error_s: float | None = None
+        self.track = ObservationTrack(self._epochs, max_gap_s=GAP_INTERVALS / EPOCHS_PER_S + 1e-6)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether a message has told the time."""
+        return self.time_tag_error_s is not None
+
+    @property
+    def tracked_s(self) -> float:
+        """Time that was tracked so far."""
+        return (self.end_sample - self._first) / self._file.sample_rate_hz
+
+    def resume(self, seconds: float) -> None:
+        """Begin so many seconds after the first sample, less `RETRACKED_S`: what was before has its verdicts."""
+        stretches = max(math.floor((seconds - RETRACKED_S) / TRACKED_STRETCH_S), 0)
+        self._first = self.end_sample = self._file.first_sample + stretches * self._count
+
+    def is_behind(self, samples: TrackableSamples) -> bool:
+        """Return whether a whole stretch of samples waits."""
+        return samples.end_sample - self.end_sample >= self._count
+
+    def advance(self, samples: TrackableSamples, *, at_most_s: float = AT_ONCE_S) -> None:
+        """Track samples that are there, up to `at_most_s` of them."""
+        for _ in range(round(at_most_s / TRACKED_STRETCH_S)):
+            if not self.is_behind(samples):
+                return
+            self._take(samples.read(self.end_sample, self._count))
+
+    def finish(self, samples: TrackableSamples) -> None:
+        """Track what is left: no more samples come."""
+        while self.is_behind(samples):
+            self._take(samples.read(self.end_sample, self._count))
+        if not self._ended and samples.end_sample > self.end_sample:
+            self._take(samples.read(self.end_sample, samples.end_sample - self.end_sample))
+        if not self._ended:
+            self._ended = True
+            self.message.finish()
+            if self._pool is not None:
+                self._pool.shutdown()
+
+    def _take(self, batch: SampleBatch) -> None:
+        if batch.first_sample != self.end_sample:
+            lost_s = (batch.first_sample - self.end_sample) / self._file.sample_rate_hz
+            self._warn(
+                VestigeError(f"{self._file.path}: E1: {lost_s:.3f} s of samples were lost; tracking starts anew")
+            )
+        self.end_sample = batch.first_sample + batch.samples.size
+        if batch.samples.size:
+            self.take(self._receiver.track(batch, self._pool), self._told_s())
+
+    def take(self, stretch: TrackedStretch, told_s: float | None) -> None:
+        """Take what a stretch of samples gave, and the error of the time tag as it is known after it."""
+        self._epochs.add(stretch.epochs)
+        if told_s is not None:
+            self.time_tag_error_s = told_s
+            self._epochs.place(told_s)
+        self.message.take(stretch.pages)
+
+    def _told_s(self) -> float | None:
+        return self._receiver.time_tag_error_s if self._receiver.time_is_told else None
+
+    def place_by_time_tag(self) -> None:
+        """Place the observations by the time tag, which is known to be right to 40 ms: no message tells the time."""
+        self._epochs.place(self._receiver.time_tag_error_s)
+
+    def release(self, before: GalileoTime) -> None:
+        """Drop the observations of an earlier time."""
+        self._epochs.release(before)
+
+
+class _KeptEpochs:
+    """Observations that are still needed, for an `ObservationTrack`: those that are placed."""
+
+    def __init__(self) -> None:
+        self._unplaced: deque[ObservationEpoch] = deque(maxlen=round(UNPLACED_S * EPOCHS_PER_S))
+        self._placed: deque[ObservationEpoch] = deque()
+        self.first = 0  # number of the first one in `_placed`
+
+    def add(self, epochs: Sequence[ObservationEpoch]) -> None:
+        self._unplaced.extend(epochs)
+
+    def place(self, time_tag_error_s: float) -> None:
+        while self._unplaced:
+            self._placed.append(placed(self._unplaced.popleft(), time_tag_error_s))
+
+    def release(self, before: GalileoTime) -> None:
+        while self._placed and self._placed[0].time < before:
+            self._placed.popleft()
+            self.first += 1
+
+    def at(self, number: int) -> ObservationEpoch | None:
+        place = number - self.first
+        return self._placed[place] if place < len(self._placed) else None
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        return _EpochIterator(self)
+
+
+class _EpochIterator:
+    """Stops where the observations end now, and goes on when there are more."""
+
+    def __init__(self, kept: _KeptEpochs) -> None:
+        self._kept, self._number = kept, kept.first
+
+    def __iter__(self) -> Iterator[ObservationEpoch]:
+        return self
+
+    def __next__(self) -> ObservationEpoch:
+        self._number = max(self._number, self._kept.first)
+        epoch = self._kept.at(self._number)
+        if epoch is None:
+            raise StopIteration
+        self._number += 1
+        return epoch

@@ -1,0 +1,118 @@
+"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in a constant memory.
+
+Pages are verified as they come, so a new key costs the work of its own subframe. What is older than `KEPT_S` is
+dropped: a RECS needs a key of the next minutes. Signed root keys and the chain stay.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from pathlib import Path
+
+from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.errors import AuthenticationError
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.page import InavPage
+from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings
+from vestige.recording.tracked.message_navigation import EphemerisCollector
+
+KEPT_S = 240.0  # of keys and of what was demodulated; a RECS waits for its key for a shorter time
+ISSUES = 3  # of the ephemerides of a satellite that are kept: half an hour of real ones
+
+
+class ReceivedMessage:
+    """What the pages of a growing recording have told so far; a `LiveMessage` of an assistance folder.
+
+    Parameters
+    ----------
+    path
+        The recording, for messages.
+    kept_s
+        How much of the past is kept in s.
+    """
+
+    def __init__(self, path: Path, *, kept_s: float = KEPT_S) -> None:
+        self.path = path
+        self._kept_s = kept_s
+        self._pages: deque[InavPage] = deque()
+        self._collector = EphemerisCollector(ISSUES)
+        self._trust: FileTrust | None = None
+        self._receiver: OsnmaReceiver | None = None
+        self._n_subframes = 0  # of receivers before, with another trust anchor
+        self._begun = False
+
+    @property
+    def version(self) -> int:
+        """Another number when a subframe was completed, or the first page came."""
+        return self._begun + self._n_subframes + (0 if self._receiver is None else self._receiver.n_subframes)
+
+    def take(self, pages: Iterable[InavPage]) -> None:
+        """Take the next pages with good checksums."""
+        new = tuple(pages)
+        for page in new:
+            self._pages.append(page)
+            self._collector.take(page)
+            if self._receiver is not None:
+                self._receiver.process(page)
+        if new:
+            self._begun = True
+            self._forget()
+
+    def finish(self) -> None:
+        """Say that no more pages come: the last subframe is taken as it is."""
+        if self._receiver is not None:
+            self._receiver.finish()
+            self._n_subframes += 1
+
+    def contents(self, settings: Settings) -> Contents | None:
+        """Return keys, root keys and what was demodulated, None before the first page.
+
+        Raises `AuthenticationError` if there is nothing that keys could lead to.
+        """
+        if not self._begun:
+            return None
+        if settings.trust is None:
+            raise AuthenticationError(
+                f"{self.path}: the keys in its message prove nothing without an OSNMA public key or Merkle tree"
+            )
+        receiver = self._receiver_for(settings.trust)
+        report = receiver.report()
+        keys = receiver.filled_keys()
+        return Contents(
+            summary=f"{report.n_pages} pages, {len(keys)} validated keys",
+            keys=keys,
+            roots=report.verified_roots,
+            alerts=report.alerts,
+            received=receiver.received(),
+        )
+
+    def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
+        """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them.
+
+        Of such a satellite an issue that is not verified yet is left out.
+        """
+        proven = () if self._receiver is None else self._receiver.navigation()
+        verified = {(one.svid, one.iod_nav) for one in proven if one.authenticated and one.adkd == ADKD_EPHEMERIS}
+        found = self._collector.ephemerides
+        svids = frozenset(one.svid for one in found if (one.svid, one.iod_nav) in verified)
+        return tuple(one for one in found if one.svid not in svids or (one.svid, one.iod_nav) in verified), svids
+
+    def _receiver_for(self, trust: FileTrust) -> OsnmaReceiver:
+        """Return the receiver of a trust anchor; a new one is given the pages that are kept."""
+        if self._receiver is None or trust != self._trust:
+            if self._receiver is not None:
+                self._n_subframes += self._receiver.n_subframes
+            self._trust, self._receiver = trust, OsnmaReceiver(trust.public_keys, trust.tree)
+            for page in self._pages:
+                self._receiver.process(page)
+        return self._receiver
+
+    def _forget(self) -> None:
+        limit = self._pages[-1].time + -self._kept_s
+        if limit >= self._pages[0].time:
+            while self._pages[0].time < limit:
+                self._pages.popleft()
+            if self._receiver is not None:
+                self._receiver.forget(limit)
