@@ -17,16 +17,19 @@ from statistics import median
 
 import numpy as np
 
-from vestige.constants import E1_CARRIER_HZ, SECONDARY_PERIOD_S
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SECONDARY_PERIOD_S
 from vestige.errors import InputFileError, satellite_names
-from vestige.recording.doctor.e1_signals import E1Satellite
+from vestige.recording.doctor.code_doppler import E1Satellite
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.records import SampleBatch
 from vestige.sample_processor.acquisition import Acquisition, acquire
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, E1Snapshot, measure_e1
+from vestige.sample_processor.e6_acquisition import acquire_e6
 from vestige.sample_processor.search.e1_jump import Jump
 from vestige.sample_processor.search.e1_search import search_e1
+from vestige.signals.definitions import E6B
+from vestige.time import GalileoTime
 
 SHORTEST_S = 0.112  # two windows in which E1 can be measured
 TOLERANCE_S = (1e-6, 1e-8)  # of a jump: at least, and a second between two places, for an oscillator that wanders
@@ -34,6 +37,7 @@ _SATELLITES = 3
 _DOPPLER_SPAN_HZ = 1000.0  # by which the Doppler may change through the recording
 _NEAR_HZ = 250.0
 _NEAR_ENOUGH_S = 0.3
+_E6_S = 0.022  # of E6 samples in which a code phase is found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +48,17 @@ class Place:
     snapshots: dict[int, E1Snapshot]
 
 
-def examine_continuity(reader: SampleReader, satellites: Sequence[E1Satellite], limit: TimeLimit) -> Iterator[Finding]:
-    """Yield where E1 jumps, is all one value, or ends.
+def examine_continuity(
+    reader: SampleReader, e6: SampleReader | None, satellites: Sequence[E1Satellite], limit: TimeLimit
+) -> Iterator[Finding]:
+    """Yield where E1 or E6 jumps, is all one value, or ends.
 
     Parameters
     ----------
     reader
         The samples of E1, with the description that shows the satellites.
+    e6
+        Those of E6, likewise.
     satellites
         Those at the beginning, the strongest first; three of them are followed.
     """
@@ -87,6 +95,46 @@ def examine_continuity(reader: SampleReader, satellites: Sequence[E1Satellite], 
         shift_s = _shift_s(earlier, later)
         if shift_s is not None:
             yield _jump_finding(reader, *_narrowed(reader, earlier, later, count, followed, limit), shift_s, count)
+    if e6 is not None:
+        yield from _e6_jumps(e6, places)
+
+
+def _e6_jumps(reader: SampleReader, places: Sequence[Place]) -> Iterator[Finding]:
+    """Yield where E6 jumps between two places that E1 has measured: by its own code phases and the Doppler of E1."""
+    phases = [_e6_phases(reader, place) for place in places]
+    for (earlier, before), (later, after) in pairwise(zip(places, phases, strict=True)):
+        shifts = []
+        for svid in before.keys() & after.keys():
+            span_s = after[svid][0] - before[svid][0]
+            mean_hz = (earlier.snapshots[svid].doppler_hz + later.snapshots[svid].doppler_hz) / 2
+            expected = before[svid][1] + span_s * (1 + mean_hz / E1_CARRIER_HZ)
+            shifts.append((after[svid][1] - expected + E6B.period_s / 2) % E6B.period_s - E6B.period_s / 2)
+        if not shifts:
+            continue
+        rate, shift_s = reader.file.sample_rate_hz, median(shifts)
+        if abs(shift_s) > TOLERANCE_S[0] + 1 / rate + TOLERANCE_S[1] * span_s:
+            begin_s, end_s = (next(iter(one.values()))[0] - reader.start for one in (before, after))
+            yield fault(
+                FindingKind.LOST_SAMPLES, reader.band,
+                f"E6: the signals jump by {shift_s * 1e6:+.1f} µs between {begin_s:.2f} s and {end_s:.2f} s: "
+                f"{abs(shift_s) * rate:.0f} samples are {'missing' if shift_s > 0 else 'repeated'} (modulo 1 ms)",
+                _ADVICE,
+            )  # fmt: skip
+
+
+def _e6_phases(reader: SampleReader, place: Place) -> dict[int, tuple[GalileoTime, float]]:
+    """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of the samples that show them."""
+    found: dict[int, tuple[GalileoTime, float]] = {}
+    for svid, snapshot in place.snapshots.items():
+        rate = reader.file.sample_rate_hz
+        first = reader.first_sample + round((snapshot.time - reader.start) * rate)
+        if first < reader.first_sample or first >= reader.end_sample:
+            continue
+        batch = reader.read(first, min(round(_E6_S * rate), reader.end_sample - first))
+        signal = acquire_e6(batch, E6B, svid, doppler_hz=snapshot.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ)
+        if signal is not None:
+            found[svid] = (batch.start, -signal.code_start_s % E6B.period_s)
+    return found
 
 
 def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> Iterator[Finding]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID
 from vestige.errors import satellite_names
 from vestige.recording.description import BandFile
+from vestige.recording.doctor.code_doppler import E1Satellite, code_runs_backwards
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault
 from vestige.recording.doctor.reading import (
     Reading,
@@ -23,7 +24,7 @@ from vestige.recording.doctor.reading import (
 from vestige.records import Band, SampleBatch
 from vestige.sample_processor.acquisition import Acquisition, acquire
 from vestige.sample_processor.code_repetition import rates_by_repetition_hz
-from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, E1Snapshot, measure_e1
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, measure_e1
 from vestige.signals.definitions import CARRIER_HZ
 
 SVIDS = range(1, MAX_SVID + 1)
@@ -40,16 +41,6 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class E1Satellite:
-    """A satellite on E1."""
-
-    svid: int
-    doppler_hz: float
-    cn0_dbhz: float
-    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; the values above are rough then
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class E1Result:
     """What E1 shows: the satellites, the file as it has to be read for them, and what is wrong."""
 
@@ -58,7 +49,7 @@ class E1Result:
     findings: tuple[Finding, ...]
 
 
-def examine_e1(file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress) -> E1Result:
+def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
     """Return the satellites in the first 100 ms of E1; where there are none, as which description shows some.
 
     Parameters
@@ -67,8 +58,8 @@ def examine_e1(file: BandFile, other: BandFile | None, limit: TimeLimit, progres
         The samples of E1 as described.
     other
         Those of E6, which may hold E1.
-    limit
-        No other description is tried beyond it.
+    try_s
+        How long other descriptions are tried, in s.
     progress
         Called with what is done, and the numbers of satellites that are done and of all.
     """
@@ -97,6 +88,7 @@ def examine_e1(file: BandFile, other: BandFile | None, limit: TimeLimit, progres
             found = _acquire(batch, _STRETCHES) or found
         findings.extend(_standing_offset(file, found))
     else:
+        limit = TimeLimit(try_s)
         hit, trials = _first_that_fits(file, other, limit, progress)
         if hit is None:
             findings.append(_nothing(trials, limit))
@@ -109,8 +101,16 @@ def examine_e1(file: BandFile, other: BandFile | None, limit: TimeLimit, progres
         file = reading.file
         batch = head(file, E1_WINDOW_S) or batch
         found = _acquire(batch, _STRETCHES) or found
-    satellites = sorted((_satellite(batch, one) for one in found), key=lambda one: -one.cn0_dbhz)
-    return E1Result(file=file, satellites=tuple(satellites), findings=tuple(findings))
+    satellites = tuple(_satellite(batch, one) for one in found)
+    turned = next(reversed_readings(file), None)
+    if turned is not None and code_runs_backwards(file, satellites):
+        evidence = "E1: the codes run as if all Dopplers had the other sign, so the spectrum is reversed"
+        findings.append(fault(turned.kind, file.band, evidence, turned.change))
+        file = turned.file
+        batch = head(file, E1_WINDOW_S) or batch
+        satellites = tuple(_satellite(batch, replace(one, doppler_hz=-one.doppler_hz)) for one in found)
+    ranked = sorted(satellites, key=lambda one: -one.cn0_dbhz)
+    return E1Result(file=file, satellites=tuple(ranked), findings=tuple(findings))
 
 
 def _acquire(

@@ -9,7 +9,7 @@ from statistics import median
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, MAX_SVID
 from vestige.errors import satellite_names
 from vestige.recording.description import BandFile
-from vestige.recording.doctor.e1_signals import E1Satellite
+from vestige.recording.doctor.code_doppler import E1Satellite
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
 from vestige.recording.doctor.reading import (
     Reading,
@@ -32,7 +32,7 @@ BAND_OFFSET_S = 2e-6  # between E1 and E6 that ionosphere, satellite and receive
 _LOOKED_AT = 6  # satellites, the strongest on E1
 _TRIED = 3  # of them in each other description
 _TRY_S = 0.012
-_SPAN_HZ = 1000.0  # around the Doppler that E1 predicts
+_SPAN_HZ = 400.0  # around the Doppler that E1 predicts
 _WIDE_HZ = 60_000.0  # of the middle of the Dopplers, for a wrong centre frequency
 _BLIND_SPAN_HZ = 5000.0  # without E1
 _BLIND_STRETCHES = 4
@@ -57,7 +57,7 @@ class E6Result:
     findings: tuple[Finding, ...]
 
 
-def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], limit: TimeLimit) -> E6Result:
+def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float) -> E6Result:
     """Return which satellites E6-B and E6-C show, and as which description if not as the given one.
 
     Parameters
@@ -66,6 +66,8 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], limit: Time
         The samples of E6 as described, or the ways to read them if E1 has already shown that bands are swapped.
     e1
         Satellites of E1, the strongest first; without any, all are looked for.
+    try_s
+        How long other descriptions are tried, in s.
     """
     findings: list[Finding] = []
     sky = [(one.svid, one.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ) for one in e1[:_LOOKED_AT]]
@@ -74,7 +76,13 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], limit: Time
     if sibling is not None:
         findings.append(fault(sibling.kind, file.band, f"E6: {sibling.says}", sibling.change))
         file = sibling.file
+    turned = _reversed(file, sky)
+    if turned is not None:
+        evidence = "E6: the Dopplers have the other sign than on E1, so the spectrum is reversed"
+        findings.append(fault(turned.kind, file.band, evidence, turned.change))
+        file = turned.file
     if sky and not _shown(file, sky):
+        limit = TimeLimit(try_s)
         reading = _reading_that_fits(file, sky[:_TRIED], limit)
         if reading is None:
             findings.append(_nothing(sky))
@@ -209,6 +217,17 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
             f"E6-C is encrypted or absent: {satellite_names(one.svid for one in closed)} show E6-B and no open E6-C",
             "RECS of the service are needed for a verdict",
         )  # fmt: skip
+
+
+def _reversed(file: BandFile, sky: list[tuple[int, float]]) -> Reading | None:
+    """Return the reading with the other sense of the spectrum if it places more satellites at their Dopplers."""
+    telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
+    if not telling or abs(telling[0][1]) < 3 * _SPAN_HZ:
+        return None
+    for reading in reversed_readings(file):
+        if len(_shown(reading.file, telling)) > len(_shown(file, telling)):
+            return reading
+    return None
 
 
 def _nothing(sky: list[tuple[int, float]]) -> Finding:

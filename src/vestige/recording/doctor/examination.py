@@ -18,8 +18,9 @@ from vestige.constants import SUBFRAME_S
 from vestige.crypto.recs.recs_segment import LENGTHS
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile, RecordingDescription, redated
+from vestige.recording.doctor.code_doppler import E1Satellite
 from vestige.recording.doctor.continuity import examine_continuity
-from vestige.recording.doctor.e1_signals import E1Result, E1Satellite, Progress, examine_e1
+from vestige.recording.doctor.e1_signals import E1Result, Progress, examine_e1
 from vestige.recording.doctor.e6_signals import E6Result, E6Satellite, examine_e6
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
 from vestige.recording.doctor.reading import head, swapped_readings
@@ -79,16 +80,18 @@ def examine(
         if first_is_usable or _head_is_usable(file):
             usable[band] = file
     first, second = usable.get(Band.E1), usable.get(Band.E6)
-    e1 = None if first is None else examine_e1(first, second, TimeLimit(TRY_S), progress)
+    e1 = None if first is None else examine_e1(first, second, TRY_S, progress)
     e6 = None
     if e1 is not None:
         findings.extend(e1.findings)
-        progress("continuity", 0, 1)
-        findings.extend(_continuity(e1))
     if second is not None:
         progress("E6 signals", 0, 1)
-        e6 = examine_e6(_e6_files(second, first, e1), () if e1 is None else e1.satellites, TimeLimit(TRY_S))
+        e6 = examine_e6(_e6_files(second, first, e1), () if e1 is None else e1.satellites, TRY_S)
         findings.extend(e6.findings)
+    if e1 is not None and e1.satellites:
+        progress("continuity", 0, 1)
+        beside = None if e6 is None or not e6.satellites else open_samples(e6.file)
+        findings.extend(examine_continuity(open_samples(e1.file), beside, e1.satellites, TimeLimit(TRY_S)))
     findings.extend(_duration(description))
     return Examination(
         e1=() if e1 is None else e1.satellites,
@@ -106,11 +109,6 @@ def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> lis
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
-
-
-def _continuity(e1: E1Result) -> Iterator[Finding]:
-    if e1.satellites:
-        yield from examine_continuity(open_samples(e1.file), e1.satellites, TimeLimit(TRY_S))
 
 
 def _head_is_usable(file: BandFile) -> bool:

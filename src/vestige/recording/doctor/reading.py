@@ -153,7 +153,7 @@ def better_sibling(file: BandFile) -> Reading | None:
     return Reading(
         kind=FindingKind.FORMAT,
         file=other,
-        says=f"all values lie at the ends of the scale (rms {rms:.0f}), read as {other.form} their rms is {smaller:.0f}",
+        says=f"all values lie at the ends of the scale, rms {rms:.0f}; as {other.form} rms {smaller:.0f}",
         change=f'set format = "{sibling}"',
     )
 
