@@ -53,8 +53,10 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
     if whole is None:
         return False
     apart_s = min(whole.samples.size / whole.sample_rate_hz - WINDOW_S, APART_S[1])
+    if apart_s < APART_S[0]:
+        return False
     first, second = head(file, WINDOW_S), head(file, WINDOW_S, apart_s)
-    if apart_s < APART_S[0] or first is None or second is None:
+    if first is None or second is None:
         return False
     dopplers, ahead_s = [], []
     for one in satellites:

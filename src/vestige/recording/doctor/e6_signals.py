@@ -67,7 +67,7 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: floa
     e1
         Satellites of E1, the strongest first; without any, all are looked for.
     try_s
-        How long other descriptions are tried, in s.
+        Processor time for which other descriptions are tried, in s.
     """
     findings: list[Finding] = []
     sky = [(one.svid, one.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ) for one in e1[:_LOOKED_AT]]

@@ -1,8 +1,7 @@
 """The doctor of a recording: which satellites are in it, and what is wrong with its samples or their description.
 
 The description is taken as it is first. Only where it shows no signal, descriptions that are one mistake away are
-tried, for `TRY_S` at most in each band; on two cores all of it takes some 20 s a band at 12.5 MHz, and some 10 s where
-nothing is wrong. The first 100 ms are looked at, and windows of 100 ms in the middle and at the end.
+tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are looked at, and windows of 100 ms in the middle and at the end.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from vestige.sample_processor.e1_snapshot import MIN_PERIODS
 from vestige.signals.definitions import E1C, E6C
 from vestige.time import GalileoTime
 
-TRY_S = 14.0  # for descriptions that are one mistake away
+TRY_S = 36.0  # processor time for descriptions that are one mistake away
 SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
 RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins

@@ -29,7 +29,6 @@ class FindingKind(StrEnum):
     E6C_OPEN = "E6-C open"
     E6C_ENCRYPTED = "E6-C encrypted"
     DURATION = "duration"
-    NOT_TRIED = "not tried"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,12 +59,15 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 
 @dataclass(slots=True)
 class TimeLimit:
-    """How long the search for the right description of samples may take; it counts from when it is made."""
+    """How much processor time the search for the right description may take; it counts from when it is made.
+
+    Processor time, not the time of day: what is found does not depend on what else the machine does.
+    """
 
     seconds: float
-    _start_s: float = field(default_factory=time.monotonic)
+    _start_s: float = field(default_factory=time.process_time)
 
     @property
     def is_over(self) -> bool:
         """Whether the time is used up."""
-        return time.monotonic() - self._start_s > self.seconds
+        return time.process_time() - self._start_s > self.seconds
