@@ -70,8 +70,9 @@ def acquire(
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
     The batch has at least 8 ms; `max_stretches` code periods are used at most, up to 100 ms. Dopplers are looked at
-    within `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the probability that noise alone gives any
-    acquisition, and `progress` is called with the number of satellites that are done, and of all.
+    within `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the
+    probability that noise alone gives any acquisition, and `progress` is called with the number of satellites that are
+    done, and of all.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:

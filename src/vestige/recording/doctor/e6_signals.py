@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -87,7 +87,7 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: floa
         if reading is None:
             findings.append(_nothing(sky))
             return E6Result(file=file, satellites=(), findings=tuple(findings))
-        names = satellite_names(_shown(reading.file, sky))
+        names = satellite_names(one.svid for one in _shown(reading.file, sky))
         findings.append(
             fault(reading.kind, file.band, f"E6: no signal as described, {names} {reading.says}", reading.change)
         )
@@ -110,36 +110,41 @@ def expected_start_s(snapshot: E1Snapshot, batch: SampleBatch) -> float:
     return -phase_s % E6B.period_s
 
 
-def _shown(file: BandFile, sky: list[tuple[int, float]], middle_hz: float = 0.0) -> list[int]:
+def _shown(file: BandFile, sky: list[tuple[int, float]]) -> list[E6Acquisition]:
+    """Return E6-B of the first satellites of `sky` in the first samples of a file."""
     batch = head(file, _TRY_S)
     if batch is None:
         return []
-    return [
-        svid
+    found = (
+        acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz, doppler_span_hz=_SPAN_HZ)
         for svid, doppler_hz in sky[:_TRIED]
-        if acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz + middle_hz, doppler_span_hz=_SPAN_HZ)
-    ]
+    )
+    return [one for one in found if one is not None]
 
 
-def _readings(file: BandFile) -> Iterator[Reading]:
-    yield from reversed_readings(file)
-    yield from format_readings(file)
-    yield from layout_readings(file)
+def _readings(file: BandFile) -> Iterator[Iterable[Reading]]:
+    """Yield the readings that would mend one kind of mistake, one kind after the other."""
+    yield reversed_readings(file)
+    yield layout_readings(file)
+    yield format_readings(file)
     batch = head(file, E6_WINDOW_S)
     if batch is not None:
         carrier = (E6_CARRIER_HZ - file.center_frequency_hz) / file.sample_rate_hz
-        for rate_hz in rates_by_repetition_hz(batch.samples, E6B.period_s, carrier=carrier):
-            reading = rate_reading(file, rate_hz)
-            if rate_hz != file.sample_rate_hz:
-                yield reading
+        rates = rates_by_repetition_hz(batch.samples, E6B.period_s, carrier=carrier)
+        yield (rate_reading(file, rate_hz) for rate_hz in rates if rate_hz != file.sample_rate_hz)
 
 
 def _reading_that_fits(file: BandFile, sky: list[tuple[int, float]], limit: TimeLimit) -> Reading | None:
-    for reading in _readings(file):
-        if limit.is_over:
-            return None
-        if _shown(reading.file, sky):
-            return reading
+    for readings in _readings(file):
+        strongest, strength = None, 0.0
+        for reading in readings:
+            if limit.is_over:
+                return strongest
+            total = sum(one.statistic for one in _shown(reading.file, sky))
+            if total > strength:
+                strongest, strength = reading, total
+        if strongest is not None:
+            return strongest
     batch = head(file, _TRY_S)
     if batch is None or limit.is_over:
         return None

@@ -1,7 +1,8 @@
 """The doctor of a recording: which satellites are in it, and what is wrong with its samples or their description.
 
 The description is taken as it is first. Only where it shows no signal, descriptions that are one mistake away are
-tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are looked at, and windows of 100 ms in the middle and at the end.
+tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are
+looked at, and windows of 100 ms in the middle and at the end.
 """
 
 from __future__ import annotations

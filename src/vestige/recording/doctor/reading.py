@@ -145,7 +145,7 @@ def better_sibling(file: BandFile) -> Reading | None:
         return None
     other = replace(file, form=replace(file.form, component=sibling))
     given, instead = _components(file), _components(other)
-    if given is None or instead is None or _implausibility(other) is None or len(np.unique(instead)) <= 16:
+    if given is None or instead is None or _implausibility(other) is None or len(np.unique(instead)) <= 2:
         return None
     rms, smaller = (float(np.sqrt(np.mean(one**2))) for one in (given, instead))
     if smaller > rms / 2:
