@@ -22,7 +22,7 @@ from vestige.recording.doctor.reading import head
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
-WINDOW_S = 0.06  # of samples for one code phase: as few as E1 can be measured in
+CODE_WINDOW_S = 0.06  # of samples for one code phase: as few as E1 can be measured in
 APART_S = (0.02, 0.2)  # between the windows, at least, and at most: the code must stay within the taps
 CODE_SIGMA_S = 2e-8  # of one code phase in such a window at 40 dBHz
 SIGNIFICANCE = 4.0  # standard deviations between a slope of 0 and one of 1 at least
@@ -49,13 +49,13 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
     satellites
         At least two with a measurement; a sum of Dopplers of some kHz is needed in 100 ms.
     """
-    whole = head(file, WINDOW_S + APART_S[1])
+    whole = head(file, CODE_WINDOW_S + APART_S[1])
     if whole is None:
         return False
-    apart_s = min(whole.samples.size / whole.sample_rate_hz - WINDOW_S, APART_S[1])
+    apart_s = min(whole.samples.size / whole.sample_rate_hz - CODE_WINDOW_S, APART_S[1])
     if apart_s < APART_S[0]:
         return False
-    first, second = head(file, WINDOW_S), head(file, WINDOW_S, apart_s)
+    first, second = head(file, CODE_WINDOW_S), head(file, CODE_WINDOW_S, apart_s)
     if first is None or second is None:
         return False
     dopplers, ahead_s = [], []

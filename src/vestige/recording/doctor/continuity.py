@@ -41,7 +41,7 @@ _E6_S = 0.022  # of E6 samples in which a code phase is found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class MeasuredPlace:
     """What one place of the file shows."""
 
     first: int  # sample, on the counter
@@ -74,7 +74,7 @@ def examine_continuity(
     firsts = [reader.first_sample, last]
     if reader.duration_s > 4 * window_s:
         firsts.insert(1, (reader.first_sample + last) // 2)
-    places: list[Place] = []
+    places: list[MeasuredPlace] = []
     for first in firsts:
         try:
             place = _place(reader, first, count, followed)
@@ -99,7 +99,7 @@ def examine_continuity(
         yield from _e6_jumps(e6, places)
 
 
-def _e6_jumps(reader: SampleReader, places: Sequence[Place]) -> Iterator[Finding]:
+def _e6_jumps(reader: SampleReader, places: Sequence[MeasuredPlace]) -> Iterator[Finding]:
     """Yield where E6 jumps between two places that E1 has measured: by its own code phases and the Doppler of E1."""
     phases = [_e6_phases(reader, place) for place in places]
     for (earlier, before), (later, after) in pairwise(zip(places, phases, strict=True)):
@@ -122,7 +122,7 @@ def _e6_jumps(reader: SampleReader, places: Sequence[Place]) -> Iterator[Finding
             )  # fmt: skip
 
 
-def _e6_phases(reader: SampleReader, place: Place) -> dict[int, tuple[GalileoTime, float]]:
+def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
     """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of the samples that show them."""
     found: dict[int, tuple[GalileoTime, float]] = {}
     for svid, snapshot in place.snapshots.items():
@@ -166,7 +166,7 @@ def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> 
 _ADVICE = "record again with fewer losses (faster disk, larger buffers), or cut the file there"
 
 
-def _place(reader: SampleReader, first: int, count: int, followed: Sequence[E1Satellite]) -> Place | None:
+def _place(reader: SampleReader, first: int, count: int, followed: Sequence[E1Satellite]) -> MeasuredPlace | None:
     batch = reader.read(first, count)
     if not np.any(batch.samples != batch.samples[0]):
         return None
@@ -176,7 +176,7 @@ def _place(reader: SampleReader, first: int, count: int, followed: Sequence[E1Sa
             measured = measure_e1(batch, acquisition)
             if measured is not None:
                 found[one.svid] = measured
-    return Place(first=first, snapshots=found) if found else None
+    return MeasuredPlace(first=first, snapshots=found) if found else None
 
 
 def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
@@ -186,7 +186,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
     )  # fmt: skip
 
 
-def _shift_s(earlier: Place, later: Place) -> float | None:
+def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
     """Return by how much the signals are ahead of the counter at the later place; None if they are not."""
     shifts = []
     span_s = 0.0
@@ -206,8 +206,13 @@ def _shift_s(earlier: Place, later: Place) -> float | None:
 
 
 def _narrowed(
-    reader: SampleReader, earlier: Place, later: Place, count: int, followed: Sequence[E1Satellite], limit: TimeLimit
-) -> tuple[Place, Place]:
+    reader: SampleReader,
+    earlier: MeasuredPlace,
+    later: MeasuredPlace,
+    count: int,
+    followed: Sequence[E1Satellite],
+    limit: TimeLimit,
+) -> tuple[MeasuredPlace, MeasuredPlace]:
     """Return two places nearer to each other, between which the signals jump."""
     while (later.first - earlier.first) / reader.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
         middle = _place(reader, (earlier.first + later.first) // 2, count, followed[:1])
@@ -222,7 +227,9 @@ def _narrowed(
     return earlier, later
 
 
-def _jump_finding(reader: SampleReader, earlier: Place, later: Place, shift_s: float, count: int) -> Finding:
+def _jump_finding(
+    reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace, shift_s: float, count: int
+) -> Finding:
     rate = reader.file.sample_rate_hz
     begin_s, end_s = ((one - reader.first_sample) / rate for one in (earlier.first, later.first + count))
     what = "missing" if shift_s > 0 else "repeated"

@@ -28,7 +28,7 @@ from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, measure_e1
 from vestige.signals.definitions import CARRIER_HZ
 
 SVIDS = range(1, MAX_SVID + 1)
-PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
+READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
 WIDE_STEP_HZ = 10_000.0  # of the middle of the Dopplers where none is found within ±5 kHz
 WIDE_HZ = 60_000.0  # as far as the middle goes
 STANDING_HZ = 3_500.0  # no satellite has a larger mean Doppler than the others together if the receiver's clock is good
@@ -128,7 +128,7 @@ def _acquire(
     return acquire(
         batch,
         svids,
-        overall_pfa=PFA,
+        overall_pfa=READING_PFA,
         max_stretches=stretches,
         doppler_center_hz=middle_hz,
         bin_step=bin_step,
