@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID
 from vestige.errors import satellite_names
@@ -34,6 +35,7 @@ WIDE_HZ = 60_000.0  # as far as the middle goes
 STANDING_HZ = 3_500.0  # no satellite has a larger mean Doppler than the others together if the receiver's clock is good
 _STRETCHES = 8  # code periods for the list of satellites: down to some 33 dBHz
 _TRY_STRETCHES = 2  # code periods for one reading: down to some 38 dBHz
+_STRONGER_DB = 0.5  # by which a reading must be better than the one before, which is simpler
 _TRY_BINS = 2  # every second one of the Doppler bins, for half of the time: 1 dB lost on average
 _RATES = 8  # of the usual ones
 _RATE_STRETCHES = 1  # code periods for one sampling rate: down to some 41 dBHz
@@ -117,7 +119,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
 def _acquire(
     batch: SampleBatch | None,
     stretches: int,
-    svids: Iterable[int] = SVIDS,
+    svids: Iterable[int] | None = None,
     *,
     middle_hz: float = 0.0,
     bin_step: int = 1,
@@ -127,7 +129,7 @@ def _acquire(
         return ()
     return acquire(
         batch,
-        svids,
+        SVIDS if svids is None else svids,
         overall_pfa=READING_PFA,
         max_stretches=stretches,
         doppler_center_hz=middle_hz,
@@ -156,7 +158,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
     for reading in layout_readings(file):
         strength = _strength(_acquire(head(reading.file, _window_s(_STRETCHES)), _STRETCHES, (best.svid,)))
         if strength > least:
-            least, stronger = strength, reading
+            least, stronger = strength + _STRONGER_DB, reading
     return stronger
 
 
@@ -190,7 +192,7 @@ def _first_that_fits(
         strongest: _Hit | None = None
         number = 0
         for number, hit in enumerate(hits):
-            if hit is not None and (strongest is None or _strength(hit[1]) > _strength(strongest[1])):
+            if hit is not None and (strongest is None or _strength(hit[1]) > _strength(strongest[1]) + _STRONGER_DB):
                 strongest = hit
             progress(f"E1: {name}", number, number + 1)
             if limit.is_over:
@@ -206,8 +208,8 @@ def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Itera
     yield "reversed spectrum", _tried(reversed_readings(file))
     if other is not None:
         yield "swapped bands", _tried(swapped_readings(file, other))
-    yield "real or complex", _tried(layout_readings(file))
-    yield "number formats", _tried(format_readings(file))
+    # together, because the high bytes of other numbers are weak signals, too: the strongest is taken
+    yield "real or complex and number formats", _tried(chain(layout_readings(file), format_readings(file)))
     yield "the likeliest sampling rates", _rates(file)
     yield f"centre frequencies to ±{(WIDE_HZ + 5e3) / 1e3:.0f} kHz", _centres(file)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from statistics import median
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, MAX_SVID
@@ -125,8 +126,7 @@ def _shown(file: BandFile, sky: list[tuple[int, float]]) -> list[E6Acquisition]:
 def _readings(file: BandFile) -> Iterator[Iterable[Reading]]:
     """Yield the readings that would mend one kind of mistake, one kind after the other."""
     yield reversed_readings(file)
-    yield layout_readings(file)
-    yield format_readings(file)
+    yield chain(layout_readings(file), format_readings(file))
     batch = head(file, E6_WINDOW_S)
     if batch is not None:
         carrier = (E6_CARRIER_HZ - file.center_frequency_hz) / file.sample_rate_hz

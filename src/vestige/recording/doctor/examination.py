@@ -23,7 +23,7 @@ from vestige.recording.doctor.continuity import examine_continuity
 from vestige.recording.doctor.e1_signals import E1Result, Progress, examine_e1
 from vestige.recording.doctor.e6_signals import E6Result, E6Satellite, examine_e6
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
-from vestige.recording.doctor.reading import head, swapped_readings
+from vestige.recording.doctor.reading import better_sibling, head, swapped_readings
 from vestige.recording.samples.front_end_power import CLIPPED, front_end_status
 from vestige.recording.samples.sample_file import SampleReader, open_samples
 from vestige.recording.tracked.track_recording import MIN_TRACKED_S
@@ -150,6 +150,8 @@ def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
 def _clipped(reader: SampleReader) -> Iterator[Finding]:
     file = reader.file
     batch = head(replace(file, start=file.start or _SOME_TIME), _LOOKED_AT_S)
+    if better_sibling(file) is not None:  # it is the format that lays the values there
+        return
     if batch is not None and _many_values(batch.samples) and front_end_status(batch, file.form).saturated:
         yield fault(
                 FindingKind.CLIPPED, reader.band,

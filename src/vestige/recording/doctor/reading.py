@@ -18,6 +18,7 @@ from vestige.signals.definitions import CARRIER_HZ
 
 _LOOKED_AT = 1 << 16  # samples that tell whether a format is plausible
 _KURTOSIS = (1.2, 6.0)  # of noise behind a quantiser of 2 bits or more; a byte order that is wrong gives other values
+_LEAST_IF = 0.05  # of the sampling rate: an intermediate frequency of real samples
 _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "int16": "uint16", "uint16": "int16"}
 
 
@@ -90,6 +91,9 @@ def layout_readings(file: BandFile) -> Iterator[Reading]:
     """Yield the readings of complex samples as real ones, or of real samples as complex ones."""
     form, rate_hz = file.form, file.sample_rate_hz
     if form.is_complex:
+        # Real samples have an intermediate frequency; around 0 Hz their noise is not that of an acquisition's threshold.
+        if abs(CARRIER_HZ[file.band] - file.center_frequency_hz) < _LEAST_IF * rate_hz:
+            return
         real = replace(form, layout="real")
         for rate, more in ((2 * rate_hz, f", sample_rate_hz = {2 * rate_hz:.10g}"), (rate_hz, "")):
             yield _layout(file, real, rate, "read as real samples", f'set layout = "real"{more}')
