@@ -33,10 +33,10 @@ BAND_OFFSET_S = 2e-6  # between E1 and E6 that ionosphere, satellite and receive
 _LOOKED_AT = 6  # satellites, the strongest on E1
 _TRIED = 3  # of them in each other description
 _TRY_S = 0.012
-_SPAN_HZ = 400.0  # around the Doppler that E1 predicts
+SPAN_HZ = 400.0  # around the Doppler that E1 predicts
 _WIDE_HZ = 60_000.0  # of the middle of the Dopplers, for a wrong centre frequency
 _BLIND_SPAN_HZ = 5000.0  # without E1
-_BLIND_STRETCHES = 4
+_BLIND_STRETCHES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,9 @@ class E6Result:
     findings: tuple[Finding, ...]
 
 
-def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float) -> E6Result:
+def examine_e6(
+    files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = SPAN_HZ
+) -> E6Result:
     """Return which satellites E6-B and E6-C show, and as which description if not as the given one.
 
     Parameters
@@ -69,26 +71,28 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: floa
         Satellites of E1, the strongest first; without any, all are looked for.
     try_s
         Processor time for which other descriptions are tried, in s.
+    span_hz
+        By how much the Dopplers on E6 may differ from those that E1 gives.
     """
     findings: list[Finding] = []
     sky = [(one.svid, one.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ) for one in e1[:_LOOKED_AT]]
-    file = next((one for one in files if _shown(one, sky)), files[0])
+    file = next((one for one in files if _shown(one, sky, span_hz)), files[0])
     sibling = better_sibling(file)
     if sibling is not None:
         findings.append(fault(sibling.kind, file.band, f"E6: {sibling.says}", sibling.change))
         file = sibling.file
-    turned = _reversed(file, sky)
+    turned = _reversed(file, sky, span_hz)
     if turned is not None:
         evidence = "E6: the Dopplers have the other sign than on E1, so the spectrum is reversed"
         findings.append(fault(turned.kind, file.band, evidence, turned.change))
         file = turned.file
-    if sky and not _shown(file, sky):
+    if sky and not _shown(file, sky, span_hz):
         limit = TimeLimit(try_s)
-        reading = _reading_that_fits(file, sky[:_TRIED], limit)
+        reading = _reading_that_fits(file, sky[:_TRIED], limit, span_hz)
         if reading is None:
             findings.append(_nothing(sky))
             return E6Result(file=file, satellites=(), findings=tuple(findings))
-        names = satellite_names(one.svid for one in _shown(reading.file, sky))
+        names = satellite_names(one.svid for one in _shown(reading.file, sky, span_hz))
         findings.append(
             fault(reading.kind, file.band, f"E6: no signal as described, {names} {reading.says}", reading.change)
         )
@@ -96,7 +100,7 @@ def examine_e6(files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: floa
     batch = head(file, E6_WINDOW_S)
     if batch is None:
         return E6Result(file=file, satellites=(), findings=tuple(findings))
-    satellites, acquired = _satellites(batch, sky)
+    satellites, acquired = _satellites(batch, sky, span_hz)
     if not sky and not satellites:
         findings.append(_nothing(sky))
     findings.extend(_offset(batch, e1, acquired))
@@ -111,13 +115,13 @@ def expected_start_s(snapshot: E1Snapshot, batch: SampleBatch) -> float:
     return -phase_s % E6B.period_s
 
 
-def _shown(file: BandFile, sky: list[tuple[int, float]]) -> list[E6Acquisition]:
+def _shown(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> list[E6Acquisition]:
     """Return E6-B of the first satellites of `sky` in the first samples of a file."""
     batch = head(file, _TRY_S)
     if batch is None:
         return []
     found = (
-        acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz, doppler_span_hz=_SPAN_HZ)
+        acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz, doppler_span_hz=span_hz)
         for svid, doppler_hz in sky[:_TRIED]
     )
     return [one for one in found if one is not None]
@@ -134,13 +138,15 @@ def _readings(file: BandFile) -> Iterator[Iterable[Reading]]:
         yield (rate_reading(file, rate_hz) for rate_hz in rates if rate_hz != file.sample_rate_hz)
 
 
-def _reading_that_fits(file: BandFile, sky: list[tuple[int, float]], limit: TimeLimit) -> Reading | None:
+def _reading_that_fits(
+    file: BandFile, sky: list[tuple[int, float]], limit: TimeLimit, span_hz: float
+) -> Reading | None:
     for readings in _readings(file):
         strongest, strength = None, 0.0
         for reading in readings:
             if limit.is_over:
                 return strongest
-            total = sum(one.statistic for one in _shown(reading.file, sky))
+            total = sum(one.statistic for one in _shown(reading.file, sky, span_hz))
             if total > strength:
                 strongest, strength = reading, total
         if strongest is not None:
@@ -155,11 +161,13 @@ def _reading_that_fits(file: BandFile, sky: list[tuple[int, float]], limit: Time
     return None
 
 
-def _satellites(batch: SampleBatch, sky: list[tuple[int, float]]) -> tuple[list[E6Satellite], dict[int, E6Acquisition]]:
+def _satellites(
+    batch: SampleBatch, sky: list[tuple[int, float]], span_hz: float
+) -> tuple[list[E6Satellite], dict[int, E6Acquisition]]:
     acquired: dict[int, E6Acquisition] = {}
     if sky:
         for svid, doppler_hz in sky:
-            found = acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz, doppler_span_hz=_SPAN_HZ)
+            found = acquire_e6(batch, E6B, svid, doppler_hz=doppler_hz, doppler_span_hz=span_hz)
             if found:
                 acquired[svid] = found
     else:
@@ -171,7 +179,7 @@ def _satellites(batch: SampleBatch, sky: list[tuple[int, float]]) -> tuple[list[
     satellites = []
     for svid, found in acquired.items():
         doppler_hz = dopplers.get(svid, found.doppler_hz)
-        pilot = acquire_e6(batch, E6C, svid, doppler_hz=doppler_hz, doppler_span_hz=_SPAN_HZ)
+        pilot = acquire_e6(batch, E6C, svid, doppler_hz=doppler_hz, doppler_span_hz=span_hz)
         share = None if pilot is None else secondary_share(batch, pilot, doppler_hz)
         satellites.append(
             E6Satellite(
@@ -224,13 +232,13 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _reversed(file: BandFile, sky: list[tuple[int, float]]) -> Reading | None:
+def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> Reading | None:
     """Return the reading with the other sense of the spectrum if it places more satellites at their Dopplers."""
     telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
-    if not telling or abs(telling[0][1]) < 3 * _SPAN_HZ:
+    if not telling or abs(telling[0][1]) < 3 * span_hz:
         return None
     for reading in reversed_readings(file):
-        if len(_shown(reading.file, telling)) > len(_shown(file, telling)):
+        if len(_shown(reading.file, telling, span_hz)) > len(_shown(file, telling, span_hz)):
             return reading
     return None
 

@@ -21,7 +21,7 @@ from vestige.recording.description import BandFile, RecordingDescription, redate
 from vestige.recording.doctor.code_doppler import E1Satellite
 from vestige.recording.doctor.continuity import examine_continuity
 from vestige.recording.doctor.e1_signals import E1Result, Progress, examine_e1
-from vestige.recording.doctor.e6_signals import E6Result, E6Satellite, examine_e6
+from vestige.recording.doctor.e6_signals import SPAN_HZ, E6Result, E6Satellite, examine_e6
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
 from vestige.recording.doctor.reading import better_sibling, head, swapped_readings
 from vestige.recording.samples.front_end_power import CLIPPED, front_end_status
@@ -36,6 +36,7 @@ TRY_S = 36.0  # processor time for descriptions that are one mistake away
 SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
 RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins
+_GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency that is the middle of the signals
 _SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
 _LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
 
@@ -86,7 +87,13 @@ def examine(
         findings.extend(e1.findings)
     if second is not None:
         progress("E6 signals", 0, 1)
-        e6 = examine_e6(_e6_files(second, first, e1), () if e1 is None else e1.satellites, TRY_S)
+        guessed = e1 is not None and any(one.kind is FindingKind.CENTRE_FREQUENCY for one in e1.findings)
+        e6 = examine_e6(
+            _e6_files(second, first, e1),
+            () if e1 is None else e1.satellites,
+            TRY_S,
+            span_hz=_GUESSED_HZ if guessed else SPAN_HZ,
+        )
         findings.extend(e6.findings)
     if e1 is not None and e1.satellites:
         progress("continuity", 0, 1)

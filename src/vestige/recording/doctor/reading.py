@@ -91,7 +91,7 @@ def layout_readings(file: BandFile) -> Iterator[Reading]:
     """Yield the readings of complex samples as real ones, or of real samples as complex ones."""
     form, rate_hz = file.form, file.sample_rate_hz
     if form.is_complex:
-        # Real samples have an intermediate frequency; around 0 Hz their noise is not that of an acquisition's threshold.
+        # Real samples have an intermediate frequency; around 0 Hz their noise exceeds an acquisition's threshold
         if abs(CARRIER_HZ[file.band] - file.center_frequency_hz) < _LEAST_IF * rate_hz:
             return
         real = replace(form, layout="real")
@@ -179,7 +179,7 @@ def centre_reading(file: BandFile, offset_hz: float) -> Reading:
         kind=FindingKind.CENTRE_FREQUENCY,
         file=replace(file, center_frequency_hz=center_hz),
         says=f"{offset_hz / 1e3:+.1f} kHz from where the description places them",
-        change=f"set center_frequency_hz = {center_hz:.0f}, or correct the oscillator, which is "
+        change=f"set center_frequency_hz = {center_hz:.0f} (to ±4 kHz), or correct the oscillator, which is "
         f"{-offset_hz / CARRIER_HZ[file.band] * 1e6:+.1f} ppm off if the frequency is the one that was set",
     )
 
