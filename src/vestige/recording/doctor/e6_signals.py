@@ -33,7 +33,7 @@ BAND_OFFSET_S = 2e-6  # between E1 and E6 that ionosphere, satellite and receive
 _LOOKED_AT = 6  # satellites, the strongest on E1
 _TRIED = 3  # of them in each other description
 _TRY_S = 0.012
-SPAN_HZ = 400.0  # around the Doppler that E1 predicts
+PREDICTED_SPAN_HZ = 400.0  # around the Doppler that E1 predicts
 _WIDE_HZ = 60_000.0  # of the middle of the Dopplers, for a wrong centre frequency
 _BLIND_SPAN_HZ = 5000.0  # without E1
 _BLIND_STRETCHES = 12
@@ -59,7 +59,7 @@ class E6Result:
 
 
 def examine_e6(
-    files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = SPAN_HZ
+    files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = PREDICTED_SPAN_HZ
 ) -> E6Result:
     """Return which satellites E6-B and E6-C show, and as which description if not as the given one.
 

@@ -21,7 +21,7 @@ from vestige.recording.description import BandFile, RecordingDescription, redate
 from vestige.recording.doctor.code_doppler import E1Satellite
 from vestige.recording.doctor.continuity import examine_continuity
 from vestige.recording.doctor.e1_signals import E1Result, Progress, examine_e1
-from vestige.recording.doctor.e6_signals import SPAN_HZ, E6Result, E6Satellite, examine_e6
+from vestige.recording.doctor.e6_signals import PREDICTED_SPAN_HZ, E6Result, E6Satellite, examine_e6
 from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
 from vestige.recording.doctor.reading import better_sibling, head, swapped_readings
 from vestige.recording.samples.front_end_power import CLIPPED, front_end_status
@@ -92,7 +92,7 @@ def examine(
             _e6_files(second, first, e1),
             () if e1 is None else e1.satellites,
             TRY_S,
-            span_hz=_GUESSED_HZ if guessed else SPAN_HZ,
+            span_hz=_GUESSED_HZ if guessed else PREDICTED_SPAN_HZ,
         )
         findings.extend(e6.findings)
     if e1 is not None and e1.satellites:
