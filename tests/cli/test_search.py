@@ -44,12 +44,20 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_e1_lists_one_signal_for_each_satellite(night: Path) -> None:
-    found = _json("e1", night, "--svids", "1-9", "--periods", 4)["signals"]
+    told = _json("e1", night, "--svids", "1-9", "--periods", 4)
+    found = told["signals"]
     assert [one["svid"] for one in found] == [3, 8]
-    assert found[0]["doppler_hz"] == pytest.approx(120 / 299_792_458 * 1575.42e6, abs=63)
-    assert found[0]["statistic"] > found[0]["threshold"]
+    assert all(one["measured"] for one in found)
+    for one, cn0_dbhz, rate_mps in zip(found, (45.0, 43.0), (-120.0, 310.5), strict=True):
+        assert one["doppler_hz"] == pytest.approx(-rate_mps / 299_792_458 * 1575.42e6, abs=3)
+        assert one["cn0_dbhz"] == pytest.approx(cn0_dbhz, abs=1.5)
+        assert one["statistic"] > one["threshold"]
+    assert (told["first_sample"], told["jumps"]) == (0, [])
+    assert told["time"].startswith("2026-11-21T12:00:16.0")
     text = invoke(search, "e1", night, "--svids", "3", "--periods", 2).stdout
-    assert text.startswith("E03  code phase")
+    first, second = text.splitlines()
+    assert first.startswith("at 2026-11-21T12:00:16.0")
+    assert second.startswith("E03  code phase")
     assert "spoofing" not in text
 
 

@@ -20,6 +20,8 @@ from vestige.recording.adc_statistics import AdcStatistics, adc_statistics
 from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.description import RecordingDescription, redated
+from vestige.recording.doctor.e1_signals import Progress
+from vestige.recording.doctor.examination import Examination, examine
 from vestige.recording.observations.observation_file import ObservationFile, observation_kind, open_observations
 from vestige.recording.recording import describe_recording, find_observations, find_recording
 from vestige.recording.samples.sample_file import SampleReader, open_samples
@@ -65,6 +67,7 @@ class Inspection:
     # what ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says of
     # itself
     missing: tuple[str, ...]
+    examination: Examination | None = None  # what the signals say; None if they were not looked for
 
 
 def inspect_recording(
@@ -76,6 +79,8 @@ def inspect_recording(
     public_key: Path | None = None,
     merkle_tree: Path | None = None,
     check_hash: bool = False,
+    signals: bool = False,
+    progress: Progress = lambda _step, _done, _total: None,
 ) -> Inspection:
     """Return what is at `path`, a recording, an observation file or a folder, and what is missing for ACAS.
 
@@ -94,6 +99,10 @@ def inspect_recording(
         What OSNMA keys must lead to, in place of what the assistance folder holds.
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
+    signals
+        Look for satellites, and for what is wrong with the description: 10 to 40 s.
+    progress
+        Called with the step of that, and with the parts of the step that are done and of all.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:
@@ -120,6 +129,7 @@ def inspect_recording(
         recorded_segments=() if span is None else helping.assistance.segments,
         notes=(*(description.notes if description else ()), *_notes(bands)),
         missing=tuple(_missing(description, bands, coverage, helping)),
+        examination=examine(description, progress=progress) if signals and description is not None else None,
     )
 
 

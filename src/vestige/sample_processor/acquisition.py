@@ -64,13 +64,15 @@ def acquire(
     doppler_span_hz: float = 5000.0,
     doppler_center_hz: float = 0.0,
     max_stretches: int = MAX_STRETCHES,
+    bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
     The batch has at least 8 ms; `max_stretches` code periods are used at most, up to 100 ms. Dopplers are looked at
-    within `doppler_span_hz` of `doppler_center_hz`. `overall_pfa` is the probability that noise alone gives any
-    acquisition, and `progress` is called with the number of satellites that are done, and of all.
+    within `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the
+    probability that noise alone gives any acquisition, and `progress` is called with the number of satellites that are
+    done, and of all.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -86,6 +88,7 @@ def acquire(
         overall_pfa=overall_pfa,
         doppler_span_hz=doppler_span_hz,
         doppler_center_hz=doppler_center_hz,
+        bin_step=bin_step,
         progress=progress,
     )
 
@@ -126,6 +129,7 @@ def search_cells(
     overall_pfa: float,
     doppler_span_hz: float,
     doppler_center_hz: float = 0.0,
+    bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
     """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
@@ -139,7 +143,7 @@ def search_cells(
     if n_added == 0 or not svids:
         return ()
     reach = int(doppler_span_hz / stretches.spacing_hz)
-    shifts = np.arange(-reach, reach + 1) + round(doppler_center_hz / stretches.spacing_hz)
+    shifts = np.arange(-reach, reach + 1, bin_step) + round(doppler_center_hz / stretches.spacing_hz)
     cells = len(svids) * shifts.size * stretches.n_phases
     threshold = 2.0 * float(special.gammainccinv(n_added, -np.expm1(np.log1p(-overall_pfa) / cells)))
 

@@ -1,4 +1,4 @@
-"""`vestige inspect`: what a recording or folder holds, and what is missing before ACAS can authenticate it."""
+"""`vestige inspect`: what a recording holds, what is wrong with it, and what ACAS lacks to authenticate it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from vestige.cli.options import json_option, time_option, trust_options
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
+    from vestige.recording.doctor.examination import Examination
     from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
 
 
@@ -27,26 +28,34 @@ _path = click.Path(path_type=Path)
 @click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
 @trust_options
 @click.option("--check-hash", is_flag=True, help="Compare samples with the hash in their description (reads them all).")
+@click.option("--quick", is_flag=True, help="Do not look for signals, which takes 10 s, or 40 s where none are found.")
 @json_option
 def command(path: Path, **options: Any) -> None:
-    """Say what PATH holds, and what is missing for ACAS.
+    """Say what PATH holds, what is wrong with it, and what is missing for ACAS.
 
     PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
     file of E1 observations.
+
+    The satellites of E1 and E6 are listed. Where the description shows none, other ones are tried: exchanged bands,
+    another sampling rate, number format, sense of the spectrum or centre frequency.
     """
     import json
 
+    from vestige.cli.progress import progress
     from vestige.recording.inspection import inspect_recording
 
-    found = inspect_recording(
-        path,
-        start=options["start"],
-        time_uncertainty_s=options["time_uncertainty"],
-        assistance=options["assistance"],
-        public_key=options["public_key"],
-        merkle_tree=options["merkle_tree"],
-        check_hash=options["check_hash"],
-    )
+    with progress() as report:
+        found = inspect_recording(
+            path,
+            start=options["start"],
+            time_uncertainty_s=options["time_uncertainty"],
+            assistance=options["assistance"],
+            public_key=options["public_key"],
+            merkle_tree=options["merkle_tree"],
+            check_hash=options["check_hash"],
+            signals=not options["quick"],
+            progress=report,
+        )
     if options["as_json"]:
         echo(json.dumps(_json(found), allow_nan=False))
         return
@@ -63,6 +72,8 @@ def _lines(found: Inspection) -> Iterator[str]:
         yield f"{found.path}: recording described by {found.description.path.name}, {clock}"
     for band in found.bands:
         yield from _band_lines(band)
+    if found.examination is not None:
+        yield from _signal_lines(found.examination)
     if found.observations is not None:
         yield from _observation_lines(found.observations)
     if found.assistance.files:
@@ -71,7 +82,10 @@ def _lines(found: Inspection) -> Iterator[str]:
             yield f"    {file.path.name}: {file.content}"
         if any(band.reader.band.name == "E6" for band in found.bands):
             yield f"    {len(found.recorded_segments)} RECS can be in the E6 samples"
+    findings = () if found.examination is None else found.examination.findings
     for title, remarks in (
+        ("wrong", [one.line for one in findings if one.is_fault]),
+        ("what the signals say", [one.line for one in findings if not one.is_fault]),
         ("not usable", [str(problem) for problem in found.assistance.problems]),
         ("note", found.notes),
         ("missing for ACAS", found.missing),
@@ -104,6 +118,25 @@ def _band_lines(band: BandInspection) -> Iterator[str]:
         yield "    the samples have the hash that the description states"
 
 
+def _signal_lines(examination: Examination) -> Iterator[str]:
+    if not examination.e1 and not examination.e6:
+        yield "no satellite was found"
+        return
+    yield "satellites"
+    e6 = {one.svid: one for one in examination.e6}
+    for one in examination.e1:
+        other = e6.get(one.svid)
+        beside = "" if other is None else f", E6-B {other.cn0_dbhz:4.1f} dBHz, E6-C {_E6C[other.e6c_open]}"
+        rough = "" if one.snapshot is not None else " (rough: too few samples)"
+        yield f"    E{one.svid:02d}  E1 {one.cn0_dbhz:4.1f} dBHz, Doppler {one.doppler_hz:8.1f} Hz{rough}{beside}"
+    if not examination.e1:
+        for other in examination.e6:
+            yield f"    E{other.svid:02d}  E6-B {other.cn0_dbhz:4.1f} dBHz, E6-C {_E6C[other.e6c_open]}"
+
+
+_E6C = {True: "open", False: "encrypted or absent"}
+
+
 def _observation_lines(coverage: ObservationCoverage) -> Iterator[str]:
     yield f"E1 observations  {coverage.file.path.name}: {coverage.file.kind}, {coverage.n_epochs} epochs"
     if coverage.span is not None:
@@ -130,6 +163,7 @@ def _json(found: Inspection) -> dict[str, Any]:
                 for segment in found.recorded_segments
             ],
         },
+        "signals": None if found.examination is None else _json_signals(found.examination),
         "notes": list(found.notes),
         "missing": list(found.missing),
     }
@@ -156,6 +190,41 @@ def _json_band(band: BandInspection) -> dict[str, Any]:
         "start_gst": None if file.start is None else exact_gst(file.start),
         "hash_agrees": band.hash_agrees,
         "levels": asdict(statistics) | {"mean": [statistics.mean.real, statistics.mean.imag]},
+    }
+
+
+def _json_signals(examination: Examination) -> dict[str, Any]:
+    import math
+
+    return {
+        "e1": [
+            {
+                "svid": one.svid,
+                "doppler_hz": one.doppler_hz,
+                "cn0_dbhz": one.cn0_dbhz if math.isfinite(one.cn0_dbhz) else None,
+                "measured": one.snapshot is not None,
+            }
+            for one in examination.e1
+        ],
+        "e6": [
+            {
+                "svid": one.svid,
+                "e6b_cn0_dbhz": one.cn0_dbhz,
+                "e6c_open": one.e6c_open,
+                "secondary_code_fits": one.secondary_fits,
+            }
+            for one in examination.e6
+        ],
+        "findings": [
+            {
+                "kind": one.kind.value,
+                "band": None if one.band is None else one.band.value,
+                "is_fault": one.is_fault,
+                "evidence": one.evidence,
+                "advice": one.advice,
+            }
+            for one in examination.findings
+        ],
     }
 
 

@@ -77,44 +77,43 @@ def e1(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """List every signal of every satellite on E1 at the start of RECORDING."""
+    """List every signal of every satellite on E1 at the start of RECORDING, all at one time.
+
+    The first 100 ms are searched, and each signal is measured in them. Where samples are missing, only the longer part
+    before or after the gap is used.
+    """
     from vestige.cli.progress import progress
+    from vestige.cli.recordings.search_report import e1_json, e1_lines
     from vestige.records import Band
     from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
-    from vestige.sample_processor.search.e1_search import search_e1
+    from vestige.sample_processor.search.e1_list import list_e1
 
     recording = _open(recording_path, start)
     reader = _reader(recording, Band.E1)
     batch = reader.read(reader.first_sample, min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples))
     with progress() as report:
-        found = search_e1(
+        found = list_e1(
             batch,
             parse_svids(svids),
             overall_pfa=p_fa_overall,
             doppler_span_hz=doppler_span_hz,
             periods=periods,
             progress=lambda done, total: report("E1 search", done, total),
-            jumped=_say_jump,
         )
+    for jump in found.jumps:
+        _say_jump(jump)
     if plot is not None:
         from vestige.cli.recordings.search_figure import draw_e1
 
         draw_e1(
-            plot, batch, parse_svids(svids), found,
+            plot, found.batch, parse_svids(svids), [one.found for one in found.signals],
             overall_pfa=p_fa_overall, periods=periods, doppler_span_hz=doppler_span_hz,
         )  # fmt: skip
     if as_json:
-        fields = ("svid", "code_start_s", "doppler_hz", "cn0_dbhz", "statistic", "threshold")
-        echo(json.dumps({"signals": [{name: getattr(one, name) for name in fields} for one in found]}))
+        echo(json.dumps(e1_json(found), allow_nan=False))
         return
-    if not found:
-        echo("no signal found")
-    for one in found:
-        rank = "" if sum(other.svid == one.svid for other in found) == 1 else "  one of several: spoofing"
-        echo(
-            f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
-            f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rank}"
-        )
+    for line in e1_lines(found):
+        echo(line)
 
 
 @command.command("handover")

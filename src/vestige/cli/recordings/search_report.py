@@ -1,10 +1,10 @@
-"""What `vestige search` says of a search in E6: what it costs, how it goes, what it found."""
+"""What `vestige search` says: the signals on E1; of a search in E6 what it costs, how it goes, what it found."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from vestige.cli.terminal import echo
 if TYPE_CHECKING:
     from vestige.acas_processor.searches.vestigial import VestigialDecision
     from vestige.crypto.osnma.disclosure import ReceptionProof
+    from vestige.sample_processor.search.e1_list import E1Signals
     from vestige.sample_processor.search.engines.choice import EngineChoice
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, SearchState
     from vestige.sample_processor.search.peak import Peak
@@ -156,4 +157,43 @@ def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
         "threshold_sigma": peak.threshold,
         "cn0_dbhz": peak.cn0_dbhz,
         "before_disclosure": proof.holds(peak.start_time),
+    }
+
+
+def e1_lines(found: E1Signals) -> Iterator[str]:
+    """Yield the lines of `vestige search e1`: one for each signal, after the time for which they hold."""
+    if not found.signals:
+        yield "no signal found"
+        return
+    yield f"at {found.batch.start}, sample {found.batch.first_sample}"
+    for one in found.signals:
+        rank = "" if sum(other.svid == one.svid for other in found.signals) == 1 else "  one of several: spoofing"
+        rough = "" if one.is_measured else "  not measured: ±63 Hz, C/N0 up to 4 dB low"
+        yield (
+            f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
+            f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rough}{rank}"
+        )
+
+
+def e1_json(found: E1Signals) -> dict[str, Any]:
+    """Return the JSON of `vestige search e1`."""
+    from math import isfinite
+
+    return {
+        "time": str(found.batch.start),
+        "first_sample": found.batch.first_sample,
+        "signals": [
+            {
+                "svid": one.svid,
+                "code_start_s": one.code_start_s,
+                "transmit_phase_s": one.transmit_phase_s,
+                "doppler_hz": one.doppler_hz,
+                "cn0_dbhz": one.cn0_dbhz if isfinite(one.cn0_dbhz) else None,
+                "measured": one.is_measured,
+                "statistic": one.found.statistic,
+                "threshold": one.found.threshold,
+            }
+            for one in found.signals
+        ],
+        "jumps": [{"svid": one.svid, "at_s": one.at_s, "by_s": one.by_s} for one in found.jumps],
     }

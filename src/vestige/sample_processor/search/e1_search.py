@@ -44,6 +44,7 @@ def search_e1(
     *,
     overall_pfa: float = 1e-3,
     doppler_span_hz: float = 5000.0,
+    doppler_center_hz: float = 0.0,
     periods: int = MAX_STRETCHES,
     signals: tuple[SignalDefinition, ...] = (E1C, E1B),
     progress: Callable[[int, int], None] | None = None,
@@ -57,8 +58,8 @@ def search_e1(
         E1 samples, at least 8 ms; up to 100 ms are used.
     overall_pfa
         Probability that noise alone gives any signal.
-    doppler_span_hz
-        Searched from −span to +span.
+    doppler_span_hz, doppler_center_hz
+        Searched from centre − span to centre + span.
     periods
         K, code periods that are added non-coherently at most; 1 needs 8 ms of samples.
     signals
@@ -76,6 +77,7 @@ def search_e1(
         max_stretches=periods,
         overall_pfa=overall_pfa,
         doppler_span_hz=doppler_span_hz,
+        doppler_center_hz=doppler_center_hz,
         progress=progress,
     )
     kept: list[Acquisition] = []

@@ -1,0 +1,1 @@
+"""What the signals in a recording say of its description."""

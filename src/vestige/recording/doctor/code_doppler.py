@@ -1,0 +1,100 @@
+"""Whether code and carrier of E1 have the same Doppler: if not, the spectrum is reversed.
+
+Theory of operation
+-------------------
+E1-B, E1-C and E6-B are real signals on a carrier. If the carrier stands at 0 Hz, the conjugate samples show the same
+signals at the Dopplers of the other sign, and nothing is missing. But the code runs faster by f_d/f_c whatever the
+sense of the spectrum is. So the code phases of two windows give a Doppler each that does not depend on it. The slope of
+these over the carrier's Dopplers is +1, or −1 for a reversed spectrum. The slope does not change if the samples jump,
+because all satellites jump alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SECONDARY_PERIOD_S
+from vestige.recording.description import BandFile
+from vestige.recording.doctor.reading import head
+from vestige.sample_processor.acquisition import Acquisition
+from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
+
+CODE_WINDOW_S = 0.06  # of samples for one code phase: as few as E1 can be measured in
+APART_S = (0.02, 0.2)  # between the windows, at least, and at most: the code must stay within the taps
+CODE_SIGMA_S = 2e-8  # of one code phase in such a window at 40 dBHz
+SIGNIFICANCE = 4.0  # standard deviations between a slope of 0 and one of 1 at least
+_SLOPES = (-1.6, -0.4)  # that a reversed spectrum gives
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Satellite:
+    """A satellite on E1."""
+
+    svid: int
+    doppler_hz: float
+    cn0_dbhz: float
+    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; the values above are rough then
+
+
+def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bool:
+    """Return whether the code phases change as if all Dopplers had the other sign; False if that cannot be told.
+
+    Parameters
+    ----------
+    file
+        E1 as it was read when the satellites were measured.
+    satellites
+        At least two with a measurement; a sum of Dopplers of some kHz is needed in 100 ms.
+    """
+    whole = head(file, CODE_WINDOW_S + APART_S[1])
+    if whole is None:
+        return False
+    apart_s = min(whole.samples.size / whole.sample_rate_hz - CODE_WINDOW_S, APART_S[1])
+    if apart_s < APART_S[0]:
+        return False
+    first, second = head(file, CODE_WINDOW_S), head(file, CODE_WINDOW_S, apart_s)
+    if first is None or second is None:
+        return False
+    dopplers, ahead_s = [], []
+    for one in satellites:
+        if one.snapshot is None:
+            continue
+        early = measure_e1(first, _at(one, one.snapshot, first.start - one.snapshot.time))
+        late = measure_e1(second, _at(one, one.snapshot, second.start - one.snapshot.time))
+        if early is not None and late is not None:
+            span_s = late.time - early.time
+            half = SECONDARY_PERIOD_S / 2
+            dopplers.append((early.doppler_hz + late.doppler_hz) / 2)
+            ahead_s.append(
+                ((late.transmit_phase_s - early.transmit_phase_s - span_s + half) % SECONDARY_PERIOD_S - half)
+                * (apart_s / span_s)
+            )
+    if len(dopplers) < 2:
+        return False
+    expected_s = np.array(dopplers) / E1_CARRIER_HZ * apart_s
+    measured_s = np.array(ahead_s)
+    if len(dopplers) > 2:
+        expected_s = expected_s - np.median(expected_s)
+        measured_s = measured_s - np.median(measured_s)
+    power = float(np.sum(expected_s**2))
+    if power < 2 * (SIGNIFICANCE * CODE_SIGMA_S) ** 2:
+        return False
+    slope = float(np.sum(expected_s * measured_s)) / power
+    return _SLOPES[0] < slope < _SLOPES[1]
+
+
+def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
+    """Return where a satellite is in samples that start `ahead_s` after its measurement, to half a chip in 0.2 s."""
+    period_s = E1_CODE_PERIOD_S
+    phase_s = snapshot.transmit_phase_s + ahead_s
+    return Acquisition(
+        svid=one.svid,
+        code_start_s=-phase_s % period_s,
+        doppler_hz=one.doppler_hz,
+        statistic=0.0,
+        threshold=0.0,
+        cn0_dbhz=one.cn0_dbhz,
+    )

@@ -1,0 +1,241 @@
+"""Whether the samples are one piece: code phases at the beginning, in the middle and at the end must fit together.
+
+Theory of operation
+-------------------
+The time of transmission of a signal grows by 1 + f_d/f_c a second of the receiver's counter. So the times that E1-C
+shows (modulo the 100 ms of its secondary code) at two places of the file, and the mean Doppler, tell by how much the
+counter and the signal differ. Missing samples make the signal jump ahead, all satellites alike; repeated samples make
+it fall back. Loss of whole multiples of 100 ms is not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+
+import numpy as np
+
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SECONDARY_PERIOD_S
+from vestige.errors import InputFileError, satellite_names
+from vestige.recording.doctor.code_doppler import E1Satellite
+from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault
+from vestige.recording.samples.sample_file import SampleReader
+from vestige.records import SampleBatch
+from vestige.sample_processor.acquisition import Acquisition, acquire
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, E1Snapshot, measure_e1
+from vestige.sample_processor.e6_acquisition import acquire_e6
+from vestige.sample_processor.search.e1_jump import Jump
+from vestige.sample_processor.search.e1_search import search_e1
+from vestige.signals.definitions import E6B
+from vestige.time import GalileoTime
+
+SHORTEST_S = 0.112  # two windows in which E1 can be measured
+TOLERANCE_S = (1e-6, 1e-8)  # of a jump: at least, and a second between two places, for an oscillator that wanders
+_SATELLITES = 3
+_DOPPLER_SPAN_HZ = 1000.0  # by which the Doppler may change through the recording
+_NEAR_HZ = 250.0
+_NEAR_ENOUGH_S = 0.3
+_E6_S = 0.022  # of E6 samples in which a code phase is found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredPlace:
+    """What one place of the file shows."""
+
+    first: int  # sample, on the counter
+    snapshots: dict[int, E1Snapshot]
+
+
+def examine_continuity(
+    reader: SampleReader, e6: SampleReader | None, satellites: Sequence[E1Satellite], limit: TimeLimit
+) -> Iterator[Finding]:
+    """Yield where E1 or E6 jumps, is all one value, or ends.
+
+    Parameters
+    ----------
+    reader
+        The samples of E1, with the description that shows the satellites.
+    e6
+        Those of E6, likewise.
+    satellites
+        Those at the beginning, the strongest first; three of them are followed.
+    """
+    followed = [one for one in satellites if one.snapshot is not None][:_SATELLITES]
+    if not followed:
+        return
+    yield from _at_the_beginning(reader, followed)
+    if reader.duration_s < SHORTEST_S:
+        return
+    window_s = min(E1_WINDOW_S, reader.duration_s / 2)
+    count = int(window_s * reader.file.sample_rate_hz)
+    last = reader.end_sample - count
+    firsts = [reader.first_sample, last]
+    if reader.duration_s > 4 * window_s:
+        firsts.insert(1, (reader.first_sample + last) // 2)
+    places: list[MeasuredPlace] = []
+    for first in firsts:
+        try:
+            place = _place(reader, first, count, followed)
+        except InputFileError as error:
+            yield fault(FindingKind.NOT_FINITE, reader.band, f"E1: {error}", "record again, or cut the file before it")
+            return
+        if place is None:
+            at_s = (first - reader.first_sample) / reader.file.sample_rate_hz
+            yield fault(
+                FindingKind.NO_SIGNAL, reader.band,
+                f"E1: {satellite_names(one.svid for one in followed)}, strong at the beginning, are not there "
+                f"{at_s:.1f} s later",
+                "check whether the antenna was connected all the time",
+            )  # fmt: skip
+            return
+        places.append(place)
+    for earlier, later in pairwise(places):
+        shift_s = _shift_s(earlier, later)
+        if shift_s is not None:
+            yield _jump_finding(reader, *_narrowed(reader, earlier, later, count, followed, limit), shift_s, count)
+    if e6 is not None:
+        yield from _e6_jumps(e6, places)
+
+
+def _e6_jumps(reader: SampleReader, places: Sequence[MeasuredPlace]) -> Iterator[Finding]:
+    """Yield where E6 jumps between two places that E1 has measured: by its own code phases and the Doppler of E1."""
+    phases = [_e6_phases(reader, place) for place in places]
+    for (earlier, before), (later, after) in pairwise(zip(places, phases, strict=True)):
+        shifts = []
+        for svid in before.keys() & after.keys():
+            span_s = after[svid][0] - before[svid][0]
+            mean_hz = (earlier.snapshots[svid].doppler_hz + later.snapshots[svid].doppler_hz) / 2
+            expected = before[svid][1] + span_s * (1 + mean_hz / E1_CARRIER_HZ)
+            shifts.append((after[svid][1] - expected + E6B.period_s / 2) % E6B.period_s - E6B.period_s / 2)
+        if not shifts:
+            continue
+        rate, shift_s = reader.file.sample_rate_hz, median(shifts)
+        if abs(shift_s) > TOLERANCE_S[0] + 1 / rate + TOLERANCE_S[1] * span_s:
+            begin_s, end_s = (next(iter(one.values()))[0] - reader.start for one in (before, after))
+            yield fault(
+                FindingKind.LOST_SAMPLES, reader.band,
+                f"E6: the signals jump by {shift_s * 1e6:+.1f} µs between {begin_s:.2f} s and {end_s:.2f} s: "
+                f"{abs(shift_s) * rate:.0f} samples are {'missing' if shift_s > 0 else 'repeated'} (modulo 1 ms)",
+                _ADVICE,
+            )  # fmt: skip
+
+
+def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
+    """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of the samples that show them."""
+    found: dict[int, tuple[GalileoTime, float]] = {}
+    for svid, snapshot in place.snapshots.items():
+        rate = reader.file.sample_rate_hz
+        first = reader.first_sample + round((snapshot.time - reader.start) * rate)
+        if first < reader.first_sample or first >= reader.end_sample:
+            continue
+        batch = reader.read(first, min(round(_E6_S * rate), reader.end_sample - first))
+        signal = acquire_e6(batch, E6B, svid, doppler_hz=snapshot.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ)
+        if signal is not None:
+            found[svid] = (batch.start, -signal.code_start_s % E6B.period_s)
+    return found
+
+
+def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> Iterator[Finding]:
+    batch = reader.read(reader.first_sample, min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples))
+    jumps: list[Jump] = []
+    for one in followed:
+        signals = search_e1(
+            batch, (one.svid,), doppler_center_hz=one.doppler_hz, doppler_span_hz=_NEAR_HZ, jumped=jumps.append
+        )
+        if len(signals) > 1:
+            weaker = ", ".join(f"{signal.cn0_dbhz:.0f} dBHz" for signal in signals)
+            yield fault(
+                FindingKind.SEVERAL_SIGNALS, reader.band,
+                f"E1: {len(signals)} signals of E{one.svid:02d} at once ({weaker})",
+                "somebody repeats or simulates signals: see vestige search e1",
+            )  # fmt: skip
+    if jumps:
+        by_s, at_s = median(one.by_s for one in jumps), median(one.at_s for one in jumps)
+        rate = reader.file.sample_rate_hz
+        what = f"{abs(by_s) * 1e6:.1f} µs ({abs(by_s) * rate:.0f} samples) are {'missing' if by_s < 0 else 'repeated'}"
+        yield fault(
+            FindingKind.LOST_SAMPLES, reader.band,
+            f"E1: {satellite_names(sorted({one.svid for one in jumps}))} jump some {at_s * 1e3:.0f} ms after the first "
+            f"sample: {what}, modulo 4 ms",
+            _ADVICE,
+        )  # fmt: skip
+
+
+_ADVICE = "record again with fewer losses (faster disk, larger buffers), or cut the file there"
+
+
+def _place(reader: SampleReader, first: int, count: int, followed: Sequence[E1Satellite]) -> MeasuredPlace | None:
+    batch = reader.read(first, count)
+    if not np.any(batch.samples != batch.samples[0]):
+        return None
+    found: dict[int, E1Snapshot] = {}
+    for one in followed:
+        for acquisition in _near(batch, one):
+            measured = measure_e1(batch, acquisition)
+            if measured is not None:
+                found[one.svid] = measured
+    return MeasuredPlace(first=first, snapshots=found) if found else None
+
+
+def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
+    return acquire(
+        batch, (one.svid,), overall_pfa=1e-6, doppler_center_hz=one.doppler_hz, doppler_span_hz=_DOPPLER_SPAN_HZ,
+        max_stretches=8,
+    )  # fmt: skip
+
+
+def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
+    """Return by how much the signals are ahead of the counter at the later place; None if they are not."""
+    shifts = []
+    span_s = 0.0
+    for svid, before in earlier.snapshots.items():
+        after = later.snapshots.get(svid)
+        if after is None:
+            continue
+        span_s = after.time - before.time
+        mean_hz = (before.doppler_hz + after.doppler_hz) / 2
+        expected = before.transmit_phase_s + span_s * (1 + mean_hz / E1_CARRIER_HZ)
+        half = SECONDARY_PERIOD_S / 2
+        shifts.append((after.transmit_phase_s - expected + half) % SECONDARY_PERIOD_S - half)
+    if not shifts:
+        return None
+    shift_s = median(shifts)
+    return shift_s if abs(shift_s) > TOLERANCE_S[0] + TOLERANCE_S[1] * span_s else None
+
+
+def _narrowed(
+    reader: SampleReader,
+    earlier: MeasuredPlace,
+    later: MeasuredPlace,
+    count: int,
+    followed: Sequence[E1Satellite],
+    limit: TimeLimit,
+) -> tuple[MeasuredPlace, MeasuredPlace]:
+    """Return two places nearer to each other, between which the signals jump."""
+    while (later.first - earlier.first) / reader.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
+        middle = _place(reader, (earlier.first + later.first) // 2, count, followed[:1])
+        if middle is None:
+            break
+        if _shift_s(earlier, middle) is not None:
+            later = middle
+        elif _shift_s(middle, later) is not None:
+            earlier = middle
+        else:  # it drifts, and no jump is left
+            break
+    return earlier, later
+
+
+def _jump_finding(
+    reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace, shift_s: float, count: int
+) -> Finding:
+    rate = reader.file.sample_rate_hz
+    begin_s, end_s = ((one - reader.first_sample) / rate for one in (earlier.first, later.first + count))
+    what = "missing" if shift_s > 0 else "repeated"
+    return fault(
+        FindingKind.LOST_SAMPLES, reader.band,
+        f"E1: the signals jump by {shift_s * 1e6:+.1f} µs between {begin_s:.2f} s and {end_s:.2f} s: "
+        f"{abs(shift_s) * rate:.0f} samples are {what} (modulo 100 ms), or the clock jumped",
+        _ADVICE,
+    )  # fmt: skip

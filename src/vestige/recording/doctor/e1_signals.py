@@ -1,0 +1,261 @@
+"""The satellites on E1, and what is wrong with the description of the samples if there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+
+from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID
+from vestige.errors import satellite_names
+from vestige.recording.description import BandFile
+from vestige.recording.doctor.code_doppler import E1Satellite, code_runs_backwards
+from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault
+from vestige.recording.doctor.reading import (
+    Reading,
+    better_sibling,
+    centre_reading,
+    format_readings,
+    head,
+    layout_readings,
+    rate_reading,
+    reversed_readings,
+    swapped_readings,
+)
+from vestige.records import Band, SampleBatch
+from vestige.sample_processor.acquisition import Acquisition, acquire
+from vestige.sample_processor.code_repetition import rates_by_repetition_hz
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, measure_e1
+from vestige.signals.definitions import CARRIER_HZ
+
+SVIDS = range(1, MAX_SVID + 1)
+READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
+WIDE_STEP_HZ = 10_000.0  # of the middle of the Dopplers where none is found within ±5 kHz
+WIDE_HZ = 60_000.0  # as far as the middle goes
+STANDING_HZ = 3_500.0  # no satellite has a larger mean Doppler than the others together if the receiver's clock is good
+_STRETCHES = 8  # code periods for the list of satellites: down to some 33 dBHz
+_TRY_STRETCHES = 2  # code periods for one reading: down to some 38 dBHz
+_STRONGER_DB = 0.5  # by which a reading must be better than the one before, which is simpler
+_TRY_BINS = 2  # every second one of the Doppler bins, for half of the time: 1 dB lost on average
+_RATES = 8  # of the usual ones
+_RATE_STRETCHES = 1  # code periods for one sampling rate: down to some 41 dBHz
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E1Result:
+    """What E1 shows: the satellites, the file as it has to be read for them, and what is wrong."""
+
+    file: BandFile
+    satellites: tuple[E1Satellite, ...]  # the strongest first
+    findings: tuple[Finding, ...]
+
+
+def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
+    """Return the satellites in the first 100 ms of E1; where there are none, as which description shows some.
+
+    Parameters
+    ----------
+    file
+        The samples of E1 as described.
+    other
+        Those of E6, which may hold E1.
+    try_s
+        Processor time for which other descriptions are tried, in s.
+    progress
+        Called with what is done, and the numbers of satellites that are done and of all.
+    """
+    findings: list[Finding] = []
+    sibling = better_sibling(file)
+    if sibling is not None:
+        findings.append(fault(sibling.kind, file.band, f"E1: {sibling.says}", sibling.change))
+        file = sibling.file
+    batch = head(file, E1_WINDOW_S)
+    if batch is None:
+        return E1Result(file=file, satellites=(), findings=tuple(findings))
+    found = _acquire(batch, _STRETCHES, progress=lambda done, total: progress("E1 satellites", done, total))
+    if found:
+        better = _stronger_layout(file, found)
+        if better is not None:
+            findings.append(
+                fault(
+                    better.kind,
+                    file.band,
+                    f"E1: the signals are stronger {better.says} than as described",
+                    better.change,
+                )
+            )
+            file = better.file
+            batch = head(file, E1_WINDOW_S) or batch
+            found = _acquire(batch, _STRETCHES) or found
+        findings.extend(_standing_offset(file, found))
+    else:
+        limit = TimeLimit(try_s)
+        hit, trials = _first_that_fits(file, other, limit, progress)
+        if hit is None:
+            findings.append(_nothing(trials, limit))
+            return E1Result(file=file, satellites=(), findings=tuple(findings))
+        reading, found = hit
+        names = satellite_names(one.svid for one in found)
+        findings.append(
+            fault(reading.kind, file.band, f"E1: no signal as described, {names} {reading.says}", reading.change)
+        )
+        file = reading.file
+        batch = head(file, E1_WINDOW_S) or batch
+        found = _acquire(batch, _STRETCHES) or found
+    satellites = tuple(_satellite(batch, one) for one in found)
+    turned = next(reversed_readings(file), None)
+    if turned is not None and code_runs_backwards(file, satellites):
+        evidence = "E1: the codes run as if all Dopplers had the other sign, so the spectrum is reversed"
+        findings.append(fault(turned.kind, file.band, evidence, turned.change))
+        file = turned.file
+        batch = head(file, E1_WINDOW_S) or batch
+        satellites = tuple(_satellite(batch, replace(one, doppler_hz=-one.doppler_hz)) for one in found)
+    ranked = sorted(satellites, key=lambda one: -one.cn0_dbhz)
+    return E1Result(file=file, satellites=tuple(ranked), findings=tuple(findings))
+
+
+def _acquire(
+    batch: SampleBatch | None,
+    stretches: int,
+    svids: Iterable[int] | None = None,
+    *,
+    middle_hz: float = 0.0,
+    bin_step: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Acquisition, ...]:
+    if batch is None:
+        return ()
+    return acquire(
+        batch,
+        SVIDS if svids is None else svids,
+        overall_pfa=READING_PFA,
+        max_stretches=stretches,
+        doppler_center_hz=middle_hz,
+        bin_step=bin_step,
+        progress=progress,
+    )
+
+
+def _strength(found: tuple[Acquisition, ...]) -> float:
+    return max((one.cn0_dbhz for one in found), default=-1.0)
+
+
+def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
+    measured = measure_e1(batch, found)
+    doppler_hz, cn0_dbhz = (
+        (found.doppler_hz, found.cn0_dbhz) if measured is None else (measured.doppler_hz, measured.cn0_dbhz)
+    )
+    return E1Satellite(svid=found.svid, doppler_hz=doppler_hz, cn0_dbhz=cn0_dbhz, snapshot=measured)
+
+
+def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
+    """Return the reading of complex samples as real ones, or the reverse, if it makes the strongest signal stronger."""
+    best = max(found, key=lambda one: one.cn0_dbhz)
+    least = best.cn0_dbhz + 1.0  # I and Q read as real samples at twice the rate lose half of the signal's power
+    stronger = None
+    for reading in layout_readings(file):
+        strength = _strength(_acquire(head(reading.file, _window_s(_STRETCHES)), _STRETCHES, (best.svid,)))
+        if strength > least:
+            least, stronger = strength + _STRONGER_DB, reading
+    return stronger
+
+
+def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
+    """Yield a line if all Dopplers lie on one side, as no sky has them."""
+    dopplers = sorted(one.doppler_hz for one in found)
+    middle = dopplers[len(dopplers) // 2]
+    if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
+        reading = centre_reading(file, round(middle, -2))
+        yield fault(
+            reading.kind,
+            file.band,
+            f"E1: the signals lie {reading.says}, some beyond ±5 kHz may be missed",
+            reading.change,
+        )
+
+
+def _window_s(stretches: int) -> float:
+    return (stretches + 1) * E1_CODE_PERIOD_S + 1e-3
+
+
+_Hit = tuple[Reading, tuple[Acquisition, ...]]
+
+
+def _first_that_fits(
+    file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
+) -> tuple[_Hit | None, list[str]]:
+    """Return the reading that shows signals, with them, and what was tried completely."""
+    tried: list[str] = []
+    for name, hits in _groups(file, other):
+        strongest: _Hit | None = None
+        number = 0
+        for number, hit in enumerate(hits):
+            if hit is not None and (strongest is None or _strength(hit[1]) > _strength(strongest[1]) + _STRONGER_DB):
+                strongest = hit
+            progress(f"E1: {name}", number, number + 1)
+            if limit.is_over:
+                return strongest, tried
+        if strongest is not None:
+            return strongest, tried
+        tried.append(name)
+    return None, tried
+
+
+def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Iterator[_Hit | None]]]:
+    """Yield the names of mistakes, and for each the readings that would mend it: with signals, or None."""
+    yield "reversed spectrum", _tried(reversed_readings(file))
+    if other is not None:
+        yield "swapped bands", _tried(swapped_readings(file, other))
+    # together, because the high bytes of other numbers are weak signals, too: the strongest is taken
+    yield "real or complex and number formats", _tried(chain(layout_readings(file), format_readings(file)))
+    yield "the likeliest sampling rates", _rates(file)
+    yield f"centre frequencies to ±{(WIDE_HZ + 5e3) / 1e3:.0f} kHz", _centres(file)
+
+
+def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
+    for reading in readings:
+        found = _acquire(head(reading.file, _window_s(_TRY_STRETCHES)), _TRY_STRETCHES, bin_step=_TRY_BINS)
+        yield (reading, found) if found else None
+
+
+def _rates(file: BandFile) -> Iterator[_Hit | None]:
+    """Yield the sampling rates in the order in which the repetition of the codes suggests them, up to one that fits."""
+    batch = head(file, E1_WINDOW_S)
+    if batch is None:
+        return
+    carrier = (CARRIER_HZ[Band.E1] - file.center_frequency_hz) / file.sample_rate_hz
+    for rate_hz in rates_by_repetition_hz(batch.samples, E1_CODE_PERIOD_S, carrier=carrier)[:_RATES]:
+        if rate_hz == file.sample_rate_hz:
+            continue
+        reading = rate_reading(file, rate_hz)
+        found = _acquire(head(reading.file, _window_s(_RATE_STRETCHES)), _RATE_STRETCHES, bin_step=_TRY_BINS)
+        if found:
+            yield reading, found
+            return
+        yield None
+
+
+def _centres(file: BandFile) -> Iterator[_Hit | None]:
+    """Yield what the Dopplers around one centre frequency after the other show, up to one that fits."""
+    batch = head(file, _window_s(_TRY_STRETCHES))
+    for number in range(2 * int(WIDE_HZ / WIDE_STEP_HZ)):
+        middle_hz = WIDE_STEP_HZ * (number // 2 + 1) * (-1) ** number
+        found = _acquire(batch, _TRY_STRETCHES, middle_hz=middle_hz, bin_step=_TRY_BINS)
+        if found:
+            dopplers = sorted(one.doppler_hz for one in found)
+            yield (centre_reading(file, round(dopplers[len(dopplers) // 2], -2)), found)
+            return
+        yield None
+
+
+def _nothing(tried: list[str], limit: TimeLimit) -> Finding:
+    ended = f"; the rest was not tried within {limit.seconds:g} s of processor time" if limit.is_over else ""
+    return fault(
+        FindingKind.NO_SIGNAL,
+        Band.E1,
+        f"E1: no Galileo signal, neither as described nor with one other value "
+        f"({', '.join(tried) or 'nothing'} tried{ended})",
+        "check antenna, gain and centre frequency; values may be wrong in several places at once",
+    )

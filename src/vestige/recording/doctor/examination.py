@@ -1,0 +1,199 @@
+"""The doctor of a recording: which satellites are in it, and what is wrong with its samples or their description.
+
+The description is taken as it is first. Only where it shows no signal, descriptions that are one mistake away are
+tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are
+looked at, and windows of 100 ms in the middle and at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from vestige.constants import SUBFRAME_S
+from vestige.crypto.recs.recs_segment import LENGTHS
+from vestige.errors import InputFileError
+from vestige.recording.description import BandFile, RecordingDescription, redated
+from vestige.recording.doctor.code_doppler import E1Satellite
+from vestige.recording.doctor.continuity import examine_continuity
+from vestige.recording.doctor.e1_signals import E1Result, Progress, examine_e1
+from vestige.recording.doctor.e6_signals import PREDICTED_SPAN_HZ, E6Result, E6Satellite, examine_e6
+from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit, fault, remark
+from vestige.recording.doctor.reading import better_sibling, head, swapped_readings
+from vestige.recording.samples.front_end_power import CLIPPED, front_end_status
+from vestige.recording.samples.sample_file import SampleReader, open_samples
+from vestige.recording.tracked.track_recording import MIN_TRACKED_S
+from vestige.records import Band
+from vestige.sample_processor.e1_snapshot import MIN_PERIODS
+from vestige.signals.definitions import E1C, E6C
+from vestige.time import GalileoTime
+
+TRY_S = 36.0  # processor time for descriptions that are one mistake away
+SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
+SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
+RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins
+_GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency that is the middle of the signals
+_SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
+_LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examination:
+    """What the signals of a recording say; without E1 or E6, that part is None."""
+
+    e1: tuple[E1Satellite, ...]  # the strongest first
+    e6: tuple[E6Satellite, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """Findings that something is wrong."""
+        return tuple(one for one in self.findings if one.is_fault)
+
+
+def examine(
+    description: RecordingDescription, *, progress: Progress = lambda _step, _done, _total: None
+) -> Examination:
+    """Return what the signals in a recording's samples say of it.
+
+    Raises `InputFileError` if a sample file cannot be opened.
+
+    Parameters
+    ----------
+    description
+        The recording as it is described.
+    progress
+        Called with the step, and with the parts of it that are done and of all.
+    """
+    if any(file.start is None for file in description.bands.values()):
+        description = redated(description, _SOME_TIME)
+    findings: list[Finding] = []
+    usable: dict[Band, BandFile] = {}
+    for band, file in description.bands.items():
+        reader = open_samples(file)
+        of_values = tuple(chain(_equal_or_broken(reader), _clipped(reader), _short(reader)))
+        findings.extend(of_values)
+        first_is_usable = not any(one.kind in (FindingKind.EMPTY, FindingKind.NOT_FINITE) for one in of_values)
+        if first_is_usable or _head_is_usable(file):
+            usable[band] = file
+    first, second = usable.get(Band.E1), usable.get(Band.E6)
+    e1 = None if first is None else examine_e1(first, second, TRY_S, progress)
+    e6 = None
+    if e1 is not None:
+        findings.extend(e1.findings)
+    if second is not None:
+        progress("E6 signals", 0, 1)
+        guessed = e1 is not None and any(one.kind is FindingKind.CENTRE_FREQUENCY for one in e1.findings)
+        e6 = examine_e6(
+            _e6_files(second, first, e1),
+            () if e1 is None else e1.satellites,
+            TRY_S,
+            span_hz=_GUESSED_HZ if guessed else PREDICTED_SPAN_HZ,
+        )
+        findings.extend(e6.findings)
+    if e1 is not None and e1.satellites:
+        progress("continuity", 0, 1)
+        beside = None if e6 is None or not e6.satellites else open_samples(e6.file)
+        findings.extend(examine_continuity(open_samples(e1.file), beside, e1.satellites, TimeLimit(TRY_S)))
+    findings.extend(_duration(description))
+    return Examination(
+        e1=() if e1 is None else e1.satellites,
+        e6=_satellites(e6),
+        findings=tuple(findings),
+    )
+
+
+def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
+    return () if e6 is None else e6.satellites
+
+
+def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
+    """Return the ways to read E6: as described, or those of E1's file if E1 was found in that of E6."""
+    if e1 is None or result is None or result.file.path == e1.path:
+        return [e6]
+    return [reading.file for reading in swapped_readings(e6, e1)]
+
+
+def _head_is_usable(file: BandFile) -> bool:
+    batch = head(file, _LOOKED_AT_S)
+    return batch is not None and bool(np.any(batch.samples != batch.samples[0]))
+
+
+def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
+    """Yield what is wrong with the values at the beginning, in the middle and at the end."""
+    name, band, rate = reader.file.path.name, reader.band, reader.file.sample_rate_hz
+    count = min(max(round(_LOOKED_AT_S * rate), 1), reader.n_samples)
+    firsts = (reader.first_sample, (reader.first_sample + reader.end_sample - count) // 2, reader.end_sample - count)
+    for first, where in zip(firsts, ("at the beginning", "in the middle", "at the end"), strict=True):
+        try:
+            samples = reader.samples(first, count)
+        except InputFileError as error:
+            yield fault(
+                FindingKind.NOT_FINITE, band, f"{band.value}: {error}",
+                "check the format; if it is right, record again: NaN and infinity are no samples",
+            )  # fmt: skip
+            return
+        values = samples.view(np.float32).reshape(-1, 2)
+        if not np.any(samples != samples[0]):
+            yield fault(
+                FindingKind.EMPTY, band,
+                f"{band.value}: {name} holds one value only ({samples[0]:.4g}) {where}, in {count / rate * 1e3:.3g} ms",
+                "check that the front end of this band was on, and the format",
+            )  # fmt: skip
+            return
+        if reader.file.form.is_complex and 0.0 in (float(np.std(values[:, 0])), float(np.std(values[:, 1]))):
+            yield fault(
+                FindingKind.EMPTY, band,
+                f"{band.value}: one of I and Q in {name} holds one value only {where}",
+                "check the cable or channel of that component; if the samples are real ones, convert them to real",
+            )  # fmt: skip
+            return
+
+
+def _clipped(reader: SampleReader) -> Iterator[Finding]:
+    file = reader.file
+    batch = head(replace(file, start=file.start or _SOME_TIME), _LOOKED_AT_S)
+    if better_sibling(file) is not None:  # it is the format that lays the values there
+        return
+    if batch is not None and _many_values(batch.samples) and front_end_status(batch, file.form).saturated:
+        yield fault(
+                FindingKind.CLIPPED, reader.band,
+                f"{reader.band.value}: more than {CLIPPED:.0%} of the values stand at the end of the scale",
+                "lower the gain: noise should reach a third of the scale (1 σ)",
+            )  # fmt: skip
+
+
+def _many_values(samples: np.ndarray) -> bool:
+    return len(np.unique(samples.real)) > 16
+
+
+def _short(reader: SampleReader) -> Iterator[Finding]:
+    shortest_s = SHORTEST_E1_S if reader.band is Band.E1 else SHORTEST_E6_S
+    if reader.duration_s < shortest_s:
+        what = "a measurement of E1" if reader.band is Band.E1 else "the shortest RECS"
+        yield fault(
+            FindingKind.TOO_SHORT, reader.band,
+            f"{reader.band.value} lasts {reader.duration_s * 1e3:.3g} ms, too short for {what} "
+            f"({shortest_s * 1e3:.3g} ms)",
+            "record longer: 100 ms around each RECS at least",
+        )  # fmt: skip
+
+
+def _duration(description: RecordingDescription) -> Iterator[Finding]:
+    """Yield what the duration of the recording is too short for."""
+    durations = [open_samples(file).duration_s for file in description.bands.values()]
+    seconds = min(durations, default=math.inf)
+    lacks = []
+    if seconds < MIN_TRACKED_S:
+        lacks.append(f"tracking ({MIN_TRACKED_S:g} s)")
+    if seconds < RECEIVED_KEY_S:
+        lacks.append(f"an OSNMA key received from its own samples (up to {RECEIVED_KEY_S:g} s)")
+    if lacks:
+        yield remark(
+            FindingKind.DURATION, None, f"the recording lasts {seconds:.3g} s, too short for {' and '.join(lacks)}",
+            "keys have to come from the assistance folder",
+        )  # fmt: skip

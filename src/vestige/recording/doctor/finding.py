@@ -1,0 +1,73 @@
+"""What the signals of a recording show, one finding a line: the evidence, and what to change."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from vestige.records import Band
+
+
+class FindingKind(StrEnum):
+    """What a finding is about; the names stand in the JSON of `vestige inspect`."""
+
+    NO_SIGNAL = "no signal"
+    SWAPPED_BANDS = "swapped bands"
+    SAMPLING_RATE = "sampling rate"
+    REVERSED_SPECTRUM = "reversed spectrum"
+    LAYOUT = "real or complex"
+    FORMAT = "sample format"
+    CENTRE_FREQUENCY = "centre frequency"
+    LOST_SAMPLES = "lost samples"
+    BAND_OFFSET = "offset of the bands"
+    EMPTY = "no samples that differ"
+    CLIPPED = "clipped"
+    NOT_FINITE = "not finite"
+    TOO_SHORT = "too short"
+    SEVERAL_SIGNALS = "several signals"
+    E6C_OPEN = "E6-C open"
+    E6C_ENCRYPTED = "E6-C encrypted"
+    DURATION = "duration"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that the samples show."""
+
+    kind: FindingKind
+    band: Band | None
+    is_fault: bool  # False: a remark on a recording that is as its description says
+    evidence: str  # what was found, with its numbers
+    advice: str  # what to change or to do
+
+    @property
+    def line(self) -> str:
+        """The finding as one line."""
+        return f"{self.evidence}; {self.advice}"
+
+
+def fault(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> Finding:
+    """Return a finding that something is wrong."""
+    return Finding(kind=kind, band=band, is_fault=True, evidence=evidence, advice=advice)
+
+
+def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> Finding:
+    """Return a finding that nothing is wrong with."""
+    return Finding(kind=kind, band=band, is_fault=False, evidence=evidence, advice=advice)
+
+
+@dataclass(slots=True)
+class TimeLimit:
+    """How much processor time the search for the right description may take; it counts from when it is made.
+
+    Processor time, not the time of day: what is found does not depend on what else the machine does.
+    """
+
+    seconds: float
+    _start_s: float = field(default_factory=time.process_time)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is used up."""
+        return time.process_time() - self._start_s > self.seconds

@@ -1,0 +1,105 @@
+"""Which usual sampling rate the repetition of the codes shows, without a description of the samples.
+
+Theory of operation
+-------------------
+A satellite's samples repeat after one code period, but for a sign and a phase. So the samples are multiplied with
+themselves one lag later, blocks of them are summed coherently, and the squared magnitudes of the blocks are added. At
+the lag of a code period, and at its multiples, the sum stands above that of other lags, whatever the centre frequency,
+the sense of the spectrum and the satellites are. A rate is as likely as the sums at all multiples of its code period
+stand out together. An acquisition has to confirm it: all rates of which the true one is a multiple fit, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Complex64, Float64
+from scipy import fft
+
+# Rates of recorders in Hz.
+USUAL_RATES_HZ = tuple(
+    1e6 * rate
+    for rate in (
+        12.5, 12.0, 10.0, 25.0, 20.0, 4.0, 5.0, 6.0, 6.2, 6.25, 8.0, 16.0, 24.0, 30.0, 40.0, 50.0, 4.092, 8.184, 16.368,
+        10.23, 20.46, 30.69, 40.92, 15.36, 30.72, 61.44, 2.048, 2.4, 2.5, 3.2, 6.5, 6.144, 7.68, 12.288, 15.0, 18.0,
+        23.04, 26.0, 32.0, 48.0, 56.0,
+    )
+)  # fmt: skip
+_LONGEST_LAG = 250_000  # samples: 4 ms at 62.5 MHz
+_USED = 1 << 20  # samples
+_BLOCKS = (1 << 15, 1 << 17)  # samples that are summed coherently: for low and for high rates
+_TOLERANCE = 20e-6  # of the lag: an oscillator that is not disciplined
+_MULTIPLES = 8  # of a lag that are looked at: as many at most for each rate
+_NARROW = 1 / 3  # of the sampled band: the middle part, which has most of the signal where the rate is high
+_HIGHEST = 1e3  # standard deviations: a disturbance that repeats at some lag must not outweigh all others
+
+
+def rates_by_repetition_hz(
+    samples: Complex64[np.ndarray, " n_samples"], code_period_s: float, *, carrier: float = 0.0
+) -> tuple[float, ...]:
+    """Return `USUAL_RATES_HZ`, those first that fit the repetition of the codes in `samples` best.
+
+    Parameters
+    ----------
+    samples
+        Any samples; up to a million are used, which takes some 2 s.
+    code_period_s
+        Period of the codes that are looked for: 4 ms on E1, 1 ms on E6.
+    carrier
+        Where the carrier is thought to stand in the sampled spectrum, as a share of the sampling rate, −½ to ½.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> code = np.random.default_rng(1).normal(size=20_000)
+    >>> rates_by_repetition_hz(np.tile(code, 10).astype(np.complex64), 4e-3)[0]
+    5000000.0
+    """
+    used = samples[:_USED] - np.mean(samples[:_USED])
+    bands = (used, _middle(used, carrier))
+    profiles = [one for band in bands for block in _BLOCKS for one in _profile(band, block)]
+    scores = {
+        rate: max((_score(profile, rate * code_period_s) for profile in profiles), default=0.0)
+        for rate in USUAL_RATES_HZ
+    }
+    return tuple(sorted(USUAL_RATES_HZ, key=lambda rate: -scores[rate]))
+
+
+def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterator[Float64[np.ndarray, " lags"]]:
+    """Yield the sums over lags in standard deviations from their median; nothing if the samples are too few."""
+    longest = min(_LONGEST_LAG, samples.size - 2 * block)
+    if longest <= 1:
+        return
+    size = fft.next_fast_len(block + longest)
+    total = np.zeros(longest, np.float64)
+    for start in range(0, samples.size - block - longest + 1, block):
+        short = fft.fft(samples[start : start + block], size)
+        long = fft.fft(samples[start : start + block + longest], size)
+        total += np.abs(fft.ifft(long * np.conj(short), overwrite_x=True)[:longest]) ** 2
+    middle = np.median(total)
+    deviation = float(np.median(np.abs(total - middle))) / 0.6745  # of a Gaussian distribution
+    if deviation > 0:
+        yield np.minimum((total - middle) / deviation, _HIGHEST)
+
+
+def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
+    """Return how far the sums at the multiples of a lag stand out together."""
+    count = min(int((profile.size - 1) / (lag * (1 + _TOLERANCE))), _MULTIPLES)
+    if count < 1:
+        return 0.0
+    highest = []
+    for m in range(1, count + 1):
+        near = 1 + int(_TOLERANCE * m * lag)
+        at = round(m * lag)
+        highest.append(float(np.max(profile[max(at - near, 0) : at + near + 1])))
+    return float(np.sum(highest)) / float(np.sqrt(count))
+
+
+def _middle(samples: Complex64[np.ndarray, " n_samples"], carrier: float) -> Complex64[np.ndarray, " n_samples"]:
+    """Return the samples with a part of their spectrum around the carrier only."""
+    spectrum = fft.fft(samples)
+    n = samples.size
+    away = (np.arange(n) - round(carrier * n) + n // 2) % n - n // 2
+    spectrum[np.abs(away) > _NARROW * n / 2] = 0.0
+    return fft.ifft(spectrum, overwrite_x=True)

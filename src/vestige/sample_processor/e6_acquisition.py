@@ -1,0 +1,166 @@
+"""Acquisition of E6-B, and of E6-C where it is not encrypted: what a look at a recording needs to know of E6.
+
+Theory of operation
+-------------------
+As `vestige.sample_processor.acquisition` on E1: stretches of two code periods (2 ms), one every period (1 ms), each
+correlated with one period of code, so that a symbol that changes between two periods does not hurt. The bins are
+1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by the code Doppler, and
+compared with the threshold that noise exceeds with the stated probability (chi-squared with 2K degrees of freedom).
+
+E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
+encrypted E6-C repeats nothing. So the primary code of E6-C, found over several periods, says that it is open, and the
+secondary code on its periods says that no other signal was taken for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex64, Complex128, Float32
+from scipy import fft, special
+
+from vestige.records import ChipSequence, Handover, SampleBatch
+from vestige.sample_processor.correlator import correlate
+from vestige.signals.codes import primary_code, secondary_code
+from vestige.signals.definitions import E6C, SignalDefinition
+
+OPEN_SHARE = 0.3  # of the power of the periods that fits the secondary code; noise has 0.1 at the most
+_MIN_PERIODS = 25  # of 1 ms: fewer do not tell the 100 phases of the secondary code apart
+_TRANSFORM = 1024  # points over the periods, for the rest of the Doppler
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6Acquisition:
+    """A signal found on E6."""
+
+    svid: int
+    code_start_s: float  # time from the first sample to the start of the first full code period, [0, 1 ms)
+    doppler_hz: float  # on E6, to ±250 Hz
+    statistic: float  # non-coherent sum, in units of the noise variance per dimension
+    threshold: float  # in the same unit
+    cn0_dbhz: float  # rough, low by up to 4 dB
+
+
+def acquire_e6(
+    batch: SampleBatch,
+    signal: SignalDefinition,
+    svid: int,
+    *,
+    doppler_hz: float = 0.0,
+    doppler_span_hz: float = 500.0,
+    max_stretches: int = 20,
+    pfa: float = 1e-6,
+) -> E6Acquisition | None:
+    """Return one satellite's `signal` (E6-B or E6-C) in `batch`, or None if nothing exceeds the threshold.
+
+    Parameters
+    ----------
+    batch
+        E6 samples of at least 2 ms.
+    doppler_hz, doppler_span_hz
+        Middle and half width of the Dopplers on E6 that are searched.
+    max_stretches
+        K, code periods that are added at most.
+    pfa
+        Probability that noise alone gives an acquisition.
+    """
+    fs, period_s = batch.sample_rate_hz, signal.period_s
+    n, phases = round(2 * period_s * fs), int(period_s * fs)
+    starts = [start for m in range(max_stretches) if (start := round(m * period_s * fs)) + n <= batch.samples.size]
+    if not starts:
+        return None
+    spacing = fs / n
+    spectra = np.array([fft.fft(batch.samples[start : start + n]) for start in starts], np.complex64)
+    code = _code_spectrum(signal, svid, n, fs)
+    carrier_hz = signal.carrier_hz - batch.center_frequency_hz
+    first, last = (round((carrier_hz + doppler_hz + side * doppler_span_hz) / spacing) for side in (-1, 1))
+    powers = np.zeros((last - first + 1, phases), np.float32)
+    for row, shift in zip(powers, range(first, last + 1), strict=True):
+        _add(row, np.roll(spectra, -shift, axis=1) * code, shift * spacing - carrier_hz, starts, fs, signal)
+    noise = np.mean(powers, axis=1, keepdims=True) / (2 * len(starts))
+    powers /= np.maximum(noise, np.finfo(np.float32).tiny)
+    threshold = 2.0 * float(special.gammainccinv(len(starts), pfa / powers.size))
+    best, column = np.unravel_index(int(np.argmax(powers)), powers.shape)
+    statistic = float(powers[best, column])
+    if statistic <= threshold:
+        return None
+    snr = max(statistic / (2 * len(starts)) - 1.0, 1e-3)
+    return E6Acquisition(
+        svid=svid,
+        code_start_s=int(column) / fs % period_s,
+        doppler_hz=(first + int(best)) * spacing - carrier_hz,
+        statistic=statistic,
+        threshold=threshold,
+        cn0_dbhz=float(10 * np.log10(snr / period_s)),
+    )
+
+
+def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
+    """Return how much of the power of E6-C's periods its secondary code explains, and the index of the first period.
+
+    The share is 1 for a signal without noise and below 0.1 for another code; `OPEN_SHARE` tells them apart. None if the
+    batch has too few periods.
+
+    Parameters
+    ----------
+    found
+        E6-C as acquired in `batch`.
+    doppler_hz
+        Its Doppler on E6, to ±250 Hz.
+    """
+    prompts = _prompts(batch, found, doppler_hz)
+    if prompts.size < _MIN_PERIODS:
+        return None
+    code = secondary_code(E6C, found.svid).astype(np.float64)
+    phases = (np.arange(code.size)[:, None] + np.arange(prompts.size)[None, :]) % code.size
+    power = np.max(np.abs(fft.fft(code[phases] * prompts, _TRANSFORM, axis=1)) ** 2, axis=1)
+    best = int(np.argmax(power))
+    whole = prompts.size * float(np.sum(np.abs(prompts) ** 2))
+    return float(power[best]) / max(whole, np.finfo(np.float64).tiny), best
+
+
+def _prompts(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> Complex128[np.ndarray, " periods"]:
+    sequence = ChipSequence(
+        svid=found.svid, transmit_time=batch.start, chip_rate_hz=E6C.chip_rate_hz, chips=primary_code(E6C, found.svid)
+    )
+    period_s = E6C.period_s / (1 + doppler_hz / E6C.carrier_hz)
+    prompts = []
+    for m in range(E6C.secondary_length):
+        handover = Handover(
+            svid=found.svid,
+            chips=sequence,
+            start_time=batch.start + (found.code_start_s + m * period_s),
+            doppler_hz=doppler_hz,
+            doppler_rate_hz_per_s=0.0,
+            expected_cn0_dbhz=float("nan"),
+        )
+        bank = correlate(batch, handover, np.zeros(1))
+        if bank is None:
+            break
+        carrier_hz = E6C.carrier_hz - batch.center_frequency_hz + doppler_hz
+        prompts.append(bank.taps[0] * np.exp(-2j * np.pi * (carrier_hz * m * period_s)))
+    return np.array(prompts, np.complex128)
+
+
+def _code_spectrum(signal: SignalDefinition, svid: int, n: int, fs: float) -> Complex64[np.ndarray, " n"]:
+    chips = primary_code(signal, svid)
+    replica = np.zeros(n, np.float32)
+    t = np.arange(int(signal.period_s * fs)) / fs
+    replica[: t.size] = chips[np.minimum((t * signal.chip_rate_hz).astype(np.int64), chips.size - 1)]
+    return np.conj(fft.fft(replica)).astype(np.complex64)
+
+
+def _add(
+    total: Float32[np.ndarray, " phases"],
+    products: Complex64[np.ndarray, "stretches n"],
+    doppler_hz: float,
+    starts: list[int],
+    fs: float,
+    signal: SignalDefinition,
+) -> None:
+    """Add the powers of all stretches, each moved back to the code phase of the first."""
+    y = fft.ifft(products, axis=1, overwrite_x=True)[:, : total.size]
+    for m, (row, start) in enumerate(zip(y, starts, strict=True)):
+        drift = (-start * doppler_hz / signal.carrier_hz) + m * signal.period_s * fs - start
+        total += np.roll(row.real**2 + row.imag**2, -round(drift))
