@@ -1,8 +1,8 @@
 """Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
 
 The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. What it gives is the same as of the finished
-recording: the stretches begin at the same samples. Pseudoranges are known to multiples of 100 ms until a message has told the
-time; observations wait until then, and are placed by it. All is dropped as soon as no RECS needs it any more.
+recording: the stretches begin at the same samples. Pseudoranges are known to multiples of 100 ms until a message has
+told the time; observations wait until then, and are placed by it. All is dropped as soon as no RECS needs it any more.
 """
 
 from __future__ import annotations
