@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import csv
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from gnss_sdr_runs import TRACK_RECORD, run_gnss_sdr
 
 from vestige.cli.recordings.simulate import command as simulate
+from vestige.records import Band
 
 pytestmark = pytest.mark.skipif(
     shutil.which("gnss-sdr") is None, reason="gnss-sdr is not installed (Debian: apt-get install gnss-sdr)"
@@ -37,15 +38,6 @@ sample_rate_hz = {FS}.0
 kind = "two-state"
 """
 
-# one record of the tracking dump of gnss-sdr 0.0.17
-_DUMP = np.dtype(
-    [
-        ("correlators", "<f4", 5), ("prompt", "<f4", 2), ("sample", "<u8"), ("carrier_phase_rad", "<f4"),
-        ("doppler_hz", "<f4"), ("doppler_rate", "<f4"), ("code_rate_hz", "<f4"), ("code_rate_rate", "<f4"),
-        ("errors", "<f4", 4), ("cn0_dbhz", "<f4"), ("lock", "<f4"), ("aux1", "<f4"), ("aux2", "<f8"), ("svid", "<u4"),
-    ]
-)  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -62,17 +54,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_doppler_and_strength(folder: Path, band: str, carrier_hz: float, chip_rate_hz: float) -> None:
     """Doppler within 0.5 Hz, C/N0 within 1 dB; the code moves with the carrier."""
-    run = subprocess.run(  # noqa: S603  (ours)
-        ["gnss-sdr", "-c", f"{band}.conf", "-keyboard=false", "-log_dir=."],  # noqa: S607
-        cwd=folder / "gnss-sdr",
-        capture_output=True,
-        text=True,
-        timeout=50,
-        check=False,
-    )
+    printed = run_gnss_sdr(folder / "gnss-sdr", Band(band.upper()), 50)
     dump = folder / "gnss-sdr" / f"{band}_track0.dat"
-    assert dump.exists(), run.stdout[-2000:]
-    track = np.fromfile(dump, _DUMP)
+    assert dump.exists(), printed[-2000:]
+    track = np.fromfile(dump, TRACK_RECORD)
     track = track[track["sample"] > PULL_IN_S * FS]
     assert track.size > 1000, "gnss-sdr lost the signal"
     assert set(track["svid"]) == {11}

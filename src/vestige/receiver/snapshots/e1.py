@@ -83,7 +83,11 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
 def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
     """Return the E1 pseudoranges."""
     error_m = of.e1_error_m - of.each(clock_follows_m)
-    return of.each(lambda _, truth: truth.range_m + truth.clock_m) + of.each(lambda _, truth: truth.ionosphere_e1_m) + error_m
+    return (
+        of.each(lambda _, truth: truth.range_m + truth.clock_m)
+        + of.each(lambda _, truth: truth.ionosphere_e1_m)
+        + error_m
+    )
 
 
 def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
