@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from gnss_sdr_runs import TRACK_RECORD, run_gnss_sdr
 
+from gnss_sdr_runs import TRACK_RECORD, run_gnss_sdr
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.records import Band
 

@@ -1,7 +1,7 @@
 """An independent receiver, gnss-sdr, on a whole sky: it finds the receiver by E1, and locks E6-B of the same sky.
 
-The recordings are what `vestige simulate` writes, one band at a time. A fix is compared with the truth in local axes; bars are
-those of a single-frequency receiver at 45 dBHz without smoothing.
+The recordings are what `vestige simulate` writes, one band at a time. A fix is compared with the truth in local axes;
+bars are those of a single-frequency receiver at 45 dBHz without smoothing.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gnss_sdr_runs import TRACK_RECORD, gnss_sdr_on_sky
 
+from gnss_sdr_runs import TRACK_RECORD, gnss_sdr_on_sky
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
