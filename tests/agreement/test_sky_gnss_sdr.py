@@ -1,25 +1,32 @@
-"""An independent receiver, gnss-sdr, on a whole sky: it finds the receiver by E1, and locks E6-B of the same sky.
+"""An independent receiver, gnss-sdr, on a whole sky: E1 gives its message and the place of the receiver; E6-B is locked.
 
-The recordings are what `vestige simulate` writes, one band at a time. A fix is compared with the truth in local axes;
-bars are those of a single-frequency receiver at 45 dBHz without smoothing.
+The recordings are what `vestige simulate` writes, a band each. A fix is compared with the truth in local axes; bars are
+those of a single-frequency receiver at 45 dBHz without smoothing.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gnss_sdr_runs import TRACK_RECORD, gnss_sdr_on_sky
+from gnss_sdr_dump import TRACK_RECORD
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
+from vestige.recording.recording import open_recording
+from vestige.recording.samples.exports import export
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import SigmfWriter
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
 
 pytestmark = pytest.mark.skipif(
     shutil.which("gnss-sdr") is None, reason="gnss-sdr is not installed (Debian: apt-get install gnss-sdr)"
@@ -59,6 +66,28 @@ def case_of(seconds: int, *settings: str) -> AcasTestCase:
     return AcasTestCase(scenario=scenario, first=0, end=seconds)
 
 
+def gnss_sdr(folder: Path, case: AcasTestCase, band: Band, timeout_s: float) -> str:
+    """Record one band, let gnss-sdr run over it, and return what it printed."""
+    recording = simulated(case)
+    form = SampleFormat(component="int8", layout="iq")
+    name = band.value.lower()
+    with ThreadPoolExecutor(2) as pool, SigmfWriter(folder / name, form=form, scale=20.0) as writer:
+        for batch in recording.record(band, pool=pool):
+            writer.append(batch)
+    export("gnss-sdr", open_recording(folder / f"{name}.sigmf-meta"), folder, [one.svid for one in case.satellites])
+    run = subprocess.run(  # noqa: S603  (ours)
+        ["gnss-sdr", "-c", f"{name}.conf", "-keyboard=false", "-log_dir=."],  # noqa: S607
+        cwd=folder / "gnss-sdr",
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=timeout_s,
+        check=False,
+    )
+    (folder / f"{name}.sigmf-data").unlink()
+    return run.stdout
+
+
 def fixes_of(printed: str) -> Fixes:
     rows = []
     for _day, hour, minute, second, used, *place in _LINE.findall(printed):
@@ -72,7 +101,7 @@ def fixes_of(printed: str) -> Fixes:
 
 def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     """Six satellites or more, a first fix within a minute of signal, mean and every epoch near the truth."""
-    found = fixes_of(gnss_sdr_on_sky(tmp_path, case_of(100), Band.E1, 500))
+    found = fixes_of(gnss_sdr(tmp_path, case_of(100), Band.E1, 500))
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
     mean_m = error_m.mean(axis=0)
     assert found.at_s[0] < 60
@@ -87,7 +116,7 @@ def test_the_fix_of_a_receiver_on_a_circle(tmp_path: Path) -> None:
     """20 m/s round a radius of 400 m: within 10 m in 95 % of the epochs."""
     place = "latitude_deg=48.1, longitude_deg=11.6, height_m=500.0"
     case = case_of(60, f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}')
-    found = fixes_of(gnss_sdr_on_sky(tmp_path, case, Band.E1, 300))
+    found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 300))
     path = case.satellites[0].simulation.elevation.path.trajectory
     there_m = path.motion(found.at_s).position_m
     error_m = np.linalg.norm(found.position_m - there_m, axis=1)
@@ -102,7 +131,7 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
         'attack=[{kind="meaconing", start_s=0, power_db=20, delay_s=1e-6, reception_gain_db=30, antenna='
         "{latitude_deg=48.11, longitude_deg=11.62, height_m=520.0}}]"
     )
-    found = fixes_of(gnss_sdr_on_sky(tmp_path, case_of(60, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
+    found = fixes_of(gnss_sdr(tmp_path, case_of(60, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
     error_m = found.east_north_up_m(*antenna).mean(axis=0)
     assert np.linalg.norm(found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M).mean(axis=0)) > 1500
     assert np.hypot(*error_m[:2]) < 5.0
@@ -113,7 +142,7 @@ def test_it_locks_e6_b_of_every_satellite(tmp_path: Path) -> None:
     """Doppler within 0.5 Hz, C/N0 within 1 dB, with the encrypted E6-C and three other satellites beside each."""
     case = case_of(10, f"constellation.svids={list(E6_SVIDS)}", f"receiver.sample_rate_hz={E6_RATE_HZ}")
     assert tuple(one.svid for one in case.satellites) == E6_SVIDS
-    printed = gnss_sdr_on_sky(tmp_path, case, Band.E6, 300)
+    printed = gnss_sdr(tmp_path, case, Band.E6, 300)
     for channel, satellite in enumerate(case.satellites):
         dump = tmp_path / "gnss-sdr" / f"e6_track{channel}.dat"
         assert dump.exists(), printed[-2000:]
