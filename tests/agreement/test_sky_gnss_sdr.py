@@ -1,4 +1,4 @@
-"""An independent receiver, gnss-sdr, on a whole sky: E1 gives its message and the place of the receiver; E6-B is locked.
+"""An independent receiver, gnss-sdr, on a whole sky: it decodes E1, finds the receiver by it, and locks E6-B.
 
 The recordings are what `vestige simulate` writes, a band each. A fix is compared with the truth in local axes; bars are
 those of a single-frequency receiver at 45 dBHz without smoothing.
