@@ -1,6 +1,6 @@
-"""An independent receiver, gnss-sdr, on E1 of a whole sky: it decodes the message and finds the receiver where it is.
+"""An independent receiver, gnss-sdr, on a whole sky: it decodes E1, finds the receiver by it, and locks E6-B.
 
-The recordings are what `vestige simulate` writes, E1 alone. A fix is compared with the truth in local axes; bars are
+The recordings are what `vestige simulate` writes, a band each. A fix is compared with the truth in local axes; bars are
 those of a single-frequency receiver at 45 dBHz without smoothing.
 """
 
@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gnss_sdr_dump import TRACK_RECORD
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
 from vestige.navigation.ephemeris import Ephemeris
@@ -47,6 +48,7 @@ _LINE = re.compile(
     r"Lat = (\S+) \[deg\], Long = (\S+) \[deg\], Height = (\S+) \[m\]"
 )
 GST_MINUS_UTC_S = 18
+E6_SVIDS, E6_RATE_HZ, PULL_IN_S = (6, 8, 12, 13), 10_300_000.0, 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,3 +202,22 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
     assert np.linalg.norm(found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M).mean(axis=0)) > 1500
     assert np.hypot(*error_m[:2]) < 5.0
     assert abs(error_m[2]) < 10.0
+
+
+def test_it_locks_e6_b_of_every_satellite(tmp_path: Path) -> None:
+    """Doppler within 0.5 Hz, C/N0 within 1 dB, with the encrypted E6-C and three other satellites beside each."""
+    case = case_of(10, f"constellation.svids={list(E6_SVIDS)}", f"receiver.sample_rate_hz={E6_RATE_HZ}")
+    assert tuple(one.svid for one in case.satellites) == E6_SVIDS
+    printed = gnss_sdr(tmp_path, case, Band.E6, 300)
+    for channel, satellite in enumerate(case.satellites):
+        dump = tmp_path / "gnss-sdr" / f"e6_track{channel}.dat"
+        assert dump.exists(), printed[-2000:]
+        track = np.fromfile(dump, TRACK_RECORD)
+        track = track[track["sample"] > PULL_IN_S * E6_RATE_HZ]
+        assert track.size > 3000, f"gnss-sdr lost E6-B of E{satellite.svid:02}"
+        assert set(track["svid"]) == {satellite.svid}
+        truth = satellite.truth_table()
+        at_s = satellite.truth.time_s + np.array(truth["received_s"], float)
+        true_hz = np.interp(track["sample"] / E6_RATE_HZ, at_s, np.array(truth["doppler_e6_hz"], float))
+        assert np.mean(track["doppler_hz"] - true_hz) == pytest.approx(0, abs=0.5)
+        assert np.mean(track["cn0_dbhz"]) == pytest.approx(satellite.simulation.cn0_dbhz, abs=1.0)

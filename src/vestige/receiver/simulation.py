@@ -6,7 +6,8 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
 so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other ray
-comes its excess delay later. Under attack e1_error, what the E1 loop followed, is in P1 as well, and counterfeits,
+comes its excess delay later. These are delays of the code; the carrier has no bias, and the ionosphere advances it
+(`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and counterfeits,
 noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and

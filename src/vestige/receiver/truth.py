@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
 from vestige.own_parts import require_numbers
 from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
@@ -65,7 +65,8 @@ class TruthBlock:
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
     iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
-    bias_m: Float[np.ndarray, " n"]  # the same
+    ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
+    bias_m: Float[np.ndarray, " n"]  # by how much the code of E6 is later than that of E1 beyond iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
     e1_phase_noise_m: Float[np.ndarray, " n"]  # of the carrier phase, times the wavelength
     e1_rate_noise_mps: Float[np.ndarray, " n"]  # of the range rate
@@ -74,6 +75,10 @@ class TruthBlock:
     e6: BandEffects  # what it adds to E6
     rays: RayBlock
     geometry: SatelliteGeometry
+
+    def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return the ionosphere's residual on a band in m: the code is later by it, the carrier earlier."""
+        return self.ionosphere_e1_m if band is Band.E1 else self.ionosphere_e1_m + self.iono_diff_m
 
 
 class TruthProcess:
@@ -131,6 +136,7 @@ class TruthProcess:
             clock_m=clock_m,
             clock_drift_mps=drift_mps,
             iono_diff_m=iono_diff_m,
+            ionosphere_e1_m=iono_diff_m / (GAMMA_E1_E6 - 1) if elevation else np.zeros(count),
             bias_m=_advanced(models.bias, self._bias, times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,
             e1_phase_noise_m=carrier_m * noisier,

@@ -40,7 +40,8 @@ class BandModulation:
     @cached_property
     def _pulses(self) -> tuple[Float32[np.ndarray, " per_chip"], ...]:
         return tuple(
-            np.repeat(one.signal.pulse.levels, self.per_chip // len(one.signal.pulse.levels)).astype(np.float32)
+            one.signal.polarity
+            * np.repeat(one.signal.pulse.levels, self.per_chip // len(one.signal.pulse.levels)).astype(np.float32)
             for one in self.components
         )
 

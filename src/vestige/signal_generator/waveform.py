@@ -1,7 +1,8 @@
 """Galileo components as continuous complex functions of time, to be sampled at any rate [WFO, Sec. V].
 
 The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary
-chip times pulse level. All codes and symbols start with the Galileo second, so t_s is counted from a whole second.
+chip times pulse level, with a minus sign on a pilot, for a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3]. All codes and
+symbols start with the Galileo second, so t_s is counted from a whole second.
 The receiver sees, at its time t, what left at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}; mixed down from f_0
 that is
 
@@ -45,6 +46,7 @@ class Component:
         chip = np.floor(phase)
         levels = np.asarray(self.signal.pulse.levels)
         values = levels[((phase - chip) * levels.size).astype(np.int64)] * self.chip(chip.astype(np.int64))
+        values = self.signal.polarity * values
         if self.symbol is not None:
             values = values * self.symbol(np.floor(satellite_s * self.signal.symbol_rate_hz).astype(np.int64))
         return values

@@ -7,7 +7,8 @@
 | E6-B | 125 f0 | 5.115 M | 5115 chips, 1 ms | none | 1000 (C/NAV, HAS) |
 | E6-C | 125 f0 | 5.115 M | 5115 chips, 1 ms | CS100_svid, 100 ms | pilot; encrypted under ACAS |
 
-All codes start with the Galileo second. Sources: [OS-ICD, 2.3], [E6-CODES].
+All codes start with the Galileo second. A satellite sends (e_B − e_C)/√2 in either band, so pilots have a minus sign
+(`SignalDefinition.polarity`). Sources: [OS-ICD, 2.3], [E6-CODES].
 
 Left out, with the reason: E1-A and E6-A (PRS: not public), E5 (not part of ACAS).
 """
@@ -50,6 +51,15 @@ class SignalDefinition:
     def period_s(self) -> float:
         """Length of the primary code in s."""
         return self.code_length / self.chip_rate_hz
+
+    @property
+    def polarity(self) -> int:
+        """Sign with which a satellite adds the component to its band: −1 for a pilot [OS-ICD, 2.3.3].
+
+        No receiver needs it: the phase of a pilot is taken as it comes, and the sign of a message follows from its
+        synchronisation pattern.
+        """
+        return 1 if self.symbol_rate_hz else -1
 
 
 _E1_CHIP_RATE = FUNDAMENTAL_FREQUENCY_HZ / 10  # [OS-ICD, 2.3.3]

@@ -72,7 +72,7 @@ def test_the_waveform_sends_the_same_chips() -> None:
     component = encrypted_component(KEY, 9, START)
     chips = encrypted_chips(KEY, 9, START + 0.1, 3000).chips
     index = 511_500 + np.arange(3000)
-    assert np.array_equal(component.modulation((index + 0.5) / RATE), chips)
+    assert np.array_equal(component.modulation((index + 0.5) / RATE), -chips)  # E6-C is subtracted
     order = np.random.default_rng(1).permutation(3000)
     assert np.array_equal(component.chip(index[order]), chips[order])
     assert component.chip(np.empty(0, np.int64)).size == 0

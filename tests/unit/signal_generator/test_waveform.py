@@ -20,7 +20,9 @@ def test_one_period_is_code_times_pulse(signal: SignalDefinition) -> None:
     expected = np.repeat(primary_code(signal, 7), n) * np.tile(levels, signal.code_length)
     sign = secondary_code(signal, 7)[3 % signal.secondary_length]
     component = open_component(signal, 7, seed=1)
-    if component.symbol is not None:
+    if component.symbol is None:
+        sign = -sign  # a band is (e_B − e_C)/√2
+    else:
         sign = sign * component.symbol(np.array([round(3 * signal.period_s * signal.symbol_rate_hz)]))[0]
     assert component.modulation(t) == pytest.approx(sign * expected)
 

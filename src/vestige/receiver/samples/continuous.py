@@ -86,11 +86,10 @@ class ContinuousTruth:
 
         It is the residual, and the broadcast model of it if there is one.
         """
-        difference_m = self.truth.iono_diff_m
-        if self.modelled_ionosphere_e1_m is not None:
-            difference_m = difference_m + (GAMMA_E1_E6 - 1) * self.modelled_ionosphere_e1_m
-        e1_m = difference_m / (GAMMA_E1_E6 - 1) if self.sky else np.zeros(difference_m.size)
-        return e1_m if band is Band.E1 else e1_m + difference_m
+        residual_m = self.truth.ionosphere_m(band)
+        if self.modelled_ionosphere_e1_m is None:
+            return residual_m
+        return residual_m + self.modelled_ionosphere_e1_m * (1.0 if band is Band.E1 else GAMMA_E1_E6)
 
     def delay_m(self, band: Band) -> Float[np.ndarray, " n"]:
         """Return by how much the code of a band is later than the pseudorange at the epochs, in m."""

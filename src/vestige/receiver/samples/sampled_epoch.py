@@ -4,7 +4,9 @@ The server sends at `sent`. The line of sight arrives dt later, the solution of
 
     dt = P6(sent + dt)/c
 
-with the Doppler, its rate and the carrier phase −f6 P6/c of that moment.
+with the Doppler and its rate of that moment. P6 is the range of the code. The carrier phase is −f6 L6/c, where L6 lacks
+the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.ionosphere_m`). A recording
+has the same phase in the middle of each RECS (`continuous`).
 """
 
 from __future__ import annotations
@@ -35,17 +37,17 @@ _MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrival:
-    """When and how chips arrive by the line of sight in E6: time after they were sent, P6 and its derivatives."""
+    """When and how chips arrive by the line of sight in E6: time after they were sent, L6, and the rates of both."""
 
     dt_s: Float[np.ndarray, " n"]
-    pseudorange_m: Float[np.ndarray, " n"]
+    carrier_range_m: Float[np.ndarray, " n"]  # L6
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
 
     @property
     def carrier(self) -> Complex128[np.ndarray, " n"]:
-        """e^{−j2π f6 P6/c} at that moment."""
-        cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.pseudorange_m
+        """e^{−j2π f6 L6/c} at that moment."""
+        cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.carrier_range_m
         return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
 
 
@@ -53,6 +55,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
     """Return how the chips arrive that are sent `later_s` after the epochs."""
     sent_s = truth.time_s[rows] + later_s
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
+    code_only_m = truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
     dt_s = np.zeros(sent_s.size)
     ahead_s = truth.geometry.clock_offset_s[rows]
@@ -61,7 +64,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
     return Arrival(
         dt_s=dt_s,
-        pseudorange_m=pseudorange_m,
+        carrier_range_m=pseudorange_m - code_only_m - truth.ionosphere_m(Band.E6)[rows],
         rate_mps=line_of_sight.rate_mps(sent_s + dt_s - ahead_s) + drift_mps,
         acceleration_mps2=line_of_sight.acceleration_mps2(sent_s + dt_s - ahead_s),
     )

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS, band_power_rise_db, e1_taps, power_noise_db, power_with_rays
 from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
@@ -38,13 +38,6 @@ def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     """Return the true C/N0 of what E1 tracks, over all noise that there is."""
     return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.geometry.amplitude)
-
-
-def ionosphere_e1_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the ionosphere's residual on E1 in m; none on a single line of sight."""
-    if simulation.elevation is None:
-        return np.zeros(truth.time_s.size)
-    return truth.iono_diff_m / (GAMMA_E1_E6 - 1)
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
@@ -90,12 +83,16 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
 def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
     """Return the E1 pseudoranges."""
     error_m = of.e1_error_m - of.each(clock_follows_m)
-    return of.each(lambda _, truth: truth.range_m + truth.clock_m) + of.each(ionosphere_e1_m) + error_m
+    return (
+        of.each(lambda _, truth: truth.range_m + truth.clock_m)
+        + of.each(lambda _, truth: truth.ionosphere_e1_m)
+        + error_m
+    )
 
 
 def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     error_m = truth.e1.error_m - clock_follows_m(simulation, truth) + truth.e1_phase_noise_m
-    return truth.range_m + truth.clock_m - ionosphere_e1_m(simulation, truth) + error_m
+    return truth.range_m + truth.clock_m - truth.ionosphere_e1_m + error_m
 
 
 def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)

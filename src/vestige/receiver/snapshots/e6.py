@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.draws import rows_of
-from vestige.receiver.snapshots.e1 import ionosphere_e1_m, pseudorange_m, range_rate_mps, single
+from vestige.receiver.snapshots.e1 import pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
@@ -148,7 +148,7 @@ class SimulatedE6Samples:
     @cached_property
     def _later_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
         """What the ionosphere's residual on E1 makes of each satellite."""
-        return tuple(ionosphere_e1_m(one, truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
+        return tuple(truth.ionosphere_e1_m for truth in self.of.truth)
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""
