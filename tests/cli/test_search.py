@@ -216,7 +216,7 @@ def test_what_is_missing_is_one_line(night: Path, tmp_path: Path) -> None:
     )
     with pytest.raises(VestigeError, match="no E6 samples"):
         raise invoke(search, "exhaustive", tmp_path).exception  # type: ignore[misc]
-    assert _json("e1", tmp_path, "--svids", "3", "--periods", "1") == {"signals": []}
+    assert _json("e1", tmp_path, "--svids", "3", "--periods", "1")["signals"] == []
     assert invoke(search, "e1", tmp_path, "--svids", "3", "--periods", "1").stdout == "no signal found\n"
 
 

@@ -23,6 +23,7 @@ from vestige.cli.options import (
     trust_options,
 )
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
+from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -48,7 +49,6 @@ CN0_ESTIMATOR_NAMES = (
     "real-signal-complex-noise",
 )
 LAYOUTS = ("real", "iq", "qi")
-MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
@@ -152,7 +152,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
     tracked = _tracked(recording, options)
     told_s = None if tracked is None else tracked.time_tag_error_s
-    around_s = _label_uncertainty_s(recording, options["time_uncertainty"]) if told_s is None else 0.0
+    around_s = label_uncertainty_s(recording, options["time_uncertainty"]) if told_s is None else 0.0
     found = read_assistance(
         folder,
         public_key=options["public_key"],
@@ -173,7 +173,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
     processor = _processor(options, tracked)
     error_s = told_s or 0.0
     if around_s:
-        error_s = _label_error_s(recording, found.assistance, around_s, processor)
+        error_s = label_error_s(recording, found.assistance, around_s, processor)
     source = RecordingSource(
         recording=recording,
         assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
@@ -209,45 +209,6 @@ def _written(steps: Iterator[Step], write: Callable[[Step], None]) -> Iterator[S
     for step in steps:
         write(step)
         yield step
-
-
-def _label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time tag where it matters, else 0: E1 samples tell time modulo 100 ms only."""
-    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
-
-    around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
-    return 0.0 if recording.observations is not None or around_s <= TIME_TAG_TOLERANCE_S else min(around_s, MAX_LABEL_S)
-
-
-def _label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
-    """Return by how much the time tag is late, from the RECS in the samples; says what it found."""
-    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
-    from vestige.recording.observations.time_tag_search import search_label
-
-    found = search_label(
-        recording,
-        assistance,
-        around_s,
-        cipher_mode=processor.cipher_mode,
-        group_delay_convention=processor.group_delay_convention,
-    )
-    for decision in found.decisions:
-        if decision.spoofed:
-            times = ", ".join(str(peak.start_time) for peak in decision.peaks)
-            echo(
-                f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
-                err=True,
-            )
-    if found.error_s is None:
-        echo(
-            f"warning: no RECS was found within the time tag's ±{around_s:g} s, so the label is taken to be right "
-            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
-            err=True,
-        )
-        return 0.0
-    if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        echo(f"warning: the time tag is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
-    return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0
 
 
 def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:

@@ -1,0 +1,53 @@
+"""What `vestige process` knows of the time tag of samples where no message and no observation file tells the time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.recording.recording import Recording
+    from vestige.records import Assistance
+
+MAX_LABEL_S = 1e5  # an unknown time: all of the recording
+
+
+def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
+    """Return the uncertainty of the time tag where it matters, else 0: E1 samples tell time modulo 100 ms only."""
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
+
+    around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
+    return 0.0 if recording.observations is not None or around_s <= TIME_TAG_TOLERANCE_S else min(around_s, MAX_LABEL_S)
+
+
+def label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
+    """Return by how much the time tag is late, from the RECS in the samples; says what it found."""
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
+    from vestige.recording.observations.time_tag_search import search_label
+
+    found = search_label(
+        recording,
+        assistance,
+        around_s,
+        cipher_mode=processor.cipher_mode,
+        group_delay_convention=processor.group_delay_convention,
+    )
+    for decision in found.decisions:
+        if decision.spoofed:
+            times = ", ".join(str(peak.start_time) for peak in decision.peaks)
+            echo(
+                f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
+                err=True,
+            )
+    if found.error_s is None:
+        echo(
+            f"warning: no RECS was found within the time tag's ±{around_s:g} s, so the label is taken to be right "
+            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
+            err=True,
+        )
+        return 0.0
+    if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
+        echo(f"warning: the time tag is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+    return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0
