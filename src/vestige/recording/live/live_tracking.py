@@ -159,10 +159,12 @@ class LiveTracking:
 
     def take(self, stretch: TrackedStretch, told_s: float | None) -> None:
         """Take what a stretch of samples gave, and the error of the time tag as it is known after it."""
-        self._epochs.add(stretch.epochs)
-        if told_s is not None:
+        if told_s is None:
+            self._epochs.wait(stretch.epochs)
+        else:
             self.time_tag_error_s = told_s
             self._epochs.place(told_s)
+            self._epochs.add(stretch.epochs)
         self.message.take(stretch.pages)
 
     def _told_s(self) -> float | None:
@@ -185,8 +187,13 @@ class _KeptEpochs:
         self._placed: deque[ObservationEpoch] = deque()
         self.first = 0  # number of the first one in `_placed`
 
-    def add(self, epochs: Sequence[ObservationEpoch]) -> None:
+    def wait(self, epochs: Sequence[ObservationEpoch]) -> None:
+        """Keep epochs until a message tells the time."""
         self._unplaced.extend(epochs)
+
+    def add(self, epochs: Sequence[ObservationEpoch]) -> None:
+        """Keep epochs that the receiver has placed, each satellite by its own message where that told the time."""
+        self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:
         while self._unplaced:

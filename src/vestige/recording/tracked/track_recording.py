@@ -2,7 +2,8 @@
 
 What comes out is what a receiver beside the recorder would have written: observations ten times a second and the
 navigation pages. The pages tell the time. As long as they have not, pseudoranges are placed by the time tag of the
-samples, to multiples of 100 ms; when the whole recording is tracked, all of them are placed by the message.
+samples, to multiples of 100 ms; when the whole recording is tracked, these are placed by the message. A satellite whose
+own message has told its time is never placed by others: a replay that is seconds late is seen to be.
 """
 
 from __future__ import annotations
@@ -80,14 +81,18 @@ def track_recording(
     receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
     epochs: list[ObservationEpoch] = []
     pages: list[InavPage] = []
+    untold = 0  # epochs before a message told the time; later ones the receiver has placed, each by its own message
     for done, stretch in enumerate(receiver.run(tracked_batches(reader)), start=1):
         epochs += stretch.epochs
         pages += stretch.pages
+        untold = untold if receiver.time_is_told else len(epochs)
         if progress is not None:
             progress("tracking E1", done, -(-reader.n_samples // round(TRACKED_STRETCH_S * reader.file.sample_rate_hz)))
     told = receiver.time_tag_error_s if receiver.time_is_told else None
+    if told is not None:
+        epochs[:untold] = [placed(epoch, told) for epoch in epochs[:untold]]
     return TrackedRecording(
-        epochs=tuple(epochs if told is None else (placed(epoch, told) for epoch in epochs)),
+        epochs=tuple(epochs),
         pages=tuple(pages),
         time_tag_error_s=told,
     )

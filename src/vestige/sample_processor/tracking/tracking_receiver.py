@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Complex64
 
-from vestige.constants import MAX_SVID, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
+from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.navigation.inav.page import InavPage
 from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
@@ -36,9 +36,7 @@ from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
 EPOCHS_PER_S = 10
-TRACKED_STRETCH_S = (
-    0.2  # of samples between two looks at the loops; a batch of it stays small enough for its memory to be used again
-)
+TRACKED_STRETCH_S = 0.2  # of samples between two looks at the loops; longer batches would be new memory each time
 _SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: more than two code periods
 _SEARCHED_PERIODS = 8  # code periods in which satellites are looked for: enough for 30 dBHz
 _NEW_EVERY = 25  # stretches from one satellite that was never seen to the next
@@ -201,7 +199,7 @@ class TrackingReceiver:
             if zero is None or not self.time_is_told:
                 continue
             for page in waiting:
-                start = zero + page.period * 0.004
+                start = zero + page.period * E1_CODE_PERIOD_S
                 second = GalileoTime.normalized(start.week, start.second, round(start.fraction))
                 placed.append(InavPage(svid=svid, time=second, data=page.data))
             waiting.clear()

@@ -171,3 +171,18 @@ def test_tracking_starts_anew_behind_a_gap(sky: SampleBatch, jump: int) -> None:
     period_m = 0.1 * SPEED_OF_LIGHT_MPS
     assert off_m - round(off_m / period_m) * period_m == pytest.approx(0.0, abs=10.0)
     assert not receiver.time_is_told
+
+
+def test_a_satellite_is_placed_by_its_own_message(sky: SampleBatch) -> None:
+    """A replay whose message is 1 s late is 1 s later than the others, whatever the others say."""
+    receiver = TrackingReceiver(svids=(11, 30))
+    stretches = receiver.run([sky])
+    for _ in range(3):
+        next(stretches)
+    newest = receiver.tracks[30].newest()
+    assert newest is not None
+    # a tenth of a second of reception, 0.08 s of travel and a second of replay before
+    receiver.tracks[30].zero = START + (round(10 * (newest[0] / RATE_HZ - newest[1] - 0.086)) / 10 - 1.0)
+    last = [epoch for stretch in stretches for epoch in stretch.epochs][-1]
+    assert last.observations[11].pseudorange_m == pytest.approx(RANGE_M, rel=0.01)
+    assert last.observations[30].pseudorange_m == pytest.approx(2.52e7 + SPEED_OF_LIGHT_MPS, rel=0.01)
