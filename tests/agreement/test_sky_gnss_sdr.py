@@ -114,7 +114,9 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
 
     Our tracking loops on the same samples say the same as gnss-sdr's.
     """
-    case = case_of(100)
+    case = case_of(
+        100, "receiver.sample_rate_hz=6.2e6"
+    )  # for the sake of time; docs/test_cases.md has 150 s at 12.5 MHz
     found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 500, keep=True))
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
     mean_m = error_m.mean(axis=0)
@@ -126,10 +128,13 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     assert np.linalg.norm(error_m, axis=1).max() < 15.0
     tracked = track_recording(open_recording(tmp_path / "e1.sigmf-meta"), workers=2)
     (tmp_path / "e1.sigmf-data").unlink()
-    (theirs,) = (tmp_path / "gnss-sdr").glob("*.*O")
-    _same_observations(tracked.epochs, theirs)
-    (orbits,) = (tmp_path / "gnss-sdr").glob("*.*L")
-    _same_orbits(ephemerides_in(tracked.pages), orbits)
+    _same_observations(tracked.epochs, _largest(tmp_path / "gnss-sdr", "*.*O"))
+    _same_orbits(ephemerides_in(tracked.pages), _largest(tmp_path / "gnss-sdr", "*.*L"))
+
+
+def _largest(folder: Path, pattern: str) -> Path:
+    """Return the longest of gnss-sdr's files: it begins another one when an hour of our own clock ends."""
+    return max(folder.glob(pattern), key=lambda path: path.stat().st_size)
 
 
 def _same_orbits(ours: Sequence[Ephemeris], theirs: Path) -> None:
@@ -181,7 +186,8 @@ def _same_observations(ours: Sequence[ObservationEpoch], theirs: Path) -> None:
 def test_the_fix_of_a_receiver_on_a_circle(tmp_path: Path) -> None:
     """20 m/s round a radius of 400 m: within 10 m in 95 % of the epochs."""
     place = "latitude_deg=48.1, longitude_deg=11.6, height_m=500.0"
-    case = case_of(60, f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}')
+    circle = f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}'
+    case = case_of(60, circle, "receiver.sample_rate_hz=6.2e6")
     found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 300))
     path = case.satellites[0].simulation.elevation.path.trajectory
     there_m = path.motion(found.at_s).position_m
@@ -197,7 +203,7 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
         'attack=[{kind="meaconing", start_s=0, power_db=20, delay_s=1e-6, reception_gain_db=30, antenna='
         "{latitude_deg=48.11, longitude_deg=11.62, height_m=520.0}}]"
     )
-    found = fixes_of(gnss_sdr(tmp_path, case_of(60, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
+    found = fixes_of(gnss_sdr(tmp_path, case_of(50, attack, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
     error_m = found.east_north_up_m(*antenna).mean(axis=0)
     assert np.linalg.norm(found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M).mean(axis=0)) > 1500
     assert np.hypot(*error_m[:2]) < 5.0

@@ -23,7 +23,7 @@ ONE = (
     str(SCENARIOS / "quick.toml"), "--epochs", "5:8", "--set", "receiver.sample_rate_hz=3e6", "--set", "interval_s=0.1",
 )  # fmt: skip
 SKY = (
-    str(SCENARIOS / "night.toml"), "--epochs", "50:53", "--set", "receiver.sample_rate_hz=3e6",
+    str(SCENARIOS / "night.toml"), "--epochs", "50:53", "--set", "receiver.sample_rate_hz=6.2e6",
     "--set", "constellation.svids=[7, 8]", "--set", "recs.every=10",
 )  # fmt: skip
 STRETCH = stretch_samples(3e6)

@@ -60,10 +60,11 @@ def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_leve
     """At −10 dB it is no stronger than rays: of the harsh conditions they have −15.8 dB in the mean, Rayleigh.
 
     It fades the true signal by 3.3 dB at the most, which E6 power misses more often than without it, in less than one
-    RECS of a hundred; at 35 dBHz a miss by chance is one in a thousand. No other check of level 2 sees anything.
+    RECS of a hundred; at 35 dBHz a miss by chance is one in a thousand. No other check of level 2 sees anything. Of 60
+    seeds 0.7 % of the RECS are missed; 40 of them, 4000 RECS, tell it from 1.2 % by three sigma.
     """
-    missed = dict.fromkeys(("before", "approach"), 0)
-    for seed in SEEDS:
+    missed, seeds = dict.fromkeys(("before", "approach"), 0), range(SEEDS.start, SEEDS.start + 40)
+    for seed in seeds:
         found = run_of(seed, '["E6"]')[1][3]
         for name, failed in found.failed.items():
             if name == "E6 power":
@@ -71,7 +72,9 @@ def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_leve
                 missed["approach"] += int(np.count_nonzero(failed[APPROACH]))
             else:
                 assert not failed[: APPROACH.stop].any(), name
-    quiet, approach = proportion(missed["before"], 500 * 20), proportion(missed["approach"], 100 * 20)
+    quiet, approach = (
+        proportion(missed[part], rows * len(seeds)) for part, rows in (("before", 500), ("approach", 100))
+    )
     assert quiet.high < 2.5e-3
     assert quiet.high < approach.value
     assert approach.high < 1.2e-2

@@ -72,7 +72,7 @@ def _following(companions: Path, stream: SampleStream | None, told: list[str]) -
     live = LiveRecording(
         RecordingDescription(path=path, bands={Band.E6: _file(path)}),
         observations=companions / "observations.csv",
-        stream=stream,
+        streams={} if stream is None else {Band.E6: stream},
         warn=lambda error: told.append(str(error)),
     )
     folder = GrowingAssistance(companions / "assistance", warn=lambda error: told.append(str(error)))

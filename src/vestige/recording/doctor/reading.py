@@ -77,7 +77,7 @@ def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
         replace(other, band=file.band, center_frequency_hz=other.center_frequency_hz + shift_hz, start=file.start),
     ):
         alike = (one.form, one.sample_rate_hz, one.center_frequency_hz, one.spectral_inversion)
-        if alike not in seen:
+        if alike not in seen and (one.form.is_complex or _has_intermediate_frequency(one)):
             seen.append(alike)
             yield Reading(
                 kind=FindingKind.SWAPPED_BANDS,
@@ -87,12 +87,16 @@ def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
             )
 
 
+def _has_intermediate_frequency(file: BandFile) -> bool:
+    """Return whether samples can be real: around 0 Hz the noise of real ones exceeds an acquisition's threshold."""
+    return abs(CARRIER_HZ[file.band] - file.center_frequency_hz) >= _LEAST_IF * file.sample_rate_hz
+
+
 def layout_readings(file: BandFile) -> Iterator[Reading]:
     """Yield the readings of complex samples as real ones, or of real samples as complex ones."""
     form, rate_hz = file.form, file.sample_rate_hz
     if form.is_complex:
-        # Real samples have an intermediate frequency; around 0 Hz their noise exceeds an acquisition's threshold
-        if abs(CARRIER_HZ[file.band] - file.center_frequency_hz) < _LEAST_IF * rate_hz:
+        if not _has_intermediate_frequency(file):
             return
         real = replace(form, layout="real")
         for rate, more in ((2 * rate_hz, f", sample_rate_hz = {2 * rate_hz:.10g}"), (rate_hz, "")):
