@@ -23,7 +23,7 @@ from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import ObservationTrack, open_observations
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
-SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7, 8, 13, 14]", "recs.every=10")
+SETTINGS = ("receiver.sample_rate_hz=5.2e6", "constellation.svids=[7, 8, 13, 14]", "recs.every=10")
 
 
 def _written(command: object, *arguments: object) -> Result:
