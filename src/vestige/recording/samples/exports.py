@@ -64,7 +64,8 @@ InputFilter.implementation=Pass_Through
 InputFilter.item_type=gr_complex
 Resampler.implementation=Pass_Through
 Resampler.item_type=gr_complex
-Channels.in_acquisition=1
+; all channels search at once, so that the time at which one begins is not left to the scheduler
+Channels.in_acquisition={count}
 Channels_{signal}.count={count}
 {channels}
 Observables.implementation=Hybrid_Observables
@@ -103,6 +104,10 @@ Acquisition_1B.blocking=true
 Tracking_1B.implementation=Galileo_E1_DLL_PLL_VEML_Tracking
 Tracking_1B.item_type=gr_complex
 Tracking_1B.track_pilot=true
+; the phase loop alone loses some satellites within the first seconds
+Tracking_1B.enable_fll_pull_in=true
+Tracking_1B.fll_bw_hz=10
+Tracking_1B.pull_in_time_s=2
 Tracking_1B.pll_bw_hz=15
 Tracking_1B.dll_bw_hz=1
 Tracking_1B.early_late_space_chips=0.25
