@@ -91,7 +91,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
     Parameters
     ----------
     ephemerides
-        Of any satellites, in any order; of equally near ones the later wins.
+        Ephemerides of any satellites, in any order. If two are equally near in time, the later one wins.
     time
         When they are to be used.
     """

@@ -160,7 +160,7 @@ def exclude_one(
     Parameters
     ----------
     parts, residual_m, weight
-        Of the fixes.
+        Parts, residuals in m and weights of the fixes.
     p_fa
         False-alarm probability of a test.
     """

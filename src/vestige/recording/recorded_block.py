@@ -62,7 +62,7 @@ def tracked_block(
     time_uncertainty_s
         Upper limit of the error of the receiver's clock in s.
     increments
-        Of inertial sensors since the block before; None without any.
+        Increments of the inertial sensors since the block before; None without such sensors.
     """
     svids = tuple(sorted(epoch.observations))
     rows: dict[str, Any] = {

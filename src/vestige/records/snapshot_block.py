@@ -202,7 +202,7 @@ class SnapshotBlock:
     osnma
         OSNMA beside that of a second channel; None without one.
     increments
-        Of inertial sensors; None without any.
+        Increments of the inertial sensors; None without such sensors.
     data_authenticated
         bool[n, m], whether OSNMA authenticates the navigation data of a satellite; None if nobody looked.
     """

@@ -98,7 +98,7 @@ class ReceiverTable(Section):
     e1_multipath
         Whether the rays disturb E1 too.
     accelerometers
-        Of a receiver under a sky, for the inertial check.
+        Accelerometers of a receiver under a sky, for the inertial check.
     """
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]

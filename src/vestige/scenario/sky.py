@@ -230,9 +230,9 @@ class PositionTable(Section):
     ionosphere_common
         Share of its variance that the receiver believes all satellites to have in common: in the covariance of the fix.
     multipath_sigma_m
-        Of multipath at 16° elevation; elsewhere as strong as the rays.
+        Standard deviation of multipath in m at 16° elevation; it follows the power of the rays at other elevations.
     floor_sigma_m
-        Of all else.
+        Standard deviation of all other errors in m.
     p_fa
         False-alarm probability of RAIM in one epoch.
     """

@@ -182,7 +182,8 @@ def rise(jammer: AnyJammer, signal: SignalDefinition, noise_bandwidth_hz: float)
 def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: float, sample_rate_hz: float) -> float:
     """Return the mean power of a jammer in samples whose noise has variance 1.
 
-    Of white noise the samples hold as much as their rate lets in; a wave is in them as it is, against N0 B = B/f_s.
+    White noise enters the samples within their bandwidth only. A wave enters with its whole power,
+    against N0 B = B/f_s.
     """
     return j_over_n if jammer.white else j_over_n * noise_bandwidth_hz / sample_rate_hz
 

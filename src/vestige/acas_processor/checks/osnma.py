@@ -121,7 +121,7 @@ def _series(
 ) -> CheckSeries:
     """Return a check of subframes: NaN between their ends, or where they say nothing.
 
-    Of several subframes that end up to one epoch the worst counts.
+    If several subframes end before one epoch, the worst of them counts.
     """
     ends = evidence.subframes.epoch
     statistic, threshold = np.full((2, evidence.shape[0]), np.nan)

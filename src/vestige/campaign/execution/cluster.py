@@ -109,7 +109,7 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
     Parameters
     ----------
     address
-        Of the scheduler.
+        Address of the scheduler.
     warn
         Called from a thread of its own with one line when the cluster has had no workers for `NO_WORKERS_S`, and when
         it has some again: calls wait meanwhile.

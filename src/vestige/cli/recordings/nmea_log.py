@@ -34,7 +34,7 @@ class NmeaLog:
         step
             The processor's answer to the snapshot.
         time
-            Of the snapshot in Galileo System Time.
+            Time of the snapshot in Galileo System Time.
         verified
             Satellites whose orbits are authentic; None for all. A position that rests on others is no fix.
         """

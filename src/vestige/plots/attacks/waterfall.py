@@ -23,7 +23,7 @@ _VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left:
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins in front.
 
-    Of a long run every k-th epoch is drawn, as it is: no mean, no maximum. An epoch without a correlation is a gap.
+    A long run is thinned: every k-th epoch is drawn, without averaging. An epoch without a correlation is a gap.
 
     Axes `ax` to draw on have the projection `3d`.
 
@@ -59,7 +59,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as colours over time and tap offset.
 
-    Of a long run every k-th epoch is drawn, as it is. An epoch without a correlation is white.
+    A long run is thinned: every k-th epoch is drawn, without averaging. An epoch without a correlation is white.
 
     Raises `VestigeError` if the results lack the satellite.
     """

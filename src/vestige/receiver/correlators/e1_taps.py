@@ -106,7 +106,7 @@ def power_with_rays(
     Parameters
     ----------
     truth
-        Of the satellite.
+        True state of the satellite's signals.
     multipath_m
         Error of the pseudorange by rays.
     averaging_s

@@ -62,7 +62,7 @@ class BetzTrackingNoise:
     pulse
         Pulse of signal and replica.
     chip_rate_hz, carrier_hz
-        Of the signal that is tracked.
+        Chip rate and carrier frequency of the tracked signal in Hz.
     bandwidth_hz
         Two-sided bandwidth of the front end.
     spacing_chips

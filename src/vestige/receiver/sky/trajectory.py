@@ -58,7 +58,7 @@ class CircularTrajectory:
     latitude_deg, longitude_deg, height_m
         Centre, geodetic.
     radius_m, speed_mps
-        Of the circle; it starts east of the centre.
+        Radius of the circle in m and speed along it in m/s. The receiver starts east of the centre.
     """
 
     latitude_deg: float

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
@@ -188,14 +188,19 @@ def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings)
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     report = receiver.process_all(pages)
-    keys = receiver.filled_keys()
+    problems = tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures)
+    return replace(contents_of_receiver(receiver), problems=problems)
+
+
+def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
+    """Return the keys, the root keys and the demodulated data of the pages that an OSNMA receiver has had by now."""
+    report, keys = receiver.report(), receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",
         keys=keys,
         roots=report.verified_roots,
         alerts=report.alerts,
         received=receiver.received(),
-        problems=tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures),
     )
 
 

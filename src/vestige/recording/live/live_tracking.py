@@ -73,7 +73,7 @@ class LiveTracking:
     message
         Takes the pages.
     settings
-        Of all channels.
+        Loop settings, the same for all channels.
     workers
         Threads.
     warn

@@ -15,7 +15,7 @@ from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import AuthenticationError
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.page import InavPage
-from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings
+from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
 from vestige.recording.tracked.message_navigation import EphemerisCollector
 
 KEPT_S = 240.0  # of keys and of what was demodulated; a RECS waits for its key for a shorter time
@@ -77,21 +77,12 @@ class ReceivedMessage:
             raise AuthenticationError(
                 f"{self.path}: the keys in its message prove nothing without an OSNMA public key or Merkle tree"
             )
-        receiver = self._receiver_for(settings.trust)
-        report = receiver.report()
-        keys = receiver.filled_keys()
-        return Contents(
-            summary=f"{report.n_pages} pages, {len(keys)} validated keys",
-            keys=keys,
-            roots=report.verified_roots,
-            alerts=report.alerts,
-            received=receiver.received(),
-        )
+        return contents_of_receiver(self._receiver_for(settings.trust))
 
     def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
         """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them.
 
-        Of such a satellite an issue that is not verified yet is left out.
+        If tags have verified one issue of a satellite, its issues that are not verified yet are left out.
         """
         proven = () if self._receiver is None else self._receiver.navigation()
         verified = {(one.svid, one.iod_nav) for one in proven if one.authenticated and one.adkd == ADKD_EPHEMERIS}

@@ -52,7 +52,7 @@ def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> No
     path
         The file, which is written over.
     pages
-        Of each satellite, by SVID, in the order of time.
+        Pages of each satellite, by SVID, in the order of time.
 
     Raises
     ------

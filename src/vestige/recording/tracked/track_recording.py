@@ -62,7 +62,7 @@ def track_recording(
     recording
         With E1 samples.
     settings
-        Of all channels.
+        Loop settings, the same for all channels.
     workers
         Threads.
     progress
@@ -109,9 +109,9 @@ def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch
     Parameters
     ----------
     epoch
-        Whose pseudoranges are right modulo 100 ms.
+        Observations whose pseudoranges are right but for whole periods of 100 ms.
     time_tag_error_s
-        By how much the receiver's clock is late.
+        Error of the receiver's clock in s, positive if it is late.
     """
     expected_s = MEDIAN_TRAVEL_TIME_S + time_tag_error_s
 

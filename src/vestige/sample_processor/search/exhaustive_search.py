@@ -58,7 +58,8 @@ class SearchState:
     block_start
         Time of the first code offset of the block that was done last.
     block_magnitude
-        Of the strongest cell in that block, as the engine has it, in standard deviations of the noise per dimension.
+        Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
+        per dimension.
     blocks
         How many have been done, from the first on.
     """

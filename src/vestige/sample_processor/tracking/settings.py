@@ -22,7 +22,7 @@ class TrackingSettings:
     pll_order
         2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
     fll_bandwidth_hz
-        Of the frequency-locked loop that pulls the carrier in, at its start, in Hz; it narrows from there on.
+        Initial noise bandwidth in Hz of the frequency-locked loop that pulls the carrier in. It narrows from there on.
     dll_bandwidth_hz
         One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids it, so it follows what code and
         carrier do not share: ionosphere, multipath, noise.

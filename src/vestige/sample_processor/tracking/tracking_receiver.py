@@ -62,7 +62,7 @@ class TrackingReceiver:
     svids
         Satellites that are looked for.
     settings
-        Of all channels.
+        Loop settings, the same for all channels.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
     time_tag_error_s

@@ -51,7 +51,7 @@ class CudaDevice:
     xp
         The module cupy.
     name
-        Of the GPU.
+        Name of the GPU.
 
     Raises
     ------

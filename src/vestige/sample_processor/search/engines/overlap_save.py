@@ -30,7 +30,7 @@ class OverlapSave:
     offsets
         Code offsets that a block yields; the next block begins so many samples later.
     shifts
-        Of the code's spectrum, in steps of R_c / `length`, one for each Doppler bin.
+        Shifts of the code's spectrum in steps of R_c / `length`, one for each Doppler bin.
     loss_db
         The most that the power of a cell may be below its exact value, because its bin is rounded to a shift.
     """
