@@ -19,6 +19,22 @@ def test_without_a_terminal_each_step_is_one_line(capsys: pytest.CaptureFixture[
     assert err.splitlines() == ["first", "second"]
 
 
+def test_without_a_terminal_a_long_step_says_each_half_minute_what_is_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("vestige.cli.progress.time.monotonic", lambda: now_s)
+    with progress() as report:
+        for done in range(20, 101):  # 20 were done before
+            report("attacked runs", done, 100)
+            now_s += 1.0
+    assert capsys.readouterr().err.splitlines() == [
+        "attacked runs",
+        "attacked runs: 50 of 100, 50 s left",
+        "attacked runs: 80 of 100, 20 s left",
+    ]
+
+
 def test_on_a_terminal_there_is_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     terminal = io.StringIO()
     terminal.isatty = lambda: True  # type: ignore[method-assign]
@@ -34,7 +50,7 @@ def _campaign(done: int) -> RunProgress:
     return RunProgress(epochs_done=done, epochs_total=4000, epochs_resumed=1000, elapsed_s=2.0)
 
 
-def test_a_campaign_without_a_terminal_is_a_line_a_minute(
+def test_a_campaign_without_a_terminal_is_a_line_each_half_minute(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now_s = 100.0
@@ -45,7 +61,9 @@ def test_a_campaign_without_a_terminal_is_a_line_a_minute(
             now_s += 0.5
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
+        "harsh: 1600 of 4000 epochs, 300 epochs/s, 8 s left",
         "harsh: 2200 of 4000 epochs, 600 epochs/s, 3 s left",
+        "harsh: 2800 of 4000 epochs, 900 epochs/s, 1 s left",
         "harsh: 3400 of 4000 epochs, 1200 epochs/s, 0 s left",
     ]
 

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar for a person at a terminal, one line for each step otherwise."""
+"""Progress of long work on stderr: a bar for a person at a terminal, otherwise a line for each step and each half minute."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vestige.errors import printable
 if TYPE_CHECKING:
     from vestige.campaign.run import RunProgress
 
-LINE_EVERY_S = 60.0  # of a campaign, where there is no terminal
+LINE_EVERY_S = 30.0  # where there is no terminal
 REDRAWS_PER_S = 4.0
 
 ProgressReport = Callable[[str, int, int], None]
@@ -30,12 +30,23 @@ def progress() -> Iterator[ProgressReport]:
 
 
 def _lines() -> Iterator[ProgressReport]:
-    seen: set[str] = set()
+    began: dict[str, tuple[float, int]] = {}  # when a step was reported first, and how much of it was done then
+    last_s = time.monotonic()
 
-    def report(step: str, _done: int, _total: int) -> None:
-        if step not in seen:
-            seen.add(step)
+    def report(step: str, done: int, total: int) -> None:
+        nonlocal last_s
+        now_s = time.monotonic()
+        if step not in began:
+            began[step] = now_s, done
             echo(step, err=True)
+        elif now_s - last_s >= LINE_EVERY_S and done < total:
+            begin_s, at_begin = began[step]
+            rate_hz = (done - at_begin) / (now_s - begin_s)
+            left = f", {_duration((total - done) / rate_hz)} left" if rate_hz > 0 else ""
+            echo(f"{step}: {done} of {total}{left}", err=True)
+        else:
+            return
+        last_s = now_s
 
     yield report
 
@@ -100,6 +111,9 @@ def _pace(now: RunProgress) -> str:
     """Return rate and time left in words; at the beginning neither is known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"
-    minutes, seconds = divmod(round(now.remaining_s), 60)
-    left = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
-    return f"{now.rate_epochs_per_s:.0f} epochs/s, {left} left"
+    return f"{now.rate_epochs_per_s:.0f} epochs/s, {_duration(now.remaining_s)} left"
+
+
+def _duration(time_s: float) -> str:
+    minutes, seconds = divmod(round(time_s), 60)
+    return f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
