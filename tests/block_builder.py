@@ -11,6 +11,7 @@ from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.receiver.sky.constellation import walker_ephemerides
@@ -163,12 +164,12 @@ class MadeUpSky:
         def seen(values: np.ndarray) -> np.ndarray:
             return np.where(lost, np.nan, values)
 
-        offsets_m = (np.arange(11) - 5) * 15.0
+        offsets_m = AcasProcessor().offsets_m
         shift_m = 3.0 * rng.normal(size=shape) + some(n, m) * 40.0
         strength = np.where(some(n, m), 0.0, np.sqrt(2 * 10**4.5 * INTEGRATION_S))
         triangle = np.maximum(1 - np.abs(offsets_m - shift_m[..., None]) / 58.6, 0)
         second = np.where(some(n, m), 0.5, 0.0)[..., None] * np.maximum(1 - np.abs(offsets_m + 60.0) / 58.6, 0)
-        noise = rng.normal(size=(*shape, 11)) + 1j * rng.normal(size=(*shape, 11))
+        noise = rng.normal(size=(*shape, offsets_m.size)) + 1j * rng.normal(size=(*shape, offsets_m.size))
         jammed = np.where(some(n), 4.0, 1.0)
         taps = strength[..., None] * (triangle + second) + noise * np.sqrt(jammed)[:, None, None]
         e1_taps = (

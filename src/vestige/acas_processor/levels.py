@@ -75,6 +75,7 @@ class DetectionAssumptions(NamedTuple):
 
     kappa: float = KAPPA  # factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected
+    bank_p_fa: float = 0.0  # probability that noise exceeds the detection threshold in any correlator of the bank
 
 
 # Makes a check from the processor's settings and the false-alarm probability of one test.
@@ -122,7 +123,7 @@ _MINIMUM = (
         failure=_SPOOFED,
         make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
         cadence=_RECS,
-        own_p_fa=lambda assumed: RangeCheck(kappa=assumed.kappa).p_fa,
+        own_p_fa=lambda assumed: RangeCheck(kappa=assumed.kappa).p_fa + assumed.bank_p_fa,
     ),
 )
 _POWER = (
@@ -172,7 +173,9 @@ _POWER = (
 def _second_signal(processor: AcasProcessor, p_fa: float) -> Check | None:
     """Return the check for a second signal, unless a filter of the front end makes two signals look like one."""
     settings = processor.monitoring
-    return None if settings.second_signal_filtered else replace(settings.second_signal, p_fa=p_fa)
+    if settings.second_signal_filtered:
+        return None
+    return replace(settings.second_signal, p_fa=p_fa, reach_m=processor.late_reach_m)
 
 
 _HANDOVER_SEARCH = (

@@ -133,7 +133,7 @@ def _banks(
     if snapshots.e6 is not None:
         return snapshots.e6.correlate(asked, handovers, processor.offsets_m)
     noise_power, integration_s = np.full((2, *asked.shape), np.nan)
-    taps = np.full((*asked.shape, processor.n_taps), np.nan + 0j)
+    taps = np.full((*asked.shape, processor.offsets_m.size), np.nan + 0j)
     return BankBlock(offsets_m=processor.offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -30,14 +31,19 @@ from vestige.acas_processor.position.authentic_position import AuthenticPosition
 from vestige.acas_processor.position.error_budget import ErrorBudget
 from vestige.acas_processor.searches.handover import NOMINAL_E6_OVER_E1_DB
 from vestige.acas_processor.verdict_block import VerdictBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import Verdict
 from vestige.records.checks import AlarmShare, CheckName
 from vestige.records.recs_block import AssistanceData
 from vestige.records.snapshot_block import BankBlock, SnapshotBlock
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS
+from vestige.signals.definitions import E6C
 from vestige.source import Source
 from vestige.theory.thresholds import threshold
+
+EARLY_REACH_M = 600.0  # the search on E1 leaves out two chips of it, 586 m, around the signal that is tracked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +89,11 @@ class AcasProcessor:
     p_fa
         Single-event false-alarm probability of the E6 detection, per correlator.
     n_taps, tap_spacing_m
-        The bank: so many correlators, so far apart, around the hand-over's prediction.
+        The bank around the hand-over's prediction: number of correlators, and distance between neighbours in m.
+    early_reach_m
+        The bank goes on at the same distance to at least so many m before the prediction. A meaconer with a short
+        delay captures E1; the true E6 signal is then earlier than E1 predicts. The search for a second signal on E1
+        leaves out two chips, 586 m, around the tracked signal, so the bank has to cover them.
     budget, kappa
         Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ.
     min_pd
@@ -103,6 +113,7 @@ class AcasProcessor:
     p_fa: float = 1e-7
     n_taps: int = 11
     tap_spacing_m: float = 15.0
+    early_reach_m: float = EARLY_REACH_M
     budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
     kappa: float = KAPPA
     min_pd: float = MIN_PD
@@ -117,6 +128,11 @@ class AcasProcessor:
             raise ValueError(f"mitigation level {self.level} is not one of {sorted(LEVELS)}")
         if self.n_taps < 2 * self.detector.spacing + 1:
             raise ValueError(f"{self.n_taps} correlators are too few for a spacing of {self.detector.spacing}")
+        reach_m, limit_m = float(np.ptp(self.offsets_m)) / 2, REACH_CHIPS * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
+        if reach_m > limit_m:
+            raise ValueError(
+                f"a bank of correlators that reaches {reach_m:g} m from its middle; {limit_m:.0f} m is the limit"
+            )
         names = [one.spec.name for one in self.own_checks]
         if len(set(names)) < len(names):
             raise ValueError(f"each check has a name of its own, found {', '.join(names)}")
@@ -133,8 +149,14 @@ class AcasProcessor:
 
     @property
     def offsets_m(self) -> Float[np.ndarray, " n_taps"]:
-        """Offsets of the correlators from the prediction in m."""
-        return (np.arange(self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m
+        """Offsets of the correlators from the prediction in m, early to late."""
+        further = max(0, ceil((self.early_reach_m - self.late_reach_m) / self.tap_spacing_m - 1e-9))
+        return (np.arange(-further, self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m
+
+    @property
+    def late_reach_m(self) -> float:
+        """Offset of the last correlator from the prediction in m."""
+        return (self.n_taps - 1) / 2 * self.tap_spacing_m
 
     @property
     def detection_threshold(self) -> float:

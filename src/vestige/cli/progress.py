@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar for a person at a terminal, otherwise a line for each step and each half minute."""
+"""Progress of long work on stderr: a bar for a person at a terminal, else a line for each step and each half minute."""
 
 from __future__ import annotations
 

@@ -6,22 +6,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, PrivateAttr, WithJsonSchema, model_validator
 
 from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.position.error_budget import ErrorBudget
-from vestige.acas_processor.processor import AcasProcessor
-from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
+from vestige.acas_processor.processor import EARLY_REACH_M, AcasProcessor
+from vestige.constants import MAX_SVID
 from vestige.own_parts import OwnPartError, is_own
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS
 from vestige.scenario.own_tables import named_part
 from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
-from vestige.signals.definitions import E6C
 
 _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": ":"}]}
 
@@ -46,6 +43,9 @@ class ProcessorTable(Section):
     `detector` may name a class of the user's, `module:Name`, which is then evaluated beside the two of vestige.
     `checks` names checks of the user's, which the levels have after their own.
 
+    The bank has `n_taps` correlators around the prediction, and further ones at the same distance as far as
+    `early_reach_m` before it.
+
     `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
     multipath at 16° that the check for a second signal allows for. None of it follows from the errors that a scenario
     gives its receiver: a better or worse oscillator has to be told to the processor, too.
@@ -61,6 +61,7 @@ class ProcessorTable(Section):
     p_fa: Annotated[float, Field(ge=1e-15, le=0.1)] = 1e-7
     n_taps: Annotated[int, Field(ge=3, le=63)] = 11
     tap_spacing_m: Annotated[float, Field(ge=0.1, le=100)] = 15.0
+    early_reach_m: Annotated[float, Field(ge=0, le=900)] = EARLY_REACH_M
     budget: ErrorBudget = ErrorBudget.uncorrected()
     kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
     min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
@@ -101,10 +102,7 @@ class ProcessorTable(Section):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        reach_m = float(np.max(np.abs(self.processor().offsets_m)))
-        limit_m = REACH_CHIPS * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-        if reach_m > limit_m:
-            raise ValueError(f"a bank that reaches {reach_m:g} m from its middle; {limit_m:.0f} m is the limit")
+        self.processor()  # raises ValueError if its bank of correlators is impossible
         return self
 
     def processor(self, monitoring: MonitoringSettings | None = None) -> AcasProcessor:
@@ -115,6 +113,7 @@ class ProcessorTable(Section):
             p_fa=self.p_fa,
             n_taps=self.n_taps,
             tap_spacing_m=self.tap_spacing_m,
+            early_reach_m=self.early_reach_m,
             budget=self.budget,
             kappa=self.kappa,
             min_pd=self.min_pd,

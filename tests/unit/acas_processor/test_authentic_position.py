@@ -104,15 +104,35 @@ def test_of_several_signals_the_earliest_is_used_whatever_the_verdict(quiet: Ver
     assert short.true_offset_m[0].tolist() == [-390e3, -390_010.0] * (M // 2), "earlier, or the same signal"
 
 
-def test_of_two_signals_in_the_correlators_e1_stays_if_the_earlier_one_is_where_it_says(quiet: VerdictBlock) -> None:
-    """The bank holds one signal where E1 says; shifted by 100 m, it is not where E1 says."""
+def test_of_two_signals_in_the_correlators_the_earlier_one_is_used(quiet: VerdictBlock) -> None:
+    """The bank holds one signal where E1 says; noise is the second one, earlier or later.
+
+    Moved by −90 m, E6 comes so much earlier than E1; by +90 m, later.
+    """
     failed = dict(quiet.failed) | {CheckName.E6_SECOND_SIGNAL: np.ones((1, M), np.bool_)}
     block, _ = _used(replace(quiet, failed=failed), [S] * M)
-    offsets_m = quiet.measured.banks.offsets_m
-    late = replace(quiet.measured.banks, offsets_m=offsets_m + 100.0)
-    elsewhere = replace(quiet, failed=failed, measured=replace(quiet.measured, banks=late))
-    away, _ = _used(elsewhere, [S] * M)
-    assert np.isfinite(block.range_in_use_m).sum() > np.isfinite(away.range_in_use_m).sum() == 0
+    near = np.isfinite(block.range_in_use_m) & ~block.earlier
+    assert near.any()
+    assert np.abs(block.range_in_use_m - quiet.measured.snapshots.e1.pseudorange_m)[near].max() == 0.0
+
+    def moved(by_m: float, check: CheckName) -> VerdictBlock:
+        measured = quiet.measured
+        banks = replace(measured.banks, offsets_m=measured.banks.offsets_m + by_m)
+        detected = replace(measured.detected, range_offset_m=measured.detected.range_offset_m + by_m)
+        changed = replace(
+            quiet,
+            failed=dict(quiet.failed) | {check: np.ones((1, M), np.bool_)},
+            measured=replace(measured, banks=banks, detected=detected),
+        )
+        return _used(changed, [S] * M, pushed_m=[-by_m] * M)[0]
+
+    for check in (CheckName.E6_SECOND_SIGNAL, CheckName.E1_E6_RANGE):
+        late = moved(90.0, check)
+        assert not np.isfinite(late.range_in_use_m).any()
+    early = moved(-90.0, CheckName.E1_E6_RANGE)
+    assert early.earlier.all()
+    error_m = early.range_in_use_m - quiet.measured.snapshots.e1.pseudorange_m
+    assert np.abs(error_m).max() < 10.0
 
 
 def test_three_ranges_are_no_position(quiet: VerdictBlock) -> None:

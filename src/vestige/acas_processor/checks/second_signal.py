@@ -11,10 +11,19 @@ is how much better two signals explain the taps than one. Noise alone makes ever
 amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance in each dimension, and
 looks like a spoofer: nobody can tell the two apart by one RECS. So
 
-    fail where √G > √(−2 (1 + s²P/2) ln(p_fa/N))        N = places that are tried
+    fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = places that are tried
 
-a bound, because neighbouring places share noise and a ray rarely lies in the worst one. Where P is −15.8 dB (harsh
-conditions) nothing below −4 dB of the direct signal is seen at p_fa = 10⁻⁶, be C/N0 as large as it likes.
+with k = 1 where the weaker signal is the later one. That is an upper limit, because neighbouring places share noise and
+a ray rarely lies in the worst one. If P is −15.8 dB (harsh conditions), no later signal below −4 dB of the direct one
+is seen at p_fa = 10⁻⁶, however large C/N0 is.
+
+A ray never arrives before its direct signal. If the weaker signal is the earlier one, the stronger one can therefore
+not be its ray, and noise alone sets the threshold, up to k = 0.06: a ray that is too near to be told apart bends the
+triangle, and τ₁ is found to 0.05 chip, which both leave a little on the early side (measured: false alarms stay below
+p_fa up to 45 dBHz over 16 ms).
+
+The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector tells two signals
+apart by itself.
 """
 
 from __future__ import annotations
@@ -24,7 +33,7 @@ from functools import cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex128, Float
+from jaxtyping import Bool, Complex128, Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
@@ -38,15 +47,23 @@ from vestige.signals.pulse import BPSK, autocorrelation
 _CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 _STEP_CHIPS = 0.05
 _APART_CHIPS = 0.5
+_EARLY_SHARE = 0.06  # k of the weaker signal that comes first
 _BLOCK = 20_000  # epochs at once, so that memory does not grow
 
 
 class TwoSignals(NamedTuple):
-    """What two signals explain: √G, amplitude s of the stronger (σ per dimension), place of the earlier one in m."""
+    """The two signals that explain the correlators of a RECS best."""
 
-    statistic: Float[np.ndarray, "*n"]
+    statistic: Float[np.ndarray, "*n"]  # √G
+    # the stronger one: amplitude s in standard deviations of the noise per dimension, and offset in m
     amplitude: Float[np.ndarray, "*n"]
-    earlier_m: Float[np.ndarray, "*n"]
+    stronger_m: Float[np.ndarray, "*n"]
+    weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker one in m
+
+    @property
+    def earlier_m(self) -> Float[np.ndarray, "*n"]:
+        """Offset of the earlier signal from the prediction in m."""
+        return np.minimum(self.stronger_m, self.weaker_m)
 
 
 class _Places(NamedTuple):
@@ -65,7 +82,12 @@ class SecondSignalMonitor(Monitor):
     unit: ClassVar = "sigma"
     # P, mean power of all rays over the direct signal
     ray_power_db: float = -15.8  # of the harsh conditions [WFO, Sec. VI-A]
-    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
+    reach_m: float = np.inf  # correlators farther from the prediction are left out
+
+    def near(self, offsets_m: Float[np.ndarray, " n_taps"]) -> Bool[np.ndarray, " n_taps"]:
+        """Return the correlators that the check looks at."""
+        return np.abs(offsets_m) <= self.reach_m * (1 + 1e-9)
 
     def statistic(
         self,
@@ -79,7 +101,7 @@ class SecondSignalMonitor(Monitor):
         """
         places = _places(tuple(np.round(offsets_m, 6).tolist()))
         scaled = taps / np.sqrt(noise_power / 2)[:, None]
-        found = np.empty((3, noise_power.size))
+        found = np.empty((4, noise_power.size))
         for low in range(0, noise_power.size, _BLOCK):
             part = slice(low, low + _BLOCK)
             alone = np.abs(
@@ -88,23 +110,26 @@ class SecondSignalMonitor(Monitor):
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)
-            found[:, part] = further[row, second], alone[row, first], places.at_m[np.minimum(first, second)]
+            found[:, part] = further[row, second], alone[row, first], places.at_m[first], places.at_m[second]
         return TwoSignals(*found)
 
     def threshold(
-        self, amplitude: Float[np.ndarray, "*n"], offsets_m: Float[np.ndarray, " n_taps"]
+        self, found: TwoSignals, offsets_m: Float[np.ndarray, " n_taps"], *, relative: float | np.ndarray = 1.0
     ) -> Float[np.ndarray, "*n"]:
-        """Return the largest √G that passes beside a signal of an amplitude s."""
+        """Return the largest √G that passes; `relative` scales the amplitude of the rays at other elevations."""
         tried = _places(tuple(np.round(offsets_m, 6).tolist())).whitened.shape[0]
-        variance = 1 + amplitude**2 * 10 ** (self.ray_power_db / 10) / 2
+        share = np.where(found.weaker_m < found.stronger_m, _EARLY_SHARE, 1.0)
+        ray_amplitude = found.amplitude * relative
+        variance = 1 + share * ray_amplitude**2 * 10 ** (self.ray_power_db / 10) / 2
         return np.sqrt(-2 * variance * np.log(self.p_fa / tried))
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; low satellites have stronger multipath, high ones weaker."""
         measured = evidence.measured
         found = two_signals(self, measured)
+        offsets_m = measured.banks.offsets_m
         relative = relative_ray_amplitude(evidence.elevation_rad)
-        threshold = self.threshold(found.amplitude * relative, measured.banks.offsets_m)
+        threshold = self.threshold(found, offsets_m[self.near(offsets_m)], relative=relative)
 
         def explain(epoch: int, satellite: int) -> str:
             if np.isnan(found.statistic[epoch, satellite]):
@@ -118,7 +143,11 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
     """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
-    found = monitor.statistic(banks.taps[correlated], banks.noise_power[correlated], banks.offsets_m)
+    near = monitor.near(banks.offsets_m)
+    taps = banks.taps[correlated]
+    found = monitor.statistic(
+        taps if near.all() else taps[:, near], banks.noise_power[correlated], banks.offsets_m[near]
+    )
     return TwoSignals(*(spread_over_block(values, correlated, correlated.shape) for values in found))
 
 

@@ -6,7 +6,8 @@ spreads its share over its tests of a day:
     P_fa = alarms a day / (number of such checks · tests a day)
 
 Some bring their own, and come on top: the range check errs with erfc(κ/√2) if its budget σ is what the errors are (it
-is meant to be more), E6 power with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
+is meant to be more), or because noise exceeds the detection threshold in one of N correlators, N times their P_fa; E6
+power errs with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
 confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole: an alarm that is held
 (`alarm.py`) counts its failures once.
 
@@ -64,14 +65,16 @@ def false_alarm_budget(
     alarms_a_day: float = ALARMS_A_DAY,
     kappa: float = KAPPA,
     pd: float = MIN_PD,
+    bank_p_fa: float = 0.0,
     further: Sequence[CheckSpec] = (),
 ) -> dict[CheckName | str, AlarmShare]:
     """Return the share of each check of a level, by name.
 
     `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
-    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `further` are checks that a user wrote.
+    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `bank_p_fa` is the probability that noise exceeds
+    the detection threshold in any correlator of the bank. `further` are checks that a user wrote.
     """
-    assumed = DetectionAssumptions(kappa=kappa, pd=pd)
+    assumed = DetectionAssumptions(kappa=kappa, pd=pd, bank_p_fa=bank_p_fa)
     free = sum(row.own_p_fa is None for row in LEVELS[level])
     shares: dict[CheckName | str, AlarmShare] = {}
     for row in (*LEVELS[level], *further):
@@ -94,6 +97,7 @@ def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName |
         alarms_a_day=processor.monitoring.alarms_a_day,
         kappa=processor.kappa,
         pd=_mean_pd(processor, block),
+        bank_p_fa=processor.p_fa * processor.offsets_m.size,
         further=[one.spec for one in processor.own_of_level],
     )
 

@@ -4,8 +4,11 @@ What a RECS authenticates is the time since the RECS before. In epochs with RECS
 
 1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
    they are broadcast; if both searches found it, within one chip, its place is that of the exhaustive search;
-2. where the correlators of the RECS hold two signals and the earlier one is where E1 says: that of E1;
-3. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
+2. where the correlators of the RECS hold two signals: that of E1 if the earlier signal is where E1 says, else that of
+   the earlier signal;
+3. where the signal that the detector found on E6 is earlier than E1 says by more than the range check allows: that of
+   E6, for the same reason;
+4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
 Otherwise there is none. The position is the fix of all satellites with a range in use, four at least. It takes
 pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
@@ -39,16 +42,28 @@ def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock
     snapshots = block.measured.snapshots
     authentic = POSITION[Status.AUTHENTIC]
     e1_in_use = (block.status == authentic) & (block.state == authentic)
-    if CheckName.E6_SECOND_SIGNAL in block.failed:
-        earlier_m = two_signals(SecondSignalMonitor(), block.measured).earlier_m
-        near = np.abs(earlier_m) <= processor.budget.limit_m(processor.kappa)
-        e1_in_use |= block.failed[CheckName.E6_SECOND_SIGNAL] & near
     offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
+    in_bank_m, limit_m = _earlier_in_bank_m(block, processor), processor.budget.limit_m(processor.kappa)
+    e1_in_use |= np.abs(in_bank_m) <= limit_m
+    offset_m = np.where(np.isnan(offset_m) & (in_bank_m < -limit_m), in_bank_m, offset_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]
     range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
     block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier)
     return replace(block, position=_positions(block, processor, range_m))
+
+
+def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
+    """Return the offset of the earlier of two signals in the correlators of a RECS in m after E1; NaN for one signal.
+
+    A signal that only the detector sees counts if the range check failed with it.
+    """
+    offset_m = np.where(block.failed[CheckName.E1_E6_RANGE], block.measured.detected.range_offset_m, np.nan)
+    offset_m[~(offset_m < 0)] = np.nan
+    if CheckName.E6_SECOND_SIGNAL not in block.failed:
+        return offset_m
+    two = two_signals(SecondSignalMonitor(reach_m=processor.late_reach_m), block.measured).earlier_m
+    return np.fmin(offset_m, np.where(block.failed[CheckName.E6_SECOND_SIGNAL], two, np.nan))
 
 
 def _earliest_m(

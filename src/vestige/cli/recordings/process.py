@@ -49,7 +49,6 @@ CN0_ESTIMATOR_NAMES = (
     "real-signal-complex-noise",
 )
 LAYOUTS = ("real", "iq", "qi")
-MAX_REACH_M = 450.0  # the correlator's windows hold 8 chips of 58.6 m on each side
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
@@ -89,6 +88,13 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--p-fa", type=FiniteRange(1e-15, 0.1), default=1e-7, show_default=True, help="Per correlator.")
 @click.option("--taps", type=click.IntRange(3, 63), default=11, show_default=True, help="Number of correlators.")
 @click.option("--tap-spacing-m", type=FiniteRange(0.1, 100), default=15.0, show_default=True)
+@click.option(
+    "--early-reach-m",
+    type=FiniteRange(0, 900),
+    default=600.0,
+    show_default=True,
+    help="Further correlators as far before the prediction, against a repeater with a short delay.",
+)
 @click.option("--budget", type=click.Choice(["uncorrected", "corrected"]), default="uncorrected", show_default=True)
 @click.option("--kappa", type=FiniteRange(0.1, 10), default=3.0, show_default=True, help="Range limit in σ.")
 @click.option("--min-pd", type=FiniteRange(0, 1), default=0.9, show_default=True)
@@ -250,28 +256,29 @@ def _processor(options: dict[str, Any], tracked: TrackedRecording | None = None)
     from vestige.acas_processor.position.error_budget import ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor
 
-    if options["taps"] < 2 * options["spacing"] + 1:
-        raise click.UsageError(f"--spacing {options['spacing']} needs at least {2 * options['spacing'] + 1} taps")
-    if options["taps"] * options["tap_spacing_m"] / 2 > MAX_REACH_M:
-        raise click.UsageError(f"--taps times --tap-spacing-m reach farther than {MAX_REACH_M:g} m on each side")
     budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
     checks = tuple(OwnCheck.named(kind) for kind in options["checks"])
     if len({one.name for one in checks}) < len(checks):
         raise click.UsageError("--check: two checks have one name, expected one of its own for each")
-    return AcasProcessor(
-        level=int(options["level"]),
-        detector=_detector(options["detector"], options["spacing"]),
-        p_fa=options["p_fa"],
-        n_taps=options["taps"],
-        tap_spacing_m=options["tap_spacing_m"],
-        budget=budget(),
-        kappa=options["kappa"],
-        min_pd=options["min_pd"],
-        monitoring=_monitoring(options, tracked),
-        cipher_mode=cipher_mode(options),
-        group_delay_convention=group_delay_convention(options),
-        own_checks=checks,
-    )
+    monitoring = _monitoring(options, tracked)
+    try:
+        return AcasProcessor(
+            level=int(options["level"]),
+            detector=_detector(options["detector"], options["spacing"]),
+            p_fa=options["p_fa"],
+            n_taps=options["taps"],
+            tap_spacing_m=options["tap_spacing_m"],
+            early_reach_m=options["early_reach_m"],
+            budget=budget(),
+            kappa=options["kappa"],
+            min_pd=options["min_pd"],
+            monitoring=monitoring,
+            cipher_mode=cipher_mode(options),
+            group_delay_convention=group_delay_convention(options),
+            own_checks=checks,
+        )
+    except ValueError as error:
+        raise click.UsageError(f"--taps, --tap-spacing-m, --early-reach-m, --spacing: {error}") from error
 
 
 def _detector(name: str, spacing: int) -> Detector:
