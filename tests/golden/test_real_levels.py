@@ -112,6 +112,18 @@ def test_no_alarm(level: int, quiet: tuple[Snapshot, Assistance]) -> None:
         assert np.isnan(one.true_offset_m)
 
 
+def test_the_open_code_is_no_spoofing_however_far_one_looks(quiet: tuple[Snapshot, Assistance]) -> None:
+    """E6-C was open when this was recorded: its code stands in every millisecond, 97 times for one satellite."""
+    processor = AcasProcessor(level=3)
+    block = OtherChannels(second_channel=quiet[1]).block(*quiet, None)
+    step = processor.step(None, block, quiet[1])
+    assert [one.status for one in step.verdicts] == [Status.AUTHENTIC] * len(IN_THE_SKY)
+    for one in step.verdicts:
+        (search,) = (check for check in one.checks if check.name == "E6 exhaustive search")
+        assert search.outcome is Outcome.NOT_RUN
+        assert "open E6-C code" in search.reason
+
+
 def test_level_1_takes_the_copy_for_the_truth(meaconed: tuple[Snapshot, Assistance]) -> None:
     """As [WFO, Sec. IV-A] says of meaconing of both bands: E6 is where E1 is, 390 km away."""
     step = _step(1, *meaconed)

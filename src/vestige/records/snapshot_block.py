@@ -166,6 +166,7 @@ SEARCH_NOT_RUN = (
     "the E6 samples do not hold the RECS anywhere in the time uncertainty",
     "the RECS was not found in E6",
     "the RECS was found when its key may have been known",
+    "the RECS holds the open E6-C code, which repeats each ms, so a search cannot tell a replay from the code itself",
     "not due",
 )
 

@@ -112,6 +112,23 @@ def test_the_true_signal_is_from_before_the_disclosure() -> None:
     assert decide_vestigial(SVID, (early,), unknown).true is None
 
 
+def test_repetitions_of_an_open_code_count_once_and_a_replay_counts() -> None:
+    """A period of 100 ms, received 0.23 µs shorter at 3 kHz; a replay 1.3 ms later, which repeats as well."""
+    period_s, doppler_hz = 0.1, 3000.0
+    received_s = period_s / (1 + doppler_hz / E6_CARRIER_HZ)
+    peaks = [
+        Peak(svid=SVID, start_time=START + at_s, doppler_hz=doppler_hz, magnitude=9.0, threshold=6.0, cn0_dbhz=40.0)
+        for at_s in (0.0, received_s, 2 * received_s, 1.3e-3, 1.3e-3 + received_s)
+    ]
+    alone = decide_vestigial(SVID, peaks[:3], repeated_after_s=period_s)
+    assert (alone.true, alone.spoofed) == (peaks[0], False)
+    replayed = decide_vestigial(SVID, peaks, repeated_after_s=period_s)
+    assert (replayed.true, replayed.spoofed, replayed.peaks) == (peaks[0], True, (peaks[0], peaks[3]))
+    assert decide_vestigial(SVID, peaks[:2]).spoofed, "chips that do not repeat were sent twice"
+    unclear = decide_vestigial(SVID, peaks, open_code=True)
+    assert (unclear.true, unclear.spoofed, len(unclear.peaks)) == (None, False, 5)
+
+
 def test_a_smaller_uncertainty_is_a_shorter_search(e1: SampleBatch) -> None:
     (strong, _) = search_e1(e1, [SVID], periods=8)
     around = START + _arrival_s(LATER_S)

@@ -13,7 +13,7 @@ its first authentic fix, and after it only what the oscillator may have drifted 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vestige.acas_processor.checks.check import check_budget
@@ -38,8 +38,12 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource
+from vestige.signals.definitions import E6C
+from vestige.signals.open_e6c import is_open_e6c, repeated_after_s
 from vestige.theory.search_budget import search_budget
 from vestige.time import GalileoTime
+
+_OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
@@ -143,7 +147,12 @@ class E1VestigialSearch:
                 for line in line_stretches(BatchSource(e1), one, e1.start, code, *window, delay_m=delay_m)
             ]
             found, _ = handover_peaks(e6, lines, overall_pfa=self.p_fa / len(codes), taps=self.taps)
-            own = decide_vestigial(svid, found, _proof(code, snapshot, assistance, uncertainty))
+            own = decide_vestigial(
+                svid,
+                found,
+                _proof(code, snapshot, assistance, uncertainty),
+                repeated_after_s=repeated_after_s(code.chips, svid),
+            )
             if _says(own) > _says(decision):
                 decision, sent = own, code.transmit_time
         return decision, sent
@@ -181,7 +190,8 @@ class E6ExhaustiveSearch:
         found = {
             svid: _codes(snapshot, assistance, uncertainty, svid, self.cipher_mode) for svid in _satellites(assistance)
         }
-        codes = [code for codes in found.values() for code in codes]
+        unclear = {svid for svid, codes in found.items() if codes and not self._clear(codes)}
+        codes = [code for codes in found.values() for code in self._clear(codes)]
         decisions: dict[int, VestigialDecision] = {}
         sent: dict[int, GalileoTime] = {}
         if source is not None:
@@ -193,9 +203,19 @@ class E6ExhaustiveSearch:
                     decisions[code.svid] = own
                     sent[code.svid] = code.transmit_time
         return tuple(
-            _not_run(svid, "no E6 samples") if source is None else _of_decision(svid, decisions.get(svid), codes, sent)
+            _not_run(svid, "no E6 samples")
+            if source is None
+            else _not_run(svid, _OPEN_CODE)
+            if svid in unclear
+            else _of_decision(svid, decisions.get(svid), codes, sent)
             for svid, codes in found.items()
         )
+
+    def _clear(self, codes: Sequence[ChipSequence]) -> tuple[ChipSequence, ...]:
+        """Return the RECS that are found once in what is searched; those of the open code are in each code period."""
+        if self.around_s is not None and self.around_s < E6C.period_s / 2:
+            return tuple(codes)
+        return tuple(code for code in codes if not is_open_e6c(code.chips, code.svid))
 
     def _stretches(
         self, source: SampleSource, codes: list[ChipSequence], uncertainty_s: float, expected: Mapping[int, GalileoTime]

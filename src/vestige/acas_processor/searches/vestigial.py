@@ -14,7 +14,7 @@ position the clock is known: a narrower time uncertainty makes both searches as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,10 +25,12 @@ from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, E1Snapshot, measure_e1
 from vestige.sample_processor.search.handover_search import CandidateEpochs, handover_positions, search_handover
 from vestige.sample_processor.search.peak import Peak, separated
+from vestige.signals.definitions import E6C
 from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 
 REMEASURE_S = 2.0  # between measurements of E1
+_CHIP_S = 1 / E6C.chip_rate_hz
 TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
 
 
@@ -40,16 +42,40 @@ class VestigialDecision:
     peaks: tuple[Peak, ...]
     true: Peak | None  # the earliest peak; None if there is none, or if its chips may have been known when it arrived
     spoofed: bool  # whether there is more than one
+    open_code: bool = False  # whether the chips are those of the open code: then the peaks say nothing
 
 
-def decide_vestigial(svid: int, peaks: Iterable[Peak], proof: ReceptionProof | None = None) -> VestigialDecision:
+def decide_vestigial(
+    svid: int,
+    peaks: Iterable[Peak],
+    proof: ReceptionProof | None = None,
+    *,
+    open_code: bool = False,
+    repeated_after_s: float | None = None,
+) -> VestigialDecision:
     """Return the decision on the peaks of a satellite: the earliest is the true signal, a second one is spoofing.
 
-    `proof` is None if all samples are known to be from before the key's disclosure.
+    `proof` is None if all samples are known to be from before the key's disclosure. With an open code neither is said.
+    If the chips repeat after `repeated_after_s`, peaks that are whole multiples of it apart count once.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
+    if open_code:
+        return VestigialDecision(svid=svid, peaks=own, true=None, spoofed=False, open_code=True)
+    if repeated_after_s is not None:
+        own = tuple(_without_repetitions(own, repeated_after_s))
     secret = bool(own) and (proof is None or proof.holds(own[0].start_time))
     return VestigialDecision(svid=svid, peaks=own, true=own[0] if secret else None, spoofed=len(own) > 1)
+
+
+def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Peak]:
+    """Yield peaks in order of time, without those that lie whole periods of their signal behind another one."""
+    kept: list[Peak] = []
+    for peak in peaks:
+        received_s = period_s / (1 + peak.doppler_hz / E6_CARRIER_HZ)
+        behind_s = [peak.start_time - one.start_time for one in kept]
+        if all(abs(one - round(one / received_s) * received_s) > _CHIP_S or one < received_s / 2 for one in behind_s):
+            kept.append(peak)
+            yield peak
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:

@@ -145,6 +145,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     from vestige.records import Band
     from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_search import search_e1
+    from vestige.signals.open_e6c import repeated_after_s
 
     recording = _open(recording_path, start)
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
@@ -172,7 +173,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
             e6, stretches, overall_pfa=options["p_fa_overall"], taps=int(options["taps"]), trace=figure.add
         )
         proof = reception_proof(assistance, code, around_s)
-        decision = decide_vestigial(code.svid, peaks, proof)
+        decision = decide_vestigial(code.svid, peaks, proof, repeated_after_s=repeated_after_s(code.chips, code.svid))
         answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if budget.hypotheses:
             echo(places_line(code.svid, budget), err=True)
@@ -214,6 +215,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.records import Band
     from vestige.sample_processor.search.engines.choice import choose_engine
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
+    from vestige.signals.open_e6c import is_open_e6c
     from vestige.theory.search_budget import search_budget
 
     recording = _open(recording_path, start)
@@ -253,7 +255,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
         )
         for code in group:
             proof = reception_proof(assistance, code, around_s)
-            decision = decide_vestigial(code.svid, peaks, proof)
+            decision = decide_vestigial(code.svid, peaks, proof, open_code=is_open_e6c(code.chips, code.svid))
             answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if unsearched is not None:
             break

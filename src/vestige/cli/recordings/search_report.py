@@ -114,6 +114,7 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
             {
                 "svid": one.decision.svid,
                 "spoofed": one.decision.spoofed,
+                "open_code": one.decision.open_code,
                 "true_start_time": None if one.decision.true is None else str(one.decision.true.start_time),
                 "hypotheses": one.budget.hypotheses,
                 "peaks": [_as_dict(peak, one.proof) for peak in one.decision.peaks],
@@ -134,6 +135,8 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
 
 
 def _role(peak: Peak, answer: Answer) -> str:
+    if answer.decision.open_code:
+        return "says nothing: the RECS holds the open E6-C code, which repeats each ms"
     if peak is answer.decision.true:
         return "true: the earliest"
     if peak is not answer.decision.peaks[0]:

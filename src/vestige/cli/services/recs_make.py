@@ -36,13 +36,15 @@ _path = click.Path(path_type=Path)
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:
     """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
 
-    Writes RECS, BGD (zero: not known), the keys and their trust anchor: what `vestige process --assistance` needs.
+    Writes RECS, BGD (zero: not known), the keys and their trust anchor: what `vestige process --assistance` needs. Such
+    RECS hold the open code, which repeats each millisecond and is known to everybody. They exercise the whole chain,
+    but prove nothing against a spoofer, and the vestigial searches are not made with them.
     """
     import json
 
     from vestige.cli.options import cipher_mode, parse_svids
     from vestige.cli.progress import progress
-    from vestige.recording.assistance.made_recs import make_assistance
+    from vestige.recording.assistance.made_recs import OPEN_CODE, make_assistance
     from vestige.recording.recording import open_recording
 
     recording = open_recording(recording_path, start=options["start"])
@@ -69,12 +71,14 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
                     "svids": sorted({segment.svid for segment in made.segments}),
                     "transmit_times": sorted({str(segment.transmit_time) for segment in made.segments}),
                     "key_times": sorted({str(segment.key_time) for segment in made.segments}),
+                    "note": OPEN_CODE,
                     "files": [str(path) for path in made.files],
                 }
             )
         )
         return
     echo(f"{output}: {len(made.segments)} RECS of {length_ms} ms")
+    echo(f"vestige: {OPEN_CODE}", err=True)
     for time in sorted({segment.transmit_time for segment in made.segments}):
         names = " ".join(f"E{segment.svid:02d}" for segment in made.segments if segment.transmit_time == time)
         echo(f"  sent {time}: {names}")

@@ -28,6 +28,9 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
+NOTE_NAME = "OPEN_CODE.txt"
+OPEN_CODE = "these RECS hold the open E6-C code, which everybody knows: they prove nothing against a spoofer"
+
 
 def transmit_times(
     first: GalileoTime, last: GalileoTime, *, travel_s: Iterable[float], duration_s: float, interval_s: float
@@ -102,7 +105,7 @@ def make_assistance(
     svids: tuple[int, ...] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> MadeAssistance:
-    """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor.
+    """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor, a note.
 
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
     seen, no segment fits into the recording, or no key is of its time.
@@ -122,6 +125,7 @@ def make_assistance(
             GroupDelay(svid=svid, bgd_e1_e6_s=0.0, valid_from=first) for svid in sorted({one.svid for one in segments})
         )
         write_assistance(unfinished, Assistance(segments=segments, group_delays=delays))
+        (unfinished / NOTE_NAME).write_text(f"{OPEN_CODE}\n")
     return MadeAssistance(segments=segments, files=tuple(sorted(path for path in output.iterdir())))
 
 

@@ -27,6 +27,7 @@ from vestige.recording.recording import Recording
 from vestige.records import Assistance
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
 from vestige.sample_processor.search.e1_search import search_e1
+from vestige.signals.open_e6c import repeated_after_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +68,11 @@ def search_label(
         stretches = [
             stretch for one in own for stretch in line_stretches(e1, one, batch.start, code, *window, delay_m=delay_m)
         ]
-        decision = decide_vestigial(segment.svid, handover_peaks(e6, stretches)[0])
+        decision = decide_vestigial(
+            segment.svid,
+            handover_peaks(e6, stretches)[0],
+            repeated_after_s=repeated_after_s(code.chips, segment.svid),
+        )
         decisions.append(decision)
         if decision.true is not None:
             errors_s.append(decision.true.start_time - segment.transmit_time - MEDIAN_TRAVEL_TIME_S)

@@ -1,0 +1,49 @@
+"""Whether the chips of a RECS are those of the open E6-C code, which anybody knows and which repeats each millisecond.
+
+E6-C was not encrypted before the service began. RECS made from such a recording (`vestige recs make`) exercise the
+whole chain. A search for the earliest arrival means nothing with them: the same chips arrive again one code period
+later, and those of 100 ms earlier, a period of the secondary code, are as good as those of the RECS.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int8
+
+from vestige.constants import SECONDARY_PERIOD_S
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E6C
+
+
+def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
+    """Return whether chips of one satellite repeat, but for the sign, with the period of the primary code.
+
+    Parameters
+    ----------
+    chips
+        int8[n_chips] of ±1 in order of transmission. If they last one code period only, they are compared with the
+        public primary code.
+    svid
+        The satellite.
+
+    Examples
+    --------
+    >>> from vestige.signals.codes import tiered_code
+    >>> is_open_e6c(tiered_code(E6C, 7)[:81_840], 7)
+    True
+    >>> rng = np.random.default_rng(1)
+    >>> is_open_e6c((1 - 2 * rng.integers(0, 2, 81_840)).astype(np.int8), 7)
+    False
+    """
+    first = primary_code(E6C, svid)
+    n_periods = chips.size // first.size
+    if n_periods == 0:
+        return False
+    periods = chips[: n_periods * first.size].reshape(n_periods, first.size).astype(np.int32)
+    against = periods[0] if n_periods > 1 else first.astype(np.int32)
+    return bool(np.all(np.abs(periods @ against) == first.size))
+
+
+def repeated_after_s(chips: Int8[np.ndarray, " n_chips"], svid: int) -> float | None:
+    """Return the time in s after which a satellite sends the same chips again; None if it never does."""
+    return SECONDARY_PERIOD_S if is_open_e6c(chips, svid) else None
