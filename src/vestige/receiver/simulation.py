@@ -159,8 +159,12 @@ class Simulation:
         arrived: Arrival,
         prediction_error_m: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
+        other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return taps and noise power of RECS, drawn; pure, and independent of the cut."""
+        """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
+
+        `other_signals` is the density over N0 of all else that is on air under a sky.
+        """
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
@@ -190,6 +194,7 @@ class Simulation:
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
                 disturbance=disturbance or None,
+                other_signals=None if other_signals is None else other_signals[part],
             )
         return taps, noise_power
 

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.correlators.other_signals import other_signals_density
 from vestige.receiver.draws import rows_of
 from vestige.receiver.snapshots.e1 import pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
@@ -23,7 +24,7 @@ from vestige.sample_processor.correlator import correlate
 _LIGHT_TIME_STEPS = 4  # as the hand-over's: each gains five decimals
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DrawnE6:
     """E6 of the fidelity `correlators`: it draws what samples would give and never asks for chips."""
 
@@ -44,7 +45,8 @@ class DrawnE6:
             ):
                 if asked[of.rows, column].any():
                     predicted_m = truth.iono_diff_m + truth.bias_m - of.e1_error_m[of.rows, column]
-                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m)
+                    others = None if self._other_signals is None else self._other_signals[:, column]
+                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m, others)
                     taps[of.rows, column], noise_power[of.rows, column] = drawn
                     integration_s[of.rows, column] = simulation.integration_s
         asked = asked & of.in_view
@@ -54,6 +56,22 @@ class DrawnE6:
             noise_power=np.where(asked, noise_power, np.nan),
             integration_s=np.where(asked, integration_s, np.nan),
         )
+
+    @cached_property
+    def _other_signals(self) -> Float[np.ndarray, "k m"] | None:
+        """Density over N0 of all that is on air beside the E6-C of each satellite; None on a single line of sight."""
+        of = self.of
+        if of.simulations[0].elevation is None:
+            return None
+        cn0_dbhz = [
+            one.cn0_dbhz + 20 * np.log10(truth.geometry.amplitude)
+            for one, truth in zip(of.simulations, of.of_recs, strict=True)
+        ]
+        power = [
+            1 + np.sum(np.abs(truth.rays.amplitude) ** 2, axis=1) + np.sum(10 ** (truth.e6.power_db / 10), axis=1)
+            for truth in of.of_recs
+        ]
+        return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
         """Return what the front end says: the power of the band; the banks are those before its gain."""
