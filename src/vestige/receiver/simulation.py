@@ -11,7 +11,8 @@ comes its excess delay later. These are delays of the code; the carrier has no b
 noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and
-  noise, and the real processor decrypts and correlates them.
+  noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one recording of all
+  satellites (`snapshots.sky_samples`).
 * `correlators`: the banks are drawn from the exact model (`correlator_model`), a block at a time.
 """
 
