@@ -242,7 +242,7 @@ def test_e6_of_a_sky_meets_the_hand_over_at_both_fidelities() -> None:
     """Without noise to speak of: P6 − P1 is e + bias less E1's error, be the pseudorange 2 s too long or not.
 
     It is the same offset for banks that are drawn and for samples, to 0.5 m; the residual of the ionosphere of 20 m on
-    E1 and 3 km/s of Doppler times two seconds would show.
+    E1, 3 km/s of Doppler times two seconds and a clock that gains 3 m/s from second to second would show.
     """
     settings = (
         *CLEAN[:2],
@@ -250,6 +250,7 @@ def test_e6_of_a_sky_meets_the_hand_over_at_both_fidelities() -> None:
         "recs.every=4",
         "receiver.cn0_dbhz=75",
         "receiver.e1_tracking=none",
+        'receiver.clock={kind="two-state", h_minus_2_hz=5e-18}',
         "constellation.svids=[6, 24]",
         'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=10.0, tail_start_m=20.0, tail_scale_m=5.0}',
         'attack=[{kind="meaconing", start_s=6.0, delay_s=2.1013, power_db=3.0, reception_gain_db=30.0}]',
