@@ -42,6 +42,7 @@ from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.receiver.truth_around import TruthAround
 from vestige.records import Band
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
@@ -264,7 +265,7 @@ class ScenarioPlan:
 class _Preparation:
     """The truth, epoch after epoch, as inputs of `measure`."""
 
-    def __init__(self, truth: tuple[TruthProcess, ...]) -> None:
+    def __init__(self, truth: tuple[TruthProcess | TruthAround, ...]) -> None:
         self._truth = truth
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:

@@ -11,7 +11,8 @@ comes its excess delay later. These are delays of the code; the carrier has no b
 noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and
-  noise, and the real processor decrypts and correlates them.
+  noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one recording of all
+  satellites (`snapshots.sky_samples`).
 * `correlators`: the banks are drawn from the exact model (`correlator_model`), a block at a time.
 """
 
@@ -159,8 +160,12 @@ class Simulation:
         arrived: Arrival,
         prediction_error_m: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
+        other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return taps and noise power of RECS, drawn; pure, and independent of the cut."""
+        """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
+
+        `other_signals` is the density over N0 of all else that is on air under a sky.
+        """
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
         rate_error_mps = (truth.e1_rate_noise_mps + truth.e1.rate_error_mps)[:, None]
@@ -190,6 +195,7 @@ class Simulation:
                 amplitude=phasor[part] * strength[part],
                 doppler_hz=doppler_hz[part],
                 disturbance=disturbance or None,
+                other_signals=None if other_signals is None else other_signals[part],
             )
         return taps, noise_power
 

@@ -8,25 +8,19 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from vestige.broadcast.cnav import cnav_symbols
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
-from vestige.receiver.samples.attacked_sky import counterfeit_satellites, latest_s
+from vestige.receiver.samples.attacked_sky import latest_s
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.samples.satellite_on_air import SatelliteOnAir, broadcast_group_delay_s, continuous_truth
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
 from vestige.receiver.sky.atmosphere import NO_ATMOSPHERE, Atmosphere, AtmosphericDelay
 from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
+from vestige.receiver.truth_around import TAIL_S, epochs_around
 from vestige.records import Band, E1Observation
-from vestige.signal_generator.keystream import encrypted_component, encryption_key
-from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
-from vestige.signals.definitions import E1B, E1C, E6B
-from vestige.streams import stream, stream_key
-
-TAIL_S = 0.3  # after the last RECS was sent: its reception and the 100 ms of E1 around it
-REACH_S = 0.5  # more than from an epoch to the end of its true samples
-_BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
+from vestige.signal_generator.waveform import Sequence
+from vestige.streams import stream
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +42,7 @@ class ExportedSatellite:
     @cached_property
     def _neighbours(self) -> tuple[int, int]:
         """Epochs before and after that the samples still feel: what holds there, and the clock's way on."""
-        before, after = (int(np.ceil(reach_s / self.interval_s)) + 1 for reach_s in (REACH_S, self.tail_s + 0.2))
+        before, after = epochs_around(self.interval_s, self.tail_s)
         return min(self.first, before), after
 
     @cached_property
@@ -63,16 +57,7 @@ class ExportedSatellite:
         process = self.simulation.truth()
         process.advance(0, self.first - before)
         truth, delay = process.advance(self.first - before, before + self.end - self.first + after), self._atmospheric
-        system_s = truth.time_s - truth.clock_m / SPEED_OF_LIGHT_MPS
-        return ContinuousTruth(
-            line_of_sight=self.simulation.line_of_sight,
-            truth=truth,
-            e1_multipath=self.simulation.models.e1_multipath,
-            group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(self.bgd_s),
-            atmosphere=delay,
-            modelled_ionosphere_e1_m=None if delay is None else delay.ionosphere_e1_m(system_s),
-            sky=self.simulation.elevation is not None,
-        )
+        return continuous_truth(self.simulation, truth, delay)
 
     @property
     def _atmospheric(self) -> AtmosphericDelay | None:
@@ -92,12 +77,8 @@ class ExportedSatellite:
 
     @cached_property
     def bgd_s(self) -> float:
-        """BGD(E1,E6) of the satellite in s: a value that its file can hold, and never so small that it would not show.
-
-        The truth's bias is what is left of it.
-        """
-        draw = stream(self.simulation.seed, "group delay", self.svid)
-        return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
+        """BGD(E1,E6) of the satellite in s; the truth's bias is what is left of it."""
+        return broadcast_group_delay_s(self.simulation.seed, self.svid)
 
     @cached_property
     def truth(self) -> TruthBlock:
@@ -124,31 +105,7 @@ class ExportedSatellite:
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the satellite as a band receives it, and its counterfeits."""
-        true, simulation = self.satellite(band), self.simulation
-        secret = stream_key(simulation.seed, "chips that an attacker makes up")
-        forged = (encrypted_component(secret, self.svid, simulation.start),)
-        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged)
-
-    def satellite(self, band: Band) -> ReceivedSatellite:
-        """Return the satellite as a band receives it without an attack."""
-        simulation = self.simulation
-        return ReceivedSatellite(
-            svid=self.svid,
-            components=self._components(band),
-            cn0_dbhz=simulation.cn0_e1_dbhz if band is Band.E1 else simulation.cn0_dbhz,
-            pseudorange=self.path,
-            propagation=self.path.propagation(band, simulation.integration_s),
-        )
-
-    def _components(self, band: Band) -> tuple[Component, ...]:
-        seed, start, svid = self.simulation.seed, self.simulation.start, self.svid
-        if band is Band.E6:
-            data = coded_component(E6B, svid, cnav_symbols(seed, svid, start))
-            return data, encrypted_component(encryption_key(seed), svid, start)
-        data = (
-            open_component(E1B, svid, seed=seed) if self.symbols is None else coded_component(E1B, svid, self.symbols)
-        )
-        return data, open_component(E1C, svid)
+        return SatelliteOnAir(simulation=self.simulation, path=self.path, symbols=self.symbols).received(band)
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:

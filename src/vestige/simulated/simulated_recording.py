@@ -19,7 +19,13 @@ import numpy as np
 
 from vestige.errors import VestigeError
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.recorder import Interference, ReceivedSatellite, record_band, stretch_samples
+from vestige.receiver.samples.recorder import (
+    Interference,
+    ReceivedSatellite,
+    band_noise_key,
+    record_band,
+    stretch_samples,
+)
 from vestige.recording.recording import open_recording
 from vestige.recording.samples.exports import COPY_BYTES, export
 from vestige.recording.samples.ion_metadata import ION_SUFFIX
@@ -27,7 +33,6 @@ from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, writ
 from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
-from vestige.signal_generator.noise_kernel import noise_key
 from vestige.simulated.unfinished_recording import UnfinishedRecording, unfinished_recording
 from vestige.source_version import processor_name, vestige_version
 from vestige.time import GalileoTime
@@ -37,7 +42,6 @@ Say = Callable[[str], None]
 
 # stored component: counts of one unit. int8: noise of 14 counts in I and in Q, 9 σ to the end of the scale
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
-_NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _PROBE_S = 0.05
 _KEPT_BATCHES = 50  # half a second: at most so much is made again after a process was killed
 _WRITING = 1.5  # times synthesis: conversion, checksum and disk
@@ -141,7 +145,7 @@ class SimulatedRecording:
             front_end=self.front_end,
             first_sample=samples.start,
             n_samples=len(samples),
-            noise_key=noise_key(self.seed, 0, _NOISE[band]) if noise else None,
+            noise_key=band_noise_key(self.seed, band) if noise else None,
             interference=self.interference.get(band),
             pool=pool,
         )

@@ -86,8 +86,8 @@ def test_the_group_delay_delays_e6_alone() -> None:
         + 0.5178 * 299_792_458 * one.satellites[0].bgd_s
     )
     when = float(one.satellites[0].received_s[0]) + one.simulation.integration_s / 2  # the middle of the RECS
-    assert one.satellites[0].satellite(Band.E6).propagation(when).delay_m == pytest.approx(left_m, abs=1e-3)
-    assert one.satellites[0].satellite(Band.E1).propagation(when).delay_m == 0
+    assert one.satellites[0].received(Band.E6)[0].propagation(when).delay_m == pytest.approx(left_m, abs=1e-3)
+    assert one.satellites[0].received(Band.E1)[0].propagation(when).delay_m == 0
 
 
 def test_the_carrier_phase_is_the_integral_of_the_doppler() -> None:

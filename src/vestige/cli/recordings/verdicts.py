@@ -99,7 +99,8 @@ def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value
+    """Return a number that JSON can hold; a saturated converter makes the statistic of the power infinite."""
+    return value if math.isfinite(value) else None
 
 
 def entries(step: Step) -> list[dict[str, Any]]:

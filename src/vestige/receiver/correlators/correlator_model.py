@@ -13,6 +13,7 @@ outputs are normalised so that the line of sight alone, on a tap, gives 1. It is
 front end: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that. Behind a
 filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
+Under a sky all other signals are white noise (`other_signals`).
 Under attack, counterfeits are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
 
 The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
@@ -98,17 +99,20 @@ class CorrelatorModel:
         amplitude: Complex128[np.ndarray, "n_epochs n_rays"],
         doppler_hz: Float[np.ndarray, "n_epochs n_rays"],
         disturbance: Disturbance | None = None,
+        other_signals: Float[np.ndarray, " n_epochs"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
         C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Rays have delays after
         the hand-over's prediction, amplitudes over the line of sight's magnitude, and residual Dopplers; the line of
-        sight is the first ray.
+        sight is the first ray. `other_signals` is the density over N0 of what else is on air (`other_signals`).
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
         amplitude = np.zeros_like(amplitude) if absent else amplitude
         density = 1.0 if disturbance is None else 1.0 + disturbance.white[:, None]
+        if other_signals is not None:
+            density = density + other_signals[:, None]
         taps = draws.noise * np.sqrt(variance * density)
         turns = doppler_hz * self.integration_s
         strength = amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
@@ -129,6 +133,8 @@ class CorrelatorModel:
         between = delay_m * CHIPS_A_METRE % 1.0  # a chip of the signal falls on two of the replica
         own_share = np.sum(np.abs(amplitude) ** 2 * ((1 - between) ** 2 + between**2), axis=1) / self.n_chips
         noise_power = variance * noise * draws.floor + peak**2 * own_share
+        if other_signals is not None:
+            noise_power = noise_power + variance * noise * other_signals * draws.floor
         if disturbance is None:
             return taps, noise_power
         rise = noise * disturbance.white + disturbance.rise

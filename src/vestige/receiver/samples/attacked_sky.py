@@ -62,14 +62,14 @@ class CounterfeitSignal:
         return geometry.acceleration_mps2(t_s - delay_m / SPEED_OF_LIGHT_MPS) + change_mps2
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return what holds at a time: the group delay of the true signal, and the counterfeit's own phasor."""
+        """Return what holds at a time: the delay of the signal that it repeats, and the counterfeit's own phasor."""
         range_m, rate_mps = self._motion_near(t_s)
         effects, k = self._effects_sent(np.array([t_s - range_m / SPEED_OF_LIGHT_MPS])), self.number
         carrier_hz = CARRIER_HZ[self.band]
         cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
         turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
         beyond_hz = effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
-        true = self.true.propagation(t_s)
+        true = self.true.propagation(t_s - float(effects.delay_m[0, k]) / SPEED_OF_LIGHT_MPS)
         return replace(
             true,
             at_s=t_s,

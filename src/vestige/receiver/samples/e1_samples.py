@@ -8,8 +8,8 @@ opposite. Epochs are sent at whole tenths of a second, where the secondary code 
 the loop has settled, so a signal of delay τ stands at τ − x₀; sample phase and Doppler, on code and carrier, are those
 of the pseudorange. With M = f_s T samples of noise 1 the mean over them times √(2M) is ξ.
 
-As on E6 each satellite has samples with noise of its own. The power of the band is read from further samples that hold
-all satellites, W of them a second, whose mean square is 1 + Σ r_i without an attack.
+Each satellite has samples with noise of its own, which are not those of a recording. The power of the band is read from
+further samples that hold all satellites, W of them a second, whose mean square is 1 + Σ r_i without an attack.
 """
 
 from __future__ import annotations

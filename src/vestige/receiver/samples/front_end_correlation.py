@@ -48,6 +48,29 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
     return front_end.oversampling * _smoothed(delay_chips, every, lags) / np.sum(taps) ** 2
 
 
+@lru_cache(maxsize=4)
+def code_noise_density_s(front_end: FrontEnd) -> float:
+    """Return κ in s: behind a correlator the code of a stranger, of power C, is noise of the density κ C over N0.
+
+    With r[m] the autocorrelation of the filter at the input rate, of which every f_i/f_s-th lag is used,
+
+        κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
+
+    In continuous time without a front end it is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band; a filter
+    passes more of the code than of white noise.
+    """
+    taps = front_end.filter_taps().astype(np.float64)
+    chips_a_sample = E6C.chip_rate_hz / front_end.input_rate_hz
+    within = int(np.ceil(1 / chips_a_sample))
+    triangle = autocorrelation(BPSK, np.arange(-within, within + 1) * chips_a_sample)
+    received = np.convolve(np.correlate(taps, taps, mode="full"), triangle)
+    middle, every = received.size // 2, front_end.oversampling
+    lags = np.arange(-(within // every), within // every + 1) * every
+    behind = received[middle + lags] @ autocorrelation(BPSK, lags * chips_a_sample)
+    noise = float(noise_correlation(front_end, np.zeros(1))[0])
+    return float(behind / (front_end.sample_rate_hz * np.sum(taps) ** 2 * noise))
+
+
 def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
     """Return how many metres a range offset grows with each metre of delay; 1 without a filter.
 

@@ -30,9 +30,9 @@ from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.records import Band, SampleBatch
+from vestige.records import Band, FrontEndStatus, SampleBatch
 from vestige.signal_generator.levels import BandModulation
-from vestige.signal_generator.noise_kernel import fill_normals
+from vestige.signal_generator.noise_kernel import fill_normals, noise_key
 from vestige.signal_generator.path_kernel import add_path
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import SIGMA, amplitude
@@ -42,8 +42,9 @@ from vestige.signals.rotator_kernel import BLOCK
 from vestige.time import GalileoTime
 
 STRETCH_S = 0.01
+_NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _AHEAD = 8  # stretches that are made or wait to be taken
-_TOGETHER = 100  # stretches whose geometry is computed at once
+_TOGETHER = 20  # stretches whose geometry is computed at once
 _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
 
 
@@ -100,6 +101,69 @@ def stretch_samples(sample_rate_hz: float) -> int:
     return BLOCK * max(1, round(STRETCH_S * sample_rate_hz / BLOCK))
 
 
+@dataclass(frozen=True, kw_only=True)
+class BandRecorder:
+    """What makes the samples of one band, stretch by stretch.
+
+    Everything is summed at the antenna, where the receiver's noise has variance 1 a sample, and goes through one front
+    end: filter, gain control over a stretch, quantiser, whose integer levels are the samples then.
+    """
+
+    band: Band
+    sky: tuple[ReceivedSatellite, ...]  # all that the band receives
+    reference: GalileoTime  # receiver-clock time of sample 0, a whole second
+    front_end: FrontEnd  # with its sampling rate; a filter or an oversampling costs time
+    noise_key: np.uint64 | None  # key of the noise; None for none
+    interference: Interference | None = None  # noise and jamming; None for none
+
+    def __post_init__(self) -> None:
+        if self.reference.fraction:
+            raise ValueError(f"the reference must be a whole second, not {self.reference}")
+
+    @property
+    def length(self) -> int:
+        """Number of samples of a stretch."""
+        return stretch_samples(self.front_end.sample_rate_hz)
+
+    @cached_property
+    def _middles(self) -> _Middles:
+        return _Middles(length=self.length, sample_rate_hz=self.front_end.sample_rate_hz)
+
+    def stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
+        """Return the samples of a stretch, and what the front end says of itself.
+
+        They are a pure function of the number; sample 0 is the first of stretch 0.
+        """
+        front_end, input_hz = self.front_end, self.front_end.input_rate_hz
+        begin, length = number * self.length, self.length
+        whole, fraction = self._middles.time(number)
+        first_input = begin * front_end.oversampling - front_end.margin_samples
+        middle = (begin + length // 2) * front_end.oversampling - first_input  # of the stretch, in the input
+        x = np.zeros(2 * front_end.input_samples(length), np.float32)
+        if self.noise_key is not None:
+            white = 0.0 if self.interference is None else self.interference.white(whole + fraction)
+            fill_normals(self.noise_key, np.int64(first_input), SIGMA * np.float32(np.sqrt(1.0 + white)), x)
+        for satellite in self.sky:
+            motion = self._middles.motion(satellite, number)
+            _add(x, middle, satellite, motion, whole, fraction, CARRIER_HZ[self.band], input_hz)
+        at_antenna = x.view(np.complex64)
+        if self.interference is not None:
+            self.interference.jam(at_antenna, whole + fraction, first_input, input_hz)
+        return front_end.process(at_antenna)
+
+    def batch(self, first: int, samples: Complex64[np.ndarray, " n"]) -> SampleBatch:
+        """Return samples, the first of which has the number `first`, with their time."""
+        whole, fraction = _seconds(first, self.front_end.sample_rate_hz)
+        return SampleBatch(
+            band=self.band,
+            samples=samples,
+            sample_rate_hz=self.front_end.sample_rate_hz,
+            center_frequency_hz=CARRIER_HZ[self.band],
+            first_sample=first,
+            start=GalileoTime.normalized(self.reference.week, self.reference.second + whole, fraction),
+        )
+
+
 def record_band(
     band: Band,
     sky: tuple[ReceivedSatellite, ...],
@@ -114,58 +178,33 @@ def record_band(
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order.
 
-    Everything is summed at the antenna, where the receiver's noise has variance 1 a sample, and goes through one front
-    end: filter, gain control over a stretch, quantiser, whose integer levels are the samples then.
-
-    Each batch is a stretch, or the part of one that is asked for, and a pure function of its number: the same bits
-    wherever the samples are cut, and whoever makes them.
+    Each batch is a stretch, or the part of one that is asked for: the same bits wherever the samples are cut, and
+    whoever makes them.
 
     Parameters
     ----------
-    reference
-        Receiver-clock time of sample 0, a whole second.
-    front_end
-        The front end with its sampling rate; a filter or an oversampling costs time.
-    noise_key
-        Key of the noise; None for none.
-    interference
-        Noise and jamming; None for none.
+    band, sky, reference, front_end, noise_key, interference
+        As in `BandRecorder`.
+    first_sample, n_samples
+        Number of the first sample, and how many.
     pool
         Threads that make stretches at the same time; None to make one after the other.
     """
-    if reference.fraction:
-        raise ValueError(f"the reference must be a whole second, not {reference}")
-    sample_rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
-    length, end = stretch_samples(sample_rate_hz), first_sample + n_samples
-    middles = _Middles(length=length, sample_rate_hz=sample_rate_hz)
-    n_input = front_end.input_samples(length)
+    recorder = BandRecorder(
+        band=band,
+        sky=sky,
+        reference=reference,
+        front_end=front_end,
+        noise_key=noise_key,
+        interference=interference,
+    )
+    length, end = recorder.length, first_sample + n_samples
 
     def made(number: int) -> SampleBatch:
         begin = number * length
         first, last = max(begin, first_sample), min(begin + length, end)
-        whole, fraction = middles.time(number)
-        first_input = begin * front_end.oversampling - front_end.margin_samples
-        middle = (begin + length // 2) * front_end.oversampling - first_input  # of the stretch, in the input
-        x = np.zeros(2 * n_input, np.float32)
-        if noise_key is not None:
-            white = 0.0 if interference is None else interference.white(whole + fraction)
-            fill_normals(noise_key, np.int64(first_input), SIGMA * np.float32(np.sqrt(1.0 + white)), x)
-        for satellite in sky:
-            motion = middles.motion(satellite, number)
-            _add(x, middle, satellite, motion, whole, fraction, CARRIER_HZ[band], input_hz)
-        at_antenna = x.view(np.complex64)
-        if interference is not None:
-            interference.jam(at_antenna, whole + fraction, first_input, input_hz)
-        samples, _ = front_end.process(at_antenna)
-        start_whole, start_fraction = _seconds(first, sample_rate_hz)
-        return SampleBatch(
-            band=band,
-            samples=samples[first - begin : last - begin],
-            sample_rate_hz=sample_rate_hz,
-            center_frequency_hz=CARRIER_HZ[band],
-            first_sample=first,
-            start=GalileoTime.normalized(reference.week, reference.second + start_whole, start_fraction),
-        )
+        samples, _ = recorder.stretch(number)
+        return recorder.batch(first, samples[first - begin : last - begin])
 
     numbers = iter(range(first_sample // length, -(-end // length)))
     if pool is None:
@@ -181,17 +220,30 @@ def record_band(
             future.cancel()
 
 
+def band_noise_key(seed: int, band: Band) -> np.uint64:
+    """Return the key of the receiver's noise in a band, in a recording and in a campaign of a sky."""
+    return noise_key(seed, 0, _NOISE[band])
+
+
 class _Middles:
-    """The middles of the stretches, and how satellites move there: a hundred stretches at a time, always the same."""
+    """The middles of the stretches, and how satellites move there: twenty stretches at a time, always the same."""
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
         self._motion = dict[tuple[int, int], Float[np.ndarray, "3 n"]]()
+        self._block: int | None = None  # of which the times are known
+        self._t_s = np.zeros(0)
         self._lock = Lock()
 
     def time(self, number: int) -> tuple[int, float]:
         """Return the time of the middle of a stretch, as whole seconds and the rest."""
         return _seconds(number * self._length + self._length // 2, self._rate_hz)
+
+    def _times_s(self, block: int) -> Float[np.ndarray, " n"]:
+        if self._block != block:
+            self._block = block
+            self._t_s = np.array([sum(self.time(block * _TOGETHER + k)) for k in range(_TOGETHER)])
+        return self._t_s
 
     def motion(self, satellite: ReceivedSatellite, number: int) -> Float[np.ndarray, " 3"]:
         """Return pseudorange, rate and acceleration in the middle of a stretch."""
@@ -200,7 +252,7 @@ class _Middles:
         with self._lock:
             if key not in self._motion:
                 self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
-                t_s = np.array([sum(self.time(block * _TOGETHER + k)) for k in range(_TOGETHER)])
+                t_s = self._times_s(block)
                 path = satellite.pseudorange
                 self._motion[key] = np.stack([path.range_m(t_s), path.rate_mps(t_s), path.acceleration_mps2(t_s)])
             return self._motion[key][:, place]

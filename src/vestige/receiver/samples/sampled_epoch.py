@@ -133,6 +133,15 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     )
 
 
+def recording_window(expected_s: float, n_chips: int, front_end: FrontEnd) -> range:
+    """Return the numbers of the samples around a RECS in a recording, whose sample 0 is at the scenario's start.
+
+    `expected_s` is when the receiver expects the first chip, in s after the start.
+    """
+    first = int(np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz))
+    return range(first, first + _n_samples(n_chips, front_end))
+
+
 def e6_samples(
     signals: tuple[ReceivedSignal, ...],
     sent: GalileoTime,

@@ -31,6 +31,8 @@ from vestige.receiver.sky.trajectory import Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
+_KEPT_TIMES = 100  # a line of sight at more times is not kept
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
@@ -82,10 +84,20 @@ class SatelliteRange:
     ephemeris: Ephemeris  # orbit and clock, which are taken for true
     start: GalileoTime  # of the scenario
     trajectory: Trajectory  # of the receiver
+    # the last line of sight by its times: range rate and acceleration are asked for one after the other
+    _last: dict[bytes, LineOfSight] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
         """Return the line of sight at times in s after the start."""
-        return line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+        if t_s.size > _KEPT_TIMES:
+            return line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+        times = t_s.tobytes()
+        found = self._last.get(times)
+        if found is None:
+            found = line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+            self._last.clear()
+            self._last[times] = found
+        return found
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""

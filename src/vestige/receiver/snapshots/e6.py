@@ -11,9 +11,11 @@ from jaxtyping import Bool, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
+from vestige.receiver.correlators.other_signals import other_signals_density
 from vestige.receiver.draws import rows_of
 from vestige.receiver.snapshots.e1 import pseudorange_m, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
 from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
@@ -22,7 +24,7 @@ from vestige.sample_processor.correlator import correlate
 _LIGHT_TIME_STEPS = 4  # as the hand-over's: each gains five decimals
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DrawnE6:
     """E6 of the fidelity `correlators`: it draws what samples would give and never asks for chips."""
 
@@ -43,7 +45,8 @@ class DrawnE6:
             ):
                 if asked[of.rows, column].any():
                     predicted_m = truth.iono_diff_m + truth.bias_m - of.e1_error_m[of.rows, column]
-                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m)
+                    others = None if self._other_signals is None else self._other_signals[:, column]
+                    drawn = simulation.drawn_banks(of.first_recs, truth, arrived, predicted_m, offsets_m, others)
                     taps[of.rows, column], noise_power[of.rows, column] = drawn
                     integration_s[of.rows, column] = simulation.integration_s
         asked = asked & of.in_view
@@ -53,6 +56,22 @@ class DrawnE6:
             noise_power=np.where(asked, noise_power, np.nan),
             integration_s=np.where(asked, integration_s, np.nan),
         )
+
+    @cached_property
+    def _other_signals(self) -> Float[np.ndarray, "k m"] | None:
+        """Density over N0 of all that is on air beside the E6-C of each satellite; None on a single line of sight."""
+        of = self.of
+        if of.simulations[0].elevation is None:
+            return None
+        cn0_dbhz = [
+            one.cn0_dbhz + 20 * np.log10(truth.geometry.amplitude)
+            for one, truth in zip(of.simulations, of.of_recs, strict=True)
+        ]
+        power = [
+            1 + np.sum(np.abs(truth.rays.amplitude) ** 2, axis=1) + np.sum(10 ** (truth.e6.power_db / 10), axis=1)
+            for truth in of.of_recs
+        ]
+        return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
         """Return what the front end says: the power of the band; the banks are those before its gain."""
@@ -81,9 +100,10 @@ class DrawnE6:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedE6Samples:
-    """E6 of the fidelity `samples`: each satellite has samples of its own, made when they are asked for and not kept.
+    """E6 of the fidelity `samples`, made when it is asked for.
 
-    What the front end said of them is kept.
+    The satellites of a sky share the samples of one recording (`sky_samples`). A single line of sight has samples that
+    belong to the epoch alone. What the front end said of them is kept.
     """
 
     of: ReceiverTruth
@@ -109,16 +129,41 @@ class SimulatedE6Samples:
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
     def samples(self, epoch: int, column: int) -> SampleBatch:
-        """Return the samples of one satellite and one epoch with RECS, labelled as E1 has them.
+        """Return the samples around the RECS of one satellite and one epoch, with the time that E1 gives them.
 
-        The ionosphere's residual on E1 delays both bands; a delay of seconds is taken off (`_without_delay`).
+        Where E1 is seconds late under a sky, these are taken off (`_without_delay`).
         """
         of = self.of
         simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
-        batch, status = simulation.samples(of.first_recs + row, row, truth)
+        if simulation.elevation is None:
+            batch, status = simulation.samples(of.first_recs + row, row, truth)
+            later_s = -float(self._seconds_late_m[column][epoch]) / SPEED_OF_LIGHT_MPS
+        else:
+            expected_s = self._expected_s(row, column)
+            batch, status = self._sky.around(expected_s, simulation.n_chips)
+            later_s = self._time_off_s(expected_s, epoch, column)
         self._statuses[epoch, column] = status
-        later_m = float(self._later_m[column][epoch] - self._seconds_late_m[column][epoch])
-        return replace(batch, start=batch.start + later_m / SPEED_OF_LIGHT_MPS) if later_m else batch
+        return replace(batch, start=batch.start + later_s) if later_s else batch
+
+    @cached_property
+    def _sky(self) -> SkySamples:
+        return SkySamples(of=self.of)
+
+    def _expected_s(self, row: int, column: int) -> float:
+        """Return when E1 puts the RECS number `row` of a satellite of a sky, in s after the start."""
+        truth, arrived = self.of.of_recs[column], self.of.arrived[column]
+        return float(truth.time_s[row] + arrived.dt_s[row] + truth.e1.error_m[row] / SPEED_OF_LIGHT_MPS)
+
+    def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
+        """Return what is added to the time of samples so that they meet a hand-over without the seconds of a meaconer.
+
+        The receiver's clock goes on in these seconds. A hand-over has the clock of the epoch.
+        """
+        late_s = float(self._seconds_late_m[column][epoch]) / SPEED_OF_LIGHT_MPS
+        if not late_s:
+            return 0.0
+        early_m, late_m = self._sky.paths[column].clock_m(np.array([expected_s - late_s, expected_s]))
+        return -late_s - float(late_m - early_m) / SPEED_OF_LIGHT_MPS
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over as it would be if no meaconer were seconds late.
@@ -144,11 +189,6 @@ class SimulatedE6Samples:
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
         """By how much each satellite is late where that is seconds, times c."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
-
-    @cached_property
-    def _later_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """What the ionosphere's residual on E1 makes of each satellite."""
-        return tuple(truth.ionosphere_e1_m for truth in self.of.truth)
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""

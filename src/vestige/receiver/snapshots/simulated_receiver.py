@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.receiver.errors.accelerometer import Accelerometers
+from vestige.receiver.samples.attacked_sky import latest_s
+from vestige.receiver.samples.satellite_on_air import broadcast_group_delay_s
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.snapshots.assistance import SimulatedAssistance
@@ -21,6 +23,8 @@ from vestige.receiver.snapshots.osnma import OsnmaReception
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.searches import DrawnSearches
 from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.receiver.truth_around import TAIL_S, TruthAround, epochs_around
+from vestige.records import GroupDelay
 from vestige.records.snapshot_block import SnapshotBlock, VelocityIncrements
 from vestige.records.times import GalileoTimes
 
@@ -38,12 +42,31 @@ class SimulatedReceiver:
 
     @property
     def assistance(self) -> SimulatedAssistance:
-        """What the service gives it."""
-        return SimulatedAssistance(simulations=self.simulations, every=self.every)
+        """What the service gives it; the group delays are in samples of a sky alone."""
+        start = self.simulations[0].start
+        delays = tuple(
+            GroupDelay(
+                svid=one.svid, bgd_e1_e6_s=broadcast_group_delay_s(one.seed, one.svid), valid_from=start.subframe
+            )
+            for one in self.simulations
+            if self._samples_of_a_sky
+        )
+        return SimulatedAssistance(simulations=self.simulations, every=self.every, group_delays=delays)
 
-    def truth(self) -> tuple[TruthProcess, ...]:
-        """Return the truth of each satellite at its beginning."""
-        return tuple(one.truth() for one in self.simulations)
+    @property
+    def _samples_of_a_sky(self) -> bool:
+        return self.fidelity == "samples" and self.simulations[0].elevation is not None
+
+    def truth(self) -> tuple[TruthProcess | TruthAround, ...]:
+        """Return the truth of each satellite at its beginning; for samples of a sky with the epochs around a block."""
+        if not self._samples_of_a_sky:
+            return tuple(one.truth() for one in self.simulations)
+        return tuple(self._truth_around(one) for one in self.simulations)
+
+    def _truth_around(self, one: Simulation) -> TruthAround:
+        epochs_s = np.arange(0.0, one.n_epochs * one.interval_s, self.interval_s)
+        before, after = epochs_around(self.interval_s, TAIL_S + latest_s(one.spoofer, one.svid, epochs_s))
+        return TruthAround(one, before=before, after=after)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
         """Return what the receiver hands over for the epochs from `first` on."""

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from tests.sky_builder import CLEAN, sky_scenario
 
-import vestige.receiver.simulation as simulation_module
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.samples.recorder import BandRecorder
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band
 from vestige.records.snapshot_block import SearchRequest, SnapshotBlock
@@ -21,6 +21,8 @@ from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
 
 QUICK = Path(__file__).resolve().parents[4] / "scenarios" / "quick.toml"
 ATTACKS = (
@@ -172,13 +174,13 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
         "epochs=3", "recs.every=1", 'fidelity="samples"', "constellation.svids=[6, 24]", "processor.level=1"
     )
     made: list[int] = []
-    real = simulation_module.e6_samples
+    real = BandRecorder.stretch
 
-    def counted(*args: Any, **kwargs: Any) -> Any:
-        made.append(1)
-        return real(*args, **kwargs)
+    def counted(recorder: BandRecorder, number: int) -> Any:
+        made.append(number)
+        return real(recorder, number)
 
-    monkeypatch.setattr(simulation_module, "e6_samples", counted)
+    monkeypatch.setattr(BandRecorder, "stretch", counted)
     (block,) = _blocks(scenario)
     assert isinstance(block.e6, SimulatedE6Samples)
     assert not made
@@ -195,16 +197,52 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
     chips = lookup.segment(1, 0)
     assert chips[0].svid == 6
     AcasProcessor().measure(block, scenario.simulated_receiver.assistance)
-    assert len(made) == 6
+    once = list(made)
+    assert len(set(once)) == len(once)  # both satellites share the stretches
+    assert 3 * 2 <= len(once) <= 3 * 5  # 16 ms each, at travel times that differ by less than 20 ms
     assert np.all(np.isfinite(block.front_end[Band.E6].total_power_db))
-    assert len(made) == 6  # what the front end said is remembered
+    assert made == once  # what the front end said is remembered
+
+
+ATTACK_ON_BOTH = (
+    '[{kind="lift-off", start_s=1.0, delay_m=75, power_db=4.5}, {kind="jamming", start_s=1.5, j_over_n_db=5, '
+    'bands=["E6"], waveform={kind="chirp", bandwidth_hz=4e6}}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("attack", "front_end"),
+    [
+        ("[]", "{}"),
+        (ATTACK_ON_BOTH, "{bandwidth_hz=5.2e6, bits=2}"),
+        ('[{kind="meaconing", start_s=1.0, delay_s=2.1013, power_db=3.0}]', "{}"),
+    ],
+    ids=["honest", "two attacks and two bits", "2 s late"],
+)
+def test_the_samples_of_a_sky_are_those_of_its_recording(attack: str, front_end: str) -> None:
+    """Bit by bit, around the RECS of each satellite, with a filter and a quantiser or without, however it is cut."""
+    scenario = sky_scenario(
+        "epochs=5", "recs.every=4", 'fidelity="samples"', "receiver.sample_rate_hz=6.2e6", f"attack={attack}",
+        "constellation.svids=[6, 24]", f"receiver.front_end={front_end}",
+    )  # fmt: skip
+    recording = simulated(AcasTestCase(scenario=scenario, first=0, end=5))
+    first, second = _blocks(scenario, 2)
+    for block, epoch in ((first, 0), (second, 2)):
+        assert isinstance(block.e6, SimulatedE6Samples)
+        for column in (0, 1):
+            taken = block.e6.samples(epoch, column)
+            begin, n = taken.first_sample, taken.samples.size
+            batch = recording.window(Band.E6, begin / 6.2e6, (begin + n) / 6.2e6)
+            assert batch.first_sample == begin
+            assert n > 16e-3 * 6.2e6
+            assert taken.samples.tobytes() == batch.samples.tobytes()
 
 
 def test_e6_of_a_sky_meets_the_hand_over_at_both_fidelities() -> None:
     """Without noise to speak of: P6 − P1 is e + bias less E1's error, be the pseudorange 2 s too long or not.
 
     It is the same offset for banks that are drawn and for samples, to 0.5 m; the residual of the ionosphere of 20 m on
-    E1 and 3 km/s of Doppler times two seconds would show.
+    E1, 3 km/s of Doppler times two seconds and a clock that gains 3 m/s from second to second would show.
     """
     settings = (
         *CLEAN[:2],
@@ -212,6 +250,7 @@ def test_e6_of_a_sky_meets_the_hand_over_at_both_fidelities() -> None:
         "recs.every=4",
         "receiver.cn0_dbhz=75",
         "receiver.e1_tracking=none",
+        'receiver.clock={kind="two-state", h_minus_2_hz=5e-18}',
         "constellation.svids=[6, 24]",
         'receiver.ionosphere={kind="heavy-tailed", core_sigma_m=10.0, tail_start_m=20.0, tail_scale_m=5.0}',
         'attack=[{kind="meaconing", start_s=6.0, delay_s=2.1013, power_db=3.0, reception_gain_db=30.0}]',

@@ -1,0 +1,49 @@
+"""How much noise all other signals of a sky are behind an E6-C correlator, for banks that are drawn.
+
+Each satellite sends E6-B and E6-C, of C/N0 c_j each, both BPSK(5) with codes that the replica does not have. Behind the
+correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). The chips of
+a satellite's own E6-B are aligned with those of its E6-C, so their noise is 1/R_c, 3/2 times as much. For satellite i
+
+    w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
+
+Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; that the noise of codes is
+more alike in taps less than a chip apart is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.front_end_correlation import code_noise_density_s
+from vestige.signals.definitions import E6C
+
+_COMPONENTS = 2  # E6-B and E6-C, of equal power
+
+
+def other_signals_density(
+    cn0_dbhz: Float[np.ndarray, "n m"], relative_power: Float[np.ndarray, "n m"], front_end: FrontEnd
+) -> Float[np.ndarray, "n m"]:
+    """Return the density over N0 of all that is on air on E6 beside the E6-C of each satellite.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of one component of the line of sight; −∞ where there is no signal.
+    relative_power
+        Power of line of sight, multipath and spoofing signals together, over that of the line of sight.
+    front_end
+        What the samples go through.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> front_end = FrontEnd(sample_rate_hz=12.5e6)
+    >>> other_signals_density(np.full((1, 8), 45.0), np.ones((1, 8)), front_end).round(3)[0, 0].item()
+    0.069
+    """
+    strength = 10 ** (cn0_dbhz / 10) * relative_power
+    others = strength.sum(axis=1, keepdims=True) - strength
+    return code_noise_density_s(front_end) * _COMPONENTS * others + strength / E6C.chip_rate_hz

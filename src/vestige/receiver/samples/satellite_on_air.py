@@ -1,0 +1,91 @@
+"""What a receiver gets from one satellite at any time, in a recording and in a campaign of a sky with samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vestige.broadcast.cnav import cnav_symbols
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
+from vestige.receiver.samples.attacked_sky import counterfeit_satellites
+from vestige.receiver.samples.continuous import ContinuousTruth
+from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.simulation import Simulation
+from vestige.receiver.sky.atmosphere import AtmosphericDelay
+from vestige.receiver.truth import TruthBlock
+from vestige.records import Band
+from vestige.signal_generator.keystream import encrypted_component, encryption_key
+from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
+from vestige.signals.definitions import E1B, E1C, E6B
+from vestige.streams import stream, stream_key
+
+_BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
+
+
+def broadcast_group_delay_s(seed: int, svid: int) -> float:
+    """Return BGD(E1,E6) of a satellite in s: a value that its file can hold, and never so small that it would not show.
+
+    The bias of the truth is the part of the group delay that this value does not describe.
+    """
+    draw = stream(seed, "group delay", svid)
+    return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
+
+
+def continuous_truth(
+    simulation: Simulation, truth: TruthBlock, atmosphere: AtmosphericDelay | None = None
+) -> ContinuousTruth:
+    """Return the truth of a satellite between its epochs.
+
+    Parameters
+    ----------
+    simulation
+        The satellite.
+    truth
+        Its truth at the epochs, which reach beyond the times that are asked for.
+    atmosphere
+        Troposphere and broadcast ionosphere; None for none.
+    """
+    system_s = truth.time_s - truth.clock_m / SPEED_OF_LIGHT_MPS
+    bgd_s = broadcast_group_delay_s(simulation.seed, simulation.svid)
+    return ContinuousTruth(
+        line_of_sight=simulation.line_of_sight,
+        truth=truth,
+        e1_multipath=simulation.models.e1_multipath,
+        group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(bgd_s),
+        atmosphere=atmosphere,
+        modelled_ionosphere_e1_m=None if atmosphere is None else atmosphere.ionosphere_e1_m(system_s),
+        sky=simulation.elevation is not None,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SatelliteOnAir:
+    """A satellite with its counterfeits, as both bands receive it."""
+
+    simulation: Simulation
+    path: ContinuousTruth
+    symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
+
+    def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
+        """Return the true signal in a band, and its counterfeits."""
+        simulation = self.simulation
+        true = ReceivedSatellite(
+            svid=simulation.svid,
+            components=self._components(band),
+            cn0_dbhz=simulation.cn0_e1_dbhz if band is Band.E1 else simulation.cn0_dbhz,
+            pseudorange=self.path,
+            propagation=self.path.propagation(band, simulation.integration_s),
+        )
+        secret = stream_key(simulation.seed, "chips that an attacker makes up")
+        forged = (encrypted_component(secret, simulation.svid, simulation.start),)
+        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged)
+
+    def _components(self, band: Band) -> tuple[Component, ...]:
+        seed, start, svid = self.simulation.seed, self.simulation.start, self.simulation.svid
+        if band is Band.E6:
+            data = coded_component(E6B, svid, cnav_symbols(seed, svid, start))
+            return data, encrypted_component(encryption_key(seed), svid, start)
+        data = (
+            open_component(E1B, svid, seed=seed) if self.symbols is None else coded_component(E1B, svid, self.symbols)
+        )
+        return data, open_component(E1C, svid)

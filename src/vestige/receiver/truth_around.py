@@ -1,0 +1,97 @@
+"""The truth of a block of epochs together with the epochs around them, which their samples still feel.
+
+What a receiver samples between two epochs goes over from the truth of one to that of the next (`continuous`), and a
+counterfeit brings the chips of an epoch later than the line of sight does. So the samples of a block depend on epochs
+before its first and after its last one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from vestige.receiver.draws import rows_of
+from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.records import Band
+
+if TYPE_CHECKING:
+    from vestige.receiver.simulation import Simulation
+
+TAIL_S = 0.3  # after a RECS was sent: its reception and the 100 ms of E1 around it
+_REACH_S = 0.5  # more than from an epoch to the end of its true samples
+_SPARE_S = 0.2
+
+_T = TypeVar("_T")
+
+
+def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
+    """Return how many epochs before and after some epochs their samples feel.
+
+    Parameters
+    ----------
+    interval_s
+        Time between two epochs.
+    tail_s
+        Time in s from the transmission at an epoch to its last sample.
+    """
+    before, after = (int(np.ceil(reach_s / interval_s)) + 1 for reach_s in (_REACH_S, tail_s + _SPARE_S))
+    return before, after
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthWithin(TruthBlock):
+    """The truth of a block of epochs, and of those around them."""
+
+    around: TruthBlock  # of the same epochs, of some before and of some after them
+
+    def part(self, rows: slice) -> TruthBlock:
+        """Return the truth of some of the epochs alone."""
+        return rows_of(TruthBlock(**{one.name: getattr(self, one.name) for one in fields(TruthBlock)}), rows)
+
+
+class TruthAround:
+    """Runs through the epochs in order, as `TruthProcess` does, and looks ahead."""
+
+    def __init__(self, of: Simulation, *, before: int, after: int) -> None:
+        self._of, self._before, self._after = of, before, after
+        self._process = TruthProcess(of)
+        self._known: TruthBlock | None = None
+        self._first = self._end = 0  # epochs that are known
+
+    def advance(self, first: int, count: int) -> TruthWithin:
+        """Return the truth of epochs first … first + count − 1, which are the next ones."""
+        begin, end = max(first - self._before, 0), first + count + self._after
+        fresh = self._process.advance(self._end, end - self._end) if end > self._end else None
+        if self._known is None:
+            around = fresh
+        else:
+            kept = rows_of(self._known, slice(begin - self._first, None))
+            around = kept if fresh is None else self._joined(kept, fresh)
+        assert around is not None  # noqa: S101  (the first call has something new)
+        self._known, self._first, self._end = around, begin, max(end, self._end)
+        own = rows_of(around, slice(first - begin, first - begin + count))
+        return TruthWithin(around=around, **{one.name: getattr(own, one.name) for one in fields(TruthBlock)})
+
+    def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
+        """Return two blocks as one; effects of attacks follow from the times, and are not joined."""
+        times_s = np.concatenate([before.time_s, after.time_s])
+        spoofer, svid = self._of.spoofer, self._of.svid
+        joined: dict[str, Any] = {
+            "e1_attack": spoofer.effects(Band.E1, svid, times_s),
+            "e6": spoofer.effects(Band.E6, svid, times_s),
+        }
+        for one in fields(TruthBlock):
+            if one.name not in joined:
+                joined[one.name] = _end_to_end(getattr(before, one.name), getattr(after, one.name))
+        return TruthBlock(**joined)
+
+
+def _end_to_end(before: _T, after: _T) -> _T:
+    """Return two arrays, or two records of arrays, one after the other."""
+    if not is_dataclass(before):
+        arrays: Any = (before, after)
+        return np.concatenate(arrays)  # type: ignore[return-value]
+    values = {one.name: _end_to_end(getattr(before, one.name), getattr(after, one.name)) for one in fields(before)}
+    return replace(before, **values)  # type: ignore[type-var]
