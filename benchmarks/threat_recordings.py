@@ -1,6 +1,6 @@
 """The threat table as recordings: each scene simulated as samples, tracked, and processed by `vestige process`.
 
-python benchmarks/threat_recordings.py                   # all scenes that have a recording: the table of docs/threats.md
+python benchmarks/threat_recordings.py                   # all scenes that have a recording: docs/threats.md
 python benchmarks/threat_recordings.py A11 A12           # some
 python benchmarks/threat_recordings.py --keep recordings --seed 1
 
@@ -42,6 +42,7 @@ from vestige.threats.recorded_scenes import RecordedScene, recorded_scenes
 from vestige.threats.scenes import LEVEL_NUMBERS
 
 CALIBRATED_S = 1.0  # of samples without the attack, from which the usual power is taken
+LEAST_FLOOR_M = 1.0  # noise of the loops, which the threat table's receiver knows from its C/N0
 SEARCH_WINDOW_S = 0.05  # on both sides: the receiver trusts its clock to 10 ms
 
 
@@ -60,7 +61,7 @@ class MadeRecording:
     def options(self) -> tuple[str, ...]:
         """What a user of `vestige process` would state for this receiver."""
         scenario = self.recorded.scenario()
-        receiver, sky = scenario.receiver, scenario.constellation
+        receiver, sky, position = scenario.receiver, scenario.constellation, scenario.position
         return (
             "--track", "--navigation", str(self.folder / "rinex" / "navigation.rnx"),
             "--search-window", str(SEARCH_WINDOW_S),
@@ -69,6 +70,9 @@ class MadeRecording:
             "--usual-e1-cn0-dbhz", repr(receiver.cn0_e1_dbhz),
             "--usual-e6-cn0-dbhz", repr(receiver.cn0_dbhz),
             "--cn0-fall-db", repr(sky.cn0_fall_db),
+            "--floor-sigma-m", repr(max(position.floor_sigma_m, LEAST_FLOOR_M)),
+            "--ionosphere-sigma-m", repr(position.ionosphere_sigma_m),
+            "--multipath-sigma-m", repr(position.multipath_sigma_m),
         )  # fmt: skip
 
     def judged(self, level: int) -> RecordedVerdicts:

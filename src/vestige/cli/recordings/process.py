@@ -25,7 +25,7 @@ from vestige.cli.options import (
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
-from vestige.cli.usual_levels import reference_levels, usual_level_options
+from vestige.cli.usual_levels import pseudorange_errors, reference_levels, usual_level_options
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -322,11 +322,12 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
     if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
+    orbits = ephemerides if navigation is None else read_rinex_navigation(navigation)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
         levels=reference_levels(options),
-        fix=FixSettings(ephemerides=ephemerides if navigation is None else read_rinex_navigation(navigation)),
+        fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),

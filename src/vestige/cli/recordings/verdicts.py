@@ -99,7 +99,8 @@ def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value
+    """Return a number for JSON; None if nothing was measured, or if it is infinite, as of a saturated front end."""
+    return value if math.isfinite(value) else None
 
 
 def entries(step: Step) -> list[dict[str, Any]]:
