@@ -170,7 +170,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="Folder for the recordings, 0.3 to 0.7 GB each.")
     parser.add_argument("-j", "--workers", type=int, default=1)
     options = parser.parse_args()
-    scenes = [one for one in recorded_scenes(options.seed) if not options.threats or one.threat.id in options.threats]
+    scenes = [
+        one
+        for one in recorded_scenes(options.seed)
+        if not options.threats or {one.threat.id, one.name} & set(options.threats)
+    ]
     with ProcessPoolExecutor(options.workers) as pool:
         lines = [pool.submit(line, one, options.keep) for one in scenes]
         print("| scene |" + "".join(f" level {level}: table | recording |" for level in LEVEL_NUMBERS))

@@ -21,7 +21,6 @@ from typing import Any
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.scenes import Scene, ShortRecording, Threat, read_threats, scene_attacks, scene_scenario
 
-RATE_HZ = 5.2e6
 TIME_UNCERTAINTY_S = 0.01
 _TIMES = ("start_s", "stop_s", "turn_s")
 _DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
@@ -48,7 +47,7 @@ class RecordedScene:
             f"epochs={how.end_s}",
             f"recs.every={how.every_s}",
             f"constellation.svids={list(how.svids)}",
-            f"receiver.sample_rate_hz={RATE_HZ!r}",
+            f"receiver.sample_rate_hz={how.sample_rate_hz!r}",
             f"receiver.time_uncertainty_s={TIME_UNCERTAINTY_S!r}",
         ]
         attacks = scene_attacks(self.threat, self.scene, self.seed)

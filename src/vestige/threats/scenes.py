@@ -59,6 +59,8 @@ class ShortRecording(Section):
         Time between two RECS.
     svids
         Satellites in the recording.
+    sample_rate_hz
+        Of both bands: little more than the 5.115 MHz that E6 needs, if a jammer is not wider.
     """
 
     name: str = ""
@@ -67,6 +69,7 @@ class ShortRecording(Section):
     end_s: Annotated[int, Field(ge=1)]
     every_s: Annotated[int, Field(ge=1, le=60)]
     svids: tuple[int, ...]
+    sample_rate_hz: Annotated[float, Field(ge=5.2e6, le=25e6)] = 5.2e6
 
 
 class Scene(Section):
