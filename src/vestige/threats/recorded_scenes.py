@@ -21,7 +21,7 @@ from typing import Any
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.scenes import Scene, ShortRecording, Threat, read_threats, scene_attacks, scene_scenario
 
-TIME_UNCERTAINTY_S = 0.01
+_CLOCK_TRUSTED_S = 0.01
 _TIMES = ("start_s", "stop_s", "turn_s")
 _DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
 
@@ -48,7 +48,7 @@ class RecordedScene:
             f"recs.every={how.every_s}",
             f"constellation.svids={list(how.svids)}",
             f"receiver.sample_rate_hz={how.sample_rate_hz!r}",
-            f"receiver.time_uncertainty_s={TIME_UNCERTAINTY_S!r}",
+            f"receiver.time_uncertainty_s={_CLOCK_TRUSTED_S!r}",
         ]
         attacks = scene_attacks(self.threat, self.scene, self.seed)
         start_s = min((one.get("start_s", 0.0) for one in attacks), default=0.0)
