@@ -324,6 +324,36 @@ def test_no_number_is_a_usage_error(folder: Path, option: str, value: str) -> No
     assert CliRunner().invoke(process, [str(folder), option, value]).exit_code == 2
 
 
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (("--usual-e1-cn0-dbhz", "45"), "belong together"),
+        (("--usual-e6-cn0-dbhz", "45"), "belong together"),
+        (("--cn0-fall-db", "9"), "--usual-e1-cn0-dbhz"),
+        (("--floor-sigma-m", "0"), "more than 0"),
+    ],
+)
+def test_usual_levels_that_say_half(folder: Path, options: tuple[str, ...], expected: str) -> None:
+    result = CliRunner().invoke(process, [str(folder), *options])
+    assert result.exit_code == 2
+    assert expected in result.stderr
+
+
+@pytest.mark.slow
+def test_usual_levels_need_not_be_learned(folder: Path) -> None:
+    """The first RECS is compared with what is stated, and fails where it is 20 dB away."""
+
+    def failed(power_db: str) -> dict[str, str]:
+        levels = ("--usual-e1-power-db", power_db, "--usual-e1-cn0-dbhz", "44", "--usual-e6-cn0-dbhz", "46")
+        first = _json(process, folder, "--level", "2", "--time-uncertainty", "0.01", *levels)["verdicts"][0]
+        return {check["name"]: check["outcome"] for check in first["checks"]}
+
+    right, wrong = failed("26"), failed("6")
+    assert (right["E1 received power"], wrong["E1 received power"]) == ("PASS", "FAIL")
+    assert right["C/N0"] == "PASS"
+    assert right["E6 received power"] == "NOT_RUN"
+
+
 def test_make_refuses_to_overwrite_and_leaves_nothing_half(folder: Path, tmp_path: Path) -> None:
     keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
     with pytest.raises(InputFileError, match="already"):

@@ -89,8 +89,7 @@ class LevelVerdicts(VerdictBlock):
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
         """Where an alarm begins, of any satellite where none stood before."""
-        stands = np.any(self.alarm, axis=1)
-        return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
+        return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
         """Return the verdict of each RECS, the gravest status since the one before; NOT_AVAILABLE in other epochs."""
@@ -105,13 +104,7 @@ class LevelVerdicts(VerdictBlock):
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
         """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
-        found = []
-        for name, failed in self.failed.items():
-            any_satellite = failed if failed.ndim == 1 else failed.any(axis=1)
-            where = np.flatnonzero(any_satellite & rows)
-            if where.size:
-                found.append((str(name), int(where[0])))
-        return tuple(sorted(found, key=lambda one: one[1]))
+        return failures_in_order(self.failed, rows)
 
 
 def level_verdicts(
@@ -132,6 +125,25 @@ def level_verdicts(
     return tuple(
         _verdicts(results, replace(processor, level=level, monitoring=monitoring), measured) for level in levels
     )
+
+
+def alarm_begins(state: Int8[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
+    """Return where an alarm begins, of any satellite where none stood before; `state` as in `VerdictBlock`."""
+    stands = np.any(is_alarm(state), axis=1)
+    return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
+
+
+def failures_in_order(
+    failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]], rows: Bool[np.ndarray, " n"]
+) -> tuple[tuple[str, int], ...]:
+    """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+    found = []
+    for name, of_check in failed.items():
+        any_satellite = of_check if of_check.ndim == 1 else of_check.any(axis=1)
+        where = np.flatnonzero(any_satellite & rows)
+        if where.size:
+            found.append((str(name), int(where[0])))
+    return tuple(sorted(found, key=lambda one: one[1]))
 
 
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:

@@ -23,20 +23,20 @@ its bound.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int8
 
 from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.campaign.columns.sky_columns import true_place_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
 from vestige.constants import DAY_S
 from vestige.records import Status
-from vestige.records.checks import CheckName
+from vestige.records.checks import AlarmShare, CheckName
 from vestige.scenario.campaign import CampaignScenario
 
 if TYPE_CHECKING:
@@ -91,8 +91,47 @@ class RunOutcome(OutcomeCounts):
         return outcome_word(self.detected, self.mitigated, self.missed, self.denied)
 
 
+class JudgedRun(Protocol):
+    """What a level says of a run of n epochs and m satellites: the part of `LevelVerdicts` that outcomes look at."""
+
+    @property
+    def status(self) -> Int8[np.ndarray, "n m"]:
+        """The verdict of each epoch as the position in `Status`."""
+
+    @property
+    def recs(self) -> Bool[np.ndarray, " n"]:
+        """Epochs with RECS."""
+
+    @property
+    def seen(self) -> Bool[np.ndarray, "n m"]:
+        """Where a satellite is in view."""
+
+    @property
+    def range_error_m(self) -> Float[np.ndarray, "n m"]:
+        """Error that the attack makes of the range in use, the largest since the RECS before; NaN where none is."""
+
+    @property
+    def begins(self) -> Bool[np.ndarray, " n"]:
+        """Where an alarm begins."""
+
+    @property
+    def budget(self) -> Mapping[CheckName | str, AlarmShare]:
+        """Share of each check of the budget of false alarms."""
+
+    @property
+    def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
+        """Where each check was made."""
+
+    @property
+    def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
+        """Where each check failed."""
+
+    def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
+        """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+
+
 def run_outcome(
-    found: LevelVerdicts,
+    found: JudgedRun,
     time_s: Float[np.ndarray, " n"],
     attacked: Bool[np.ndarray, " n"],
     limit_m: float,
@@ -145,7 +184,7 @@ def run_outcome(
     )
 
 
-def _failures(found: LevelVerdicts, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
+def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
     """Return how many tests of checks failed, and how many the budget gives them."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (

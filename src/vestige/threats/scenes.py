@@ -44,6 +44,34 @@ class Draw(Section):
         return self.low + share * (self.high - self.low)
 
 
+class ShortRecording(Section):
+    """How a scene becomes a recording of some seconds: `threats/recorded_scenes.py`.
+
+    Attributes
+    ----------
+    name
+        What the receiver does, among the recordings of a scene.
+    faster
+        By how much all that the attacker does is faster than in the scene.
+    first_s, end_s
+        Which part of the scene is recorded, in s after its start, with the attack so much faster.
+    every_s
+        Time between two RECS.
+    svids
+        Satellites in the recording.
+    sample_rate_hz
+        Of both bands: little more than the 5.115 MHz that E6 needs, if a jammer is not wider.
+    """
+
+    name: str = ""
+    faster: Annotated[float, Field(ge=1, le=100)] = 1.0
+    first_s: Annotated[int, Field(ge=0)]
+    end_s: Annotated[int, Field(ge=1)]
+    every_s: Annotated[int, Field(ge=1, le=60)]
+    svids: tuple[int, ...]
+    sample_rate_hz: Annotated[float, Field(ge=5.2e6, le=25e6)] = 5.2e6
+
+
 class Scene(Section):
     """A campaign that shows an attack."""
 
@@ -53,6 +81,7 @@ class Scene(Section):
     draw: dict[str, Draw] = Field(default_factory=dict)  # dotted keys, and what is drawn for them
     # why a measurement differs from what is expected of a level, if it does
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
+    recording: tuple[ShortRecording, ...] = ()  # as recordings of some seconds
 
 
 class Threat(Section):
@@ -91,8 +120,23 @@ def read_threats() -> tuple[Threat, ...]:
     return _table().threat
 
 
+def scene_attacks(threat: Threat, scene: Scene, seed: int) -> tuple[dict[str, Any], ...]:
+    """Return the `[[attack]]` tables of a scene with what a seed draws for them.
+
+    Raises `VestigeError` if a draw names what is not there.
+    """
+    raw = overridden({"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
+    return tuple(raw["attack"])
+
+
 def scene_scenario(
-    threat: Threat, scene: Scene, seed: int, *, attacked: bool = True, settings: tuple[str, ...] = ()
+    threat: Threat,
+    scene: Scene,
+    seed: int,
+    *,
+    attacked: bool = True,
+    settings: tuple[str, ...] = (),
+    attacks: tuple[dict[str, Any], ...] | None = None,
 ) -> CampaignScenario:
     """Return the campaign of a scene with one seed, from which its draws follow too.
 
@@ -104,6 +148,8 @@ def scene_scenario(
         Whether the attacks of the scene are there; without them it is the same campaign.
     settings
         Values of the user's that replace those of the scene, as of `--set`; those of attacks only where there are some.
+    attacks
+        In place of `scene_attacks`.
 
     Raises
     ------
@@ -114,8 +160,7 @@ def scene_scenario(
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:
-        # a draw may only replace what is there
-        raw = overridden(raw | {"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
+        raw = raw | {"attack": list(scene_attacks(threat, scene, seed) if attacks is None else attacks)}
     raw = overridden(raw, (one for one in settings if attacked or not one.startswith(("attack=", "attack."))))
     return validated(_CAMPAIGN, raw, THREATS_FILE)
 

@@ -16,6 +16,7 @@ from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSett
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch, SatelliteSearch
 from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Assistance, Band, E1Observation, Snapshot, Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
@@ -175,3 +176,24 @@ def test_a_satellite_that_e1_does_not_show_is_searched_in_e6_all_the_same() -> N
     assert np.isnan(found.earliest_m[0, 0])
     assert step.block.failed[CheckName.E6_EXHAUSTIVE_SEARCH][0].tolist() == [True, False]
     assert {verdict.svid: verdict.status for verdict in step.verdicts} == {12: Status.SUSPECT}
+
+
+def test_the_only_signal_in_e6_is_the_true_one_if_e1_has_several() -> None:
+    """E1 alone is spoofed and tracked at the later signal: the one that carries the chips says where E1 should be."""
+    attacked, assistance, true_s = _received(True)
+    honest = _received(False)[0]
+    later = E1Observation(
+        svid=11,
+        pseudorange_m=(true_s + DELAY_S) * SPEED_OF_LIGHT_MPS,
+        doppler_hz=0.0,
+        doppler_rate_hz_per_s=0.0,
+        carrier_phase_cycles=math.nan,
+        cn0_dbhz=math.nan,
+    )
+    time = attacked.time + (-0.1 + true_s + DELAY_S)
+    snapshot = replace(attacked, time=time, e6=honest.e6, observations={11: later}, recs=frozenset({11}))
+    step = AcasProcessor(level=2).step(None, block_of(snapshot), assistance)
+    found = step.block.e1_search
+    assert (found.signals[0, 0], found.carrying[0, 0]) == (2, 1)
+    assert found.earliest_m[0, 0] == pytest.approx(-DELAY_S * SPEED_OF_LIGHT_MPS, abs=100.0)
+    assert step.block.earlier[0, 0]

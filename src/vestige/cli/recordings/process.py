@@ -25,6 +25,7 @@ from vestige.cli.options import (
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
+from vestige.cli.usual_levels import pseudorange_errors, reference_levels, usual_level_options
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 )
 @click.option("--search-window", type=FiniteRange(1e-6, 1e5), help="Level 3: search E6 ± so many s, not everywhere.")
 @click.option("--search-every", type=FiniteRange(0, 1e9), default=3600.0, show_default=True, help="Level 3: seconds.")
+@usual_level_options
 @detector_option
 @click.option("--check", "checks", multiple=True, metavar="module:Name", help="A check of your own; several times.")
 @parts_option
@@ -136,7 +138,7 @@ def command(recording_path: Path, **options: Any) -> None:
     if options["follow"]:
         follow_recording(recording_path, options, _processor(options))
     else:
-        _finished(recording_path, options)
+        _finished(recording_path, options | {"recording_path": recording_path})
 
 
 def _finished(recording_path: Path, options: dict[str, Any]) -> None:
@@ -146,17 +148,47 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
 
     from vestige.cli.progress import progress
     from vestige.cli.recordings.verdicts import csv_writer, print_json, print_table
-    from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
-    from vestige.recording.snapshots import RecordingSource, time_span
 
     recording = open_recording(recording_path, start=options["start"])
     folder = assistance_folder(recording_path, options["assistance_path"])
     check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
-    tracked = _tracked(recording, options)
+    processor, source, warnings = prepared(recording, options, _tracked(recording, options))
+    with progress() as report, ExitStack() as stack:
+        steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
+        if options["write_bias"]:
+            write_hardware_bias(options["write_bias"], bias_s)
+        steps = (step for step in steps if _is_shown(step))
+        if options["output"]:
+            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
+        if options["as_json"]:
+            remarks = {"calibrated_on_itself": options["calibrate"], "warnings": warnings}
+            print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
+        else:
+            print_table(steps, hardware_bias_s=bias_s)
+
+
+def prepared(
+    recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None
+) -> tuple[AcasProcessor, RecordingSource, list[str]]:
+    """Return the processor and the source of snapshots that the options ask for, and the warnings of the assistance.
+
+    Parameters
+    ----------
+    recording
+        The opened recording.
+    options
+        Of `vestige process`, by the names of its parameters.
+    tracked
+        What tracking made of E1; None if E1 was not tracked.
+    """
+    from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.snapshots import RecordingSource, time_span
+
+    folder = assistance_folder(options["recording_path"], options["assistance_path"])
     told_s = None if tracked is None else tracked.time_tag_error_s
     around_s = label_uncertainty_s(recording, options["time_uncertainty"]) if told_s is None else 0.0
     found = read_assistance(
@@ -192,18 +224,7 @@ def _finished(recording_path: Path, options: dict[str, Any]) -> None:
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         echo(f"warning: {options['navigation']}: {why}", err=True)
-    with progress() as report, ExitStack() as stack:
-        steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
-        if options["write_bias"]:
-            write_hardware_bias(options["write_bias"], bias_s)
-        steps = (step for step in steps if _is_shown(step))
-        if options["output"]:
-            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
-        if options["as_json"]:
-            remarks = {"calibrated_on_itself": options["calibrate"], "warnings": list(found.warnings)}
-            print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
-        else:
-            print_table(steps, hardware_bias_s=bias_s)
+    return processor, source, list(found.warnings)
 
 
 def _is_shown(step: Step) -> bool:
@@ -308,10 +329,12 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
     if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
+    orbits = ephemerides if navigation is None else read_rinex_navigation(navigation)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
-        fix=FixSettings(ephemerides=ephemerides if navigation is None else read_rinex_navigation(navigation)),
+        levels=reference_levels(options),
+        fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),

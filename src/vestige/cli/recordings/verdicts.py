@@ -99,7 +99,7 @@ def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    """Return a number that JSON can hold; a saturated converter makes the statistic of the power infinite."""
+    """Return a number for JSON; None if nothing was measured, or if it is infinite, as of a saturated front end."""
     return value if math.isfinite(value) else None
 
 

@@ -59,8 +59,10 @@ class ReceivedPowerMonitor(LevelMonitor):
         threshold = self.threshold_db * reference.growth
 
         def explain(epoch: int, _satellite: int) -> str:
-            if np.isinf(statistic[epoch]):
+            if np.isposinf(statistic[epoch]):
                 return f"the {self.band.value} front end is saturated"
+            if np.isneginf(measured_db[epoch]):
+                return f"the {self.band.value} samples are all zero"
             if np.isnan(measured_db[epoch]):
                 return f"no status of the {self.band.value} front end"
             if np.isnan(statistic[epoch]):

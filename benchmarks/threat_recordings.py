@@ -1,0 +1,186 @@
+"""The threat table as recordings: each scene simulated as samples, tracked, and processed by `vestige process`.
+
+python benchmarks/threat_recordings.py                   # all scenes that have a recording: docs/threats.md
+python benchmarks/threat_recordings.py A11 A12           # some
+python benchmarks/threat_recordings.py --keep recordings --seed 1
+
+A scene is simulated and tracked once, and judged at levels 1 to 3 with the options that `vestige process` has. The
+receiver knows its usual power and C/N0, as that of the threat table does: the power from one second without the attack.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vestige.campaign.run_outcome import RunOutcome, window_of
+from vestige.cli.recordings.process import command, prepared
+from vestige.recording.recording import Recording, open_recording
+from vestige.recording.tracked.track_recording import TrackedRecording, track_recording
+from vestige.records import Band, Status
+from vestige.simulated.exported_case import AcasTestCase
+from vestige.simulated.exported_case_folder import simulated
+from vestige.threats.matrix import measure_scenes
+from vestige.threats.recorded_outcome import (
+    RecordedVerdicts,
+    TrackedErrors,
+    recorded_outcome,
+    recorded_verdicts,
+    tracked_errors,
+)
+from vestige.threats.recorded_scenes import RecordedScene, recorded_scenes
+from vestige.threats.scenes import LEVEL_NUMBERS
+
+CALIBRATED_S = 1.0  # of samples without the attack, from which the usual power is taken
+LEAST_FLOOR_M = 1.0  # noise of the loops, which the threat table's receiver knows from its C/N0
+SEARCH_WINDOW_S = 0.05  # on both sides: the receiver trusts its clock to 10 ms
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MadeRecording:
+    """A scene as samples, and what tracking made of them."""
+
+    recorded: RecordedScene
+    folder: Path
+    opened: Recording
+    tracked: TrackedRecording
+    errors: TrackedErrors
+    usual_power_db: dict[Band, float]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """What a user of `vestige process` would state for this receiver."""
+        scenario = self.recorded.scenario()
+        receiver, sky, position = scenario.receiver, scenario.constellation, scenario.position
+        return (
+            "--track", "--navigation", str(self.folder / "rinex" / "navigation.rnx"),
+            "--search-window", str(SEARCH_WINDOW_S),
+            "--usual-e1-power-db", repr(self.usual_power_db[Band.E1]),
+            "--usual-e6-power-db", repr(self.usual_power_db[Band.E6]),
+            "--usual-e1-cn0-dbhz", repr(receiver.cn0_e1_dbhz),
+            "--usual-e6-cn0-dbhz", repr(receiver.cn0_dbhz),
+            "--cn0-fall-db", repr(sky.cn0_fall_db),
+            "--floor-sigma-m", repr(max(position.floor_sigma_m, LEAST_FLOOR_M)),
+            "--ionosphere-sigma-m", repr(position.ionosphere_sigma_m),
+            "--multipath-sigma-m", repr(position.multipath_sigma_m),
+        )  # fmt: skip
+
+    def judged(self, level: int) -> RecordedVerdicts:
+        """Return what `vestige process` says of the recording at a level."""
+        arguments = [str(self.folder), "--level", str(level), *self.options]
+        options: dict[str, Any] = command.make_context("process", arguments).params
+        processor, source, _ = prepared(self.opened, options, self.tracked)
+        steps = list(processor.steps(source, assistance=source.assistance))
+        return recorded_verdicts(self.recorded, steps, self.errors)
+
+    def outcome(self, level: int) -> RunOutcome:
+        """Return what came of the attack at a level."""
+        return recorded_outcome(self.recorded, self.judged(level))
+
+
+@contextmanager
+def made(recorded: RecordedScene, kept: Path | None = None, *, attacked: bool = True) -> Iterator[MadeRecording]:
+    """Simulate and track a scene; the samples are deleted at the end unless there is a folder to keep them in."""
+    how = recorded.recording
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (kept or Path(temporary)) / recorded.name.replace(" ", "_").replace(",", "")
+        if not folder.exists():
+            case = AcasTestCase(scenario=recorded.scenario(attacked=attacked), first=how.first_s, end=how.end_s)
+            simulated(case).write(folder, scenario_text="", workers=1)
+        opened = open_recording(folder)
+        tracked = track_recording(opened)
+        yield MadeRecording(
+            recorded=recorded,
+            folder=folder,
+            opened=opened,
+            tracked=tracked,
+            errors=tracked_errors(recorded, tracked.epochs),
+            usual_power_db=usual_power_db(recorded),
+        )
+        if kept is None:
+            shutil.rmtree(folder)
+
+
+def usual_power_db(recorded: RecordedScene) -> dict[Band, float]:
+    """Return the power of both bands without the attack, in dB over one unit of the stored numbers."""
+    first_s = recorded.recording.first_s
+    source = simulated(AcasTestCase(scenario=recorded.scenario(attacked=False), first=first_s, end=first_s + 2))
+    found = {}
+    for band in Band:
+        n = round(CALIBRATED_S * source.sample_rate_hz)
+        values = np.concatenate([batch.samples for batch in source.record(band, at_most=n)])
+        power = np.mean(np.abs(values) ** 2) * source.scale("int8") ** 2
+        found[band] = round(float(10 * np.log10(power)), 2)
+    return found
+
+
+def table_outcomes(recorded: RecordedScene) -> tuple[RunOutcome, ...]:
+    """Return what the threat table's own receiver makes of the same scene, a level each."""
+    scenario = recorded.scenario()
+    scenario = scenario.replaced(processor=scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)}))
+    return measure_scenes(scenario, window_of(scenario))
+
+
+def cell(found: RunOutcome) -> str:
+    """Return the word, the first checks that failed, and the largest wrong range."""
+    checks = "; ".join(found.checks.split("; ")[:3])
+    wrong = f", range off by {found.worst_range_m:.0f} m" if found.missed else ""
+    return f"{found.word}{wrong}{' (' + checks + ')' if checks else ''}"
+
+
+def line(recorded: RecordedScene, kept: Path | None) -> str:
+    """Return the line of a scene: the words of the table's receiver and of the recording."""
+    begin = time.perf_counter()
+    table = table_outcomes(recorded)
+    with made(recorded, kept) as one:
+        simulated_at = time.perf_counter()
+        found = [one.judged(level) for level in LEVEL_NUMBERS]
+    for level, verdicts in zip(LEVEL_NUMBERS, found, strict=True):
+        print(f"  {recorded.name}, level {level}, RECS and what fails")
+        for row, time_s in enumerate(verdicts.time_s):
+            failed = [str(name) for name, where in verdicts.failed.items() if where[row].any()]
+            kind = "RECS" if verdicts.recs[row] else "    "
+            statuses = " ".join(tuple(Status)[place].name[:6] for place in verdicts.status[row])
+            if verdicts.recs[row] or failed:
+                worst = np.round(verdicts.range_error_m[row]).tolist()
+                print(f"    {time_s:7.2f} {kind} {statuses} {worst if verdicts.recs[row] else ''} {', '.join(failed)}")
+    words = " | ".join(
+        f"{other.word} | {cell(recorded_outcome(recorded, one))}" for other, one in zip(table, found, strict=True)
+    )
+    end = time.perf_counter()
+    print(f"  {simulated_at - begin:.0f} s to simulate and track, {end - simulated_at:.0f} s to judge", flush=True)
+    return f"| {recorded.name} | {words} |"
+
+
+def main() -> None:
+    """Measure the scenes and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("threats", nargs="*")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="Folder for the recordings, 0.3 to 0.7 GB each.")
+    parser.add_argument("-j", "--workers", type=int, default=1)
+    options = parser.parse_args()
+    scenes = [
+        one
+        for one in recorded_scenes(options.seed)
+        if not options.threats or {one.threat.id, one.name} & set(options.threats)
+    ]
+    with ProcessPoolExecutor(options.workers) as pool:
+        lines = [pool.submit(line, one, options.keep) for one in scenes]
+        print("| scene |" + "".join(f" level {level}: table | recording |" for level in LEVEL_NUMBERS))
+        for one in lines:
+            print(one.result(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Options that state what a receiver expects: its usual power and C/N0, and the errors of its E1 ranges.
+
+A power or a C/N0 that is not stated is learned from the first quiet RECS.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import FiniteRange
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.monitoring.baseline import ReferenceLevels
+    from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
+
+_POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0, 1000)
+
+
+def usual_level_options(command: Any) -> Any:
+    """Add the options that state what levels 2 and 3 compare power, C/N0 and the residuals of the fix with."""
+    options = (
+        click.option("--usual-e1-power-db", type=_POWER, help="Power of E1 without interference. [learned]"),
+        click.option("--usual-e6-power-db", type=_POWER, help="Power of E6 without interference. [learned]"),
+        click.option("--usual-e1-cn0-dbhz", type=_CN0, help="C/N0 of E1-C, with --usual-e6-cn0-dbhz. [learned]"),
+        click.option("--usual-e6-cn0-dbhz", type=_CN0, help="C/N0 of E6-C, with --usual-e1-cn0-dbhz. [learned]"),
+        click.option(
+            "--cn0-fall-db",
+            type=FiniteRange(0, 40),
+            default=0.0,
+            show_default=True,
+            help="By how much the usual C/N0, that of the zenith, is lower at the horizon.",
+        ),
+        click.option(
+            "--floor-sigma-m", type=_SIGMA, default=5.0, show_default=True, help="Of each E1 range, for RAIM."
+        ),
+        click.option(
+            "--ionosphere-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="On E1 at 17.5° elevation."
+        ),
+        click.option("--multipath-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="At 16° elevation."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
+    """Return the reference levels that the options state; the receiver learns the others.
+
+    Raises `click.UsageError` if one C/N0 is given without the other, or the fall without both.
+    """
+    from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
+
+    e1_dbhz, e6_dbhz, fall_db = (options[name] for name in ("usual_e1_cn0_dbhz", "usual_e6_cn0_dbhz", "cn0_fall_db"))
+    if (e1_dbhz is None) != (e6_dbhz is None):
+        raise click.UsageError("--usual-e1-cn0-dbhz and --usual-e6-cn0-dbhz belong together: give both, or none")
+    if fall_db and e1_dbhz is None:
+        raise click.UsageError("--cn0-fall-db lowers a usual C/N0: add --usual-e1-cn0-dbhz and --usual-e6-cn0-dbhz")
+    return ReferenceLevels(
+        e1_power_db=options["usual_e1_power_db"],
+        e6_power_db=options["usual_e6_power_db"],
+        antenna=None if e1_dbhz is None else Antenna(e1_dbhz=e1_dbhz, e6_dbhz=e6_dbhz, fall_db=fall_db),
+    )
+
+
+def pseudorange_errors(options: dict[str, Any]) -> PseudorangeErrors:
+    """Return the standard deviations of E1 ranges that the options state.
+
+    Raises `click.UsageError` if the floor is 0.
+    """
+    from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
+
+    floor_m, ionosphere_m, multipath_m = (options[f"{name}_sigma_m"] for name in ("floor", "ionosphere", "multipath"))
+    if not floor_m:
+        raise click.UsageError("--floor-sigma-m 0: every range has some error, expected more than 0")
+    return PseudorangeErrors(floor_m=floor_m, ionosphere_m=ionosphere_m, multipath_m=multipath_m)

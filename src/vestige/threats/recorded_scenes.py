@@ -1,0 +1,79 @@
+"""Scenes of the threat table as recordings of some seconds, for a receiver that tracks their samples.
+
+A scene lasts 15 minutes; its samples would fill 56 GB and tracking would take as long. So a recording has a part of the
+scene, and nothing but this is changed:
+
+* Where the attack moves slowly, it is `faster`: every time in its tables, counted from its start, and every duration is
+  divided by that. Powers, delays and what the seed draws are those of the scene.
+* RECS come more often, and some satellites are left out.
+* The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms: the search for E6 signals at
+  other times than E1 says is made over 10 ms on both sides, not over 1 s.
+
+`threats.toml` says of each scene which part, how much faster, and which satellites.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from vestige.scenario.campaign import CampaignScenario
+from vestige.threats.scenes import Scene, ShortRecording, Threat, read_threats, scene_attacks, scene_scenario
+
+_CLOCK_TRUSTED_S = 0.01
+_TIMES = ("start_s", "stop_s", "turn_s")
+_DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedScene:
+    """A scene of the threat table as a recording."""
+
+    threat: Threat
+    scene: Scene
+    recording: ShortRecording
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """Threat, scene, and which of its recordings: `A1 while E1 is acquired`."""
+        return " ".join(part for part in (self.threat.id, self.scene.name, self.recording.name) if part)
+
+    def scenario(self, *, attacked: bool = True) -> CampaignScenario:
+        """Return the campaign of which the recording is the epochs `first_s` to `end_s`, with or without its attack."""
+        how = self.recording
+        settings = [
+            f"epochs={how.end_s}",
+            f"recs.every={how.every_s}",
+            f"constellation.svids={list(how.svids)}",
+            f"receiver.sample_rate_hz={how.sample_rate_hz!r}",
+            f"receiver.time_uncertainty_s={_CLOCK_TRUSTED_S!r}",
+        ]
+        attacks = scene_attacks(self.threat, self.scene, self.seed)
+        start_s = min((one.get("start_s", 0.0) for one in attacks), default=0.0)
+        faster = tuple(_faster(one, how.faster, start_s) for one in attacks)
+        return scene_scenario(
+            self.threat, self.scene, self.seed, attacked=attacked, settings=tuple(settings), attacks=faster
+        )
+
+
+def recorded_scenes(seed: int = 0) -> Iterator[RecordedScene]:
+    """Yield all scenes of the threat table that have a recording, a recording each."""
+    for threat in read_threats():
+        for scene in threat.scene:
+            for recording in scene.recording:
+                yield RecordedScene(threat=threat, scene=scene, recording=recording, seed=seed)
+
+
+def _faster(table: dict[str, Any], factor: float, start_s: float) -> dict[str, Any]:
+    """Return a table of an attack with its times so much closer to the start, and its durations so much shorter."""
+
+    def changed(key: str, value: Any) -> Any:
+        if isinstance(value, dict):
+            return _faster(value, factor, start_s)
+        if key in _TIMES:
+            return start_s + (value - start_s) / factor
+        return value / factor if key in _DURATIONS else value
+
+    return {key: changed(key, value) for key, value in table.items()}
