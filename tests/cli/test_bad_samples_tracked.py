@@ -19,9 +19,9 @@ from vestige.errors import VestigeError
 pytestmark = pytest.mark.slow
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
-RATE_HZ, DURATION_S, EVERY_S = 5.2e6, 9, 2
-BAD_S = 5.4  # after the start, between two RECS
-SETTINGS = (f"receiver.sample_rate_hz={RATE_HZ}", "constellation.svids=[7, 13, 14]", f"recs.every={EVERY_S}")
+RATE_HZ, DURATION_S, EVERY_S = 5.2e6, 5, 2
+BAD_S = 3.4  # after the start, between two RECS
+SETTINGS = (f"receiver.sample_rate_hz={RATE_HZ}", "constellation.svids=[7, 13]", f"recs.every={EVERY_S}")
 BANDS = ("e1", "e6")
 
 Samples = dict[str, np.ndarray]
@@ -37,7 +37,7 @@ class Night(NamedTuple):
 
 @pytest.fixture(scope="module")
 def night(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Night]:
-    """Three satellites for 9 s, without observations; OSNMA keys are there."""
+    """Two satellites for 5 s, without observations; OSNMA keys are there."""
     folder = tmp_path_factory.mktemp("damaged") / "night"
     settings = [item for one in SETTINGS for item in ("--set", one)]
     assert invoke(simulate, NIGHT, "-o", folder, "--epochs", f"0:{DURATION_S}", *settings).exception is None
@@ -114,11 +114,10 @@ def _said(verdicts: list[dict], from_s: float, to_s: float) -> set[str]:
 def test_undamaged_samples_are_authentic(night: Night, tmp_path: Path) -> None:
     """Whole numbers and floats, with the same verdicts: what the other tests compare with."""
     assert _said(_processed(night, tmp_path / "whole", night.samples), 1.5, DURATION_S) == {"AUTHENTIC"}
-    samples = {name: one[: _place(5.0)] for name, one in night.samples.items()}
-    assert _said(_processed(night, tmp_path / "floats", samples, floats=True), 1.5, 4.5) == {"AUTHENTIC"}
+    samples = {name: one[: _place(4.5)] for name, one in night.samples.items()}
+    assert _said(_processed(night, tmp_path / "floats", samples, floats=True), 1.5, 4.3) == {"AUTHENTIC"}
 
 
-@pytest.mark.parametrize("level", [1, 2])
 @pytest.mark.parametrize(
     ("damage", "later"),
     [
@@ -139,11 +138,9 @@ def test_undamaged_samples_are_authentic(night: Night, tmp_path: Path) -> None:
         pytest.param(_repeated(0.25, "e6"), {"NOT_DETECTED", "SUSPECT", "SPOOFED"}, id="repeated in E6"),
     ],
 )
-def test_after_the_damage_nothing_is_authentic(
-    night: Night, tmp_path: Path, damage: Damage, later: set[str], level: int
-) -> None:
+def test_after_the_damage_nothing_is_authentic(night: Night, tmp_path: Path, damage: Damage, later: set[str]) -> None:
     """Before it all is as without it. A verdict of a RECS that cannot be measured says that, with a reason."""
-    found = _processed(night, tmp_path / "night", damage(night.samples), "--level", level, "--search-window", 0.05)
+    found = _processed(night, tmp_path / "night", damage(night.samples), "--level", 2, "--search-window", 0.05)
     assert _said(found, 1.5, BAD_S) == {"AUTHENTIC"}
     assert _said(found, BAD_S, DURATION_S) <= later | {"NOT_AVAILABLE"}
 
@@ -159,11 +156,10 @@ def test_saturated_samples(night: Night, tmp_path: Path, level: int) -> None:
         assert any("saturated" in one["reason"] for one in found)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize(("band", "value"), [("e1", np.nan), ("e6", np.inf)])
 def test_a_sample_that_is_no_number(night: Night, tmp_path: Path, band: str, value: float) -> None:
     """One line names the file and the sample; no verdict is made with such samples."""
-    samples = {name: one[: _place(5.0)].astype(np.float32) for name, one in night.samples.items()}
+    samples = {name: one[: _place(4.5)].astype(np.float32) for name, one in night.samples.items()}
     samples[band][_place(4.085)] = value  # in the RECS of 4 s
     with pytest.raises(VestigeError, match=r"^\S*night/" + band + r": .*finite") as failure:
         _processed(night, tmp_path / "night", samples, floats=True)

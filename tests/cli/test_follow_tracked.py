@@ -161,31 +161,24 @@ def test_a_band_that_ends(night: Path, tmp_path: Path, band: str) -> None:
     assert f"{band}.sigmf-data: {band.upper()} samples are" in result.stderr
 
 
-@pytest.mark.parametrize("case", ["zeros", "saturated", "lost in E1", "lost in both", "noise"])
+@pytest.mark.parametrize("case", ["zeros", "lost in both"])
 def test_bad_samples_have_no_authentic_verdict_that_is_wrong(
     night: Path, verdicts: list[dict], tmp_path: Path, case: str
 ) -> None:
+    """Two cases; `test_bad_samples_tracked.py` has more of them on a finished recording."""
     data = {band: np.fromfile(night / f"{band}.sigmf-data", np.int8) for band in BANDS}
-    rng = np.random.default_rng(3)
     lost = slice(round(17 * RATE_HZ) * 2, round(17.3137 * RATE_HZ) * 2)
     if case == "zeros":
         data["e1"][:] = 0
-    elif case == "saturated":
-        data = {band: np.where(one < 0, -128, 127).astype(np.int8) for band, one in data.items()}
-    elif case == "noise":
-        data["e1"] = rng.integers(-40, 40, data["e1"].size, dtype=np.int8)
     else:
-        for band in BANDS if case == "lost in both" else ("e1",):
-            data[band] = np.delete(data[band], lost)
+        data = {band: np.delete(one, lost) for band, one in data.items()}
     folder = _copied(night, tmp_path / "night", **{band: one.tobytes() for band, one in data.items()})
     result = invoke(process, folder, *ONCE, "--time-uncertainty", "1")
     assert result.exception is None
     found = _said(_objects(result.stdout))
-    if case in ("zeros", "noise"):
+    if case == "zeros":
         assert not found
         assert "no message has told the time" in result.stderr
-    elif case == "saturated":
-        assert set(found.values()) <= {"AUTHENTIC", "NOT_DETECTED"}  # what is clipped to a bit is what was sent
     else:
         # until the loss all is as without it; after it E1 tells the time anew, too late for the RECS that follow
         before = {key: status for key, status in found.items() if key[0] <= 1}

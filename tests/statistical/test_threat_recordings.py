@@ -1,7 +1,8 @@
 """Scenes of the threat table as samples, through the processor of `vestige process`: the words of the table.
 
 `benchmarks/threat_recordings.py` makes the table of docs/threats.md, in which all scenes stand. Here is the one that
-samples decide most: A11 with a locked carrier, which the correlators see between two RECS, and its honest twin.
+samples decide most: A11 with a locked carrier, which the correlators see between two RECS. Five of its satellites are
+honest: they are the control.
 """
 
 from __future__ import annotations
@@ -70,12 +71,3 @@ def test_the_words_of_a_lift_off_between_two_recs(
     recorded = _scene(BETWEEN_RECS)
     words = [recorded_outcome(recorded, found).word for found in between_recs.values()]
     assert words == [one.word for one in script.table_outcomes(recorded)] == ["missed", "detected", "detected"]
-
-
-def test_the_honest_twin(script: ModuleType) -> None:
-    """The same sky and noise without the attack: no check fails, power–distortion included."""
-    with script.made(_scene(BETWEEN_RECS), attacked=False) as one:
-        found = one.judged(3)
-    assert found.tests[CheckName.POWER_DISTORTION].any()
-    assert not any(failed.any() for failed in found.failed.values())
-    assert np.all(found.status[found.recs] == POSITION[Status.AUTHENTIC])

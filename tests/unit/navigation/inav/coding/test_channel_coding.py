@@ -102,7 +102,7 @@ def test_the_decoder_decides_as_an_independent_one(eb_n0_db: float) -> None:
 def test_many_noisy_half_pages_are_decided_as_by_an_independent_decoder() -> None:
     rng = np.random.default_rng(3)
     for eb_n0_db in (3.0, 0.0, -2.0):
-        soft = received(rng, random_halves(rng, 6), eb_n0_db)
+        soft = received(rng, random_halves(rng, 3), eb_n0_db)
         hard = np.sign(soft)
         assert np.array_equal(decoded_halves(soft), [judged(one) for one in soft])
         # with hard decisions several paths are equally likely: the distances must agree, not the bits
