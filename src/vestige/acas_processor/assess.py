@@ -290,7 +290,15 @@ class _Assessment:
                 evidence=self._evidence(self._references()),
             ),
             self._processor,
+            self._clock_limit_s(),
         )
+
+    def _clock_limit_s(self) -> Float[np.ndarray, " n"]:
+        """Return the upper limit of the error of the receiver's clock at each epoch, in s."""
+        times, limits = self._measured.snapshots.time, self._uncertainties
+        if limits[-1].fixed_at is None:
+            return np.full(self._time_s.size, limits[0].initial_s)
+        return np.array([limits[epoch].at(times.at(epoch)) for epoch in range(self._time_s.size)])
 
     def after(self) -> ReceiverState:
         """Return the state after the block; to be called after `verdicts`."""

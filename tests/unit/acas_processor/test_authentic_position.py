@@ -14,6 +14,7 @@ from vestige.acas_processor.position.range_in_use import ranges_in_use
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.acas_processor.verdict_block import VerdictBlock
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Status
 from vestige.records.checks import CheckName
 
@@ -37,6 +38,7 @@ def _used(
     pushed_m: list[float] | None = None,
     found_m: list[float] | None = None,
     exhaustive_m: list[float] | None = None,
+    clock_limit_s: float = 15.0,
 ) -> tuple[VerdictBlock, AuthenticPosition | None]:
     """Return the block with other verdicts, pushed E1 ranges and searches, and its position."""
     measured = block.measured
@@ -59,7 +61,7 @@ def _used(
         e1_search=found(found_m),
         exhaustive_search=found(exhaustive_m),
     )
-    changed = ranges_in_use(changed, PROCESSOR)
+    changed = ranges_in_use(changed, PROCESSOR, np.array([clock_limit_s]))
     return changed, next(authentic_positions(changed), None)
 
 
@@ -133,6 +135,21 @@ def test_of_two_signals_in_the_correlators_the_earlier_one_is_used(quiet: Verdic
     assert early.earlier.all()
     error_m = early.range_in_use_m - quiet.measured.snapshots.e1.pseudorange_m
     assert np.abs(error_m).max() < 10.0
+
+
+def test_a_range_that_is_not_possible_is_not_used(quiet: VerdictBlock) -> None:
+    """A false alarm of a search five seconds before E1: the clock alone would allow it, other satellites do not."""
+    nan, far_m = float("nan"), -5 * SPEED_OF_LIGHT_MPS
+    block, found = _used(quiet, [S] + [A] * (M - 1), found_m=[far_m] + [nan] * (M - 1))
+    assert _is_the_place(found)
+    assert np.isfinite(block.range_in_use_m[0]).tolist() == [False] + [True] * (M - 1)
+    assert not block.earlier[0, 0]
+    two, _ = _used(quiet, [S] * M, found_m=[far_m, -10.0] + [nan] * (M - 2))
+    assert not np.isfinite(two.range_in_use_m).any(), "either of two may be wrong"
+    alone, _ = _used(quiet, [S] * M, found_m=[far_m] + [nan] * (M - 1))
+    assert np.isfinite(alone.range_in_use_m).sum() == 1
+    known, _ = _used(quiet, [S] * M, found_m=[far_m] + [nan] * (M - 1), clock_limit_s=1e-3)
+    assert not np.isfinite(known.range_in_use_m).any(), "the clock is not five seconds wrong"
 
 
 def test_three_ranges_are_no_position(quiet: VerdictBlock) -> None:

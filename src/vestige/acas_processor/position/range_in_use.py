@@ -10,7 +10,10 @@ What a RECS authenticates is the time since the RECS before. In epochs with RECS
    E6, for the same reason;
 4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
-Otherwise there is none. The position is the fix of all satellites with a range in use, four at least. It takes
+Otherwise there is none. A range that is not possible is left out, too: the clock error that it implies must lie within
+the upper limit that is known, and the ranges of all satellites, which have this error in common, must agree.
+
+The position is the fix of all satellites with a range in use, four at least. It takes
 pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
 """
 
@@ -37,8 +40,18 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
 
-def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock:
-    """Return verdicts with the ranges and positions that are in use."""
+# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, 10 ms to spare for the clock.
+SHORTEST_S, LONGEST_S = 0.065, 0.105
+SPREAD_M = (LONGEST_S - SHORTEST_S) * SPEED_OF_LIGHT_MPS
+
+
+def ranges_in_use(
+    block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"]
+) -> VerdictBlock:
+    """Return verdicts with the ranges and positions that are in use.
+
+    `clock_limit_s` is the upper limit of the error of the receiver's clock at each epoch.
+    """
     snapshots = block.measured.snapshots
     authentic = POSITION[Status.AUTHENTIC]
     e1_in_use = (block.status == authentic) & (block.state == authentic)
@@ -49,8 +62,26 @@ def ranges_in_use(block: VerdictBlock, processor: AcasProcessor) -> VerdictBlock
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]
     range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
-    block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier)
+    range_m = _possible(range_m, clock_limit_s)
+    block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier & np.isfinite(range_m))
     return replace(block, position=_positions(block, processor, range_m))
+
+
+def _possible(range_m: Float[np.ndarray, "n m"], clock_limit_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
+    """Return the ranges that a satellite of the constellation and the receiver's clock allow; NaN for the others.
+
+    The travel times of all satellites lie within `SPREAD_M`. What is farther from the median of an epoch is wrong; of
+    two that disagree either may be.
+    """
+    lowest_m, highest_m = (
+        SPEED_OF_LIGHT_MPS * (one + sign * clock_limit_s)[:, None] for one, sign in ((SHORTEST_S, -1), (LONGEST_S, 1))
+    )
+    possible_m = np.where((range_m >= lowest_m) & (range_m <= highest_m), range_m, np.nan)
+    order = np.sort(possible_m, axis=1)  # NaN last
+    count = np.count_nonzero(np.isfinite(possible_m), axis=1)
+    row, middle = np.arange(count.size), np.maximum(count - 1, 0)
+    median_m = 0.5 * (order[row, middle // 2] + order[row, (middle + 1) // 2])
+    return np.where(np.abs(possible_m - median_m[:, None]) <= SPREAD_M, possible_m, np.nan)
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
