@@ -16,7 +16,7 @@ from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, Handover
 from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 
-PROCESSOR = AcasProcessor()
+PROCESSOR = AcasProcessor(early_reach_m=75.0)
 OFFSETS_M = PROCESSOR.offsets_m
 
 

@@ -155,7 +155,7 @@ def test_a_part_that_lacks_something_is_one_line(folder: Path, source: str, tabl
         ),
         (
             "return [0] * len(magnitudes)",
-            "own_d:D: found indices from 0 to 0 from detect, expected -1 for none, or 1 to 9",
+            "own_d:D: found indices from 0 to 0 from detect, expected -1 for none, or 1 to 44",
         ),
     ],
 )

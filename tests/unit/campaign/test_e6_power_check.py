@@ -14,9 +14,12 @@ def power_check(*settings: str) -> CheckSeries:
 
 
 def test_a_pull_beyond_the_bank_loses_e6() -> None:
-    """Taps reach to 75 m; the early detector wants a peak with a tap on either side, so up to 60 m and half a tap."""
+    """On the late side taps reach to 75 m. The early detector wants a peak with a tap on either side, so up to 67 m.
+
+    E1 that is pulled to the early side predicts E6 too early. On the other side the bank reaches 600 m.
+    """
     pull = 'attack=[{{kind="position-push", svids=[7], bands=["E1"], start_s=20, power_db=12, {}}}]'
-    for far_m, lost in ((50, False), (80, True)):
+    for far_m, lost in ((-50, False), (-80, True), (80, False), (570, False), (630, True)):
         ramp = f'delay_m={{kind="ramp", first=0, last={far_m}, start_s=25, stop_s=60}}'
         failed = power_check("epochs=121", "recs.every=10", pull.format(ramp)).failed
         assert failed[70::10, 1].all() == lost

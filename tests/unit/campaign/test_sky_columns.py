@@ -138,11 +138,20 @@ def test_a_push_of_all_satellites_moves_the_clock_and_is_not_seen_by_raim() -> N
 
 
 def test_the_authenticated_fix_leaves_out_what_is_not_authentic() -> None:
-    e1_only = PUSH.replace("power_db=6", 'power_db=6, bands=["E1"]')
+    """Pulled to the early side E1 comes before E6, so nobody knows the true range."""
+    e1_only = PUSH.replace("power_db=6", 'power_db=6, bands=["E1"]').replace("last=90", "last=-90")
     found = columns_of(sky_scenario(*CLEAN, *HALF_MINUTES, e1_only))
     last = 7
     assert found["recs"][last]
     assert found["fix_satellites"][:, last].tolist() == [8, 6]
+    assert np.linalg.norm(found["fix_error_m"][0, last]) > 20
+    assert np.linalg.norm(found["fix_error_m"][1, last]) < 5
+
+
+def test_the_authenticated_fix_uses_e6_where_it_is_earlier_than_e1() -> None:
+    found = columns_of(sky_scenario(*CLEAN, *HALF_MINUTES, PUSH.replace("power_db=6", 'power_db=6, bands=["E1"]')))
+    last = 7
+    assert found["fix_satellites"][:, last].tolist() == [8, 8]
     assert np.linalg.norm(found["fix_error_m"][0, last]) > 20
     assert np.linalg.norm(found["fix_error_m"][1, last]) < 5
 
