@@ -92,11 +92,12 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_level_1_detects_a_spoofer_on_e1_and_misses_a_meaconer(six: Path) -> None:
+def test_level_1_detects_a_spoofer_on_e1_and_only_a_meaconer_with_a_short_delay(six: Path) -> None:
+    """Two of the six delays that are drawn are less than 2 µs: the correlators reach 600 m to the early side."""
     level_1 = read_threat_dataset(six).sel(level=1)
-    assert level_1["agreement"].values.tolist() == ["as expected"] * 2
-    assert level_1["detected"].values.tolist() == [6, 0]
-    assert level_1["missed"].values.tolist() == [0, 6]
+    assert level_1["agreement"].values.tolist() == ["as expected", "undecided"]
+    assert level_1["detected"].values.tolist() == [6, 2]
+    assert level_1["missed"].values.tolist() == [0, 4]
     assert level_1["by_chance_of"].values.tolist() == [6, 6]
     assert level_1["by_chance"].values.tolist() == [0, 0]
 
@@ -229,7 +230,7 @@ def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     store = read_threat_dataset(six)
     assert dict(store.sizes) == {"scene": 2, "level": 3, "check": 20}
     meaconer = store.isel(scene=1)
-    assert meaconer["missed"].values.tolist() == [6, 0, 0]
+    assert meaconer["missed"].values.tolist() == [4, 0, 0]
     assert meaconer["threat"].item() == "A3"
     assert meaconer.sel(level=1)["word"].item() == "missed"
     assert store["check_failed"].dims == ("scene", "level", "check")

@@ -100,8 +100,7 @@ class ProcessorSearches:
             signals[0, column], carrying[0, column], not_run[0, column] = one.count, one.carrying, one.not_run
             expected_s = request.expected_s[0, column]
             same = one.sent is not None and self._sent_with(svid, one.sent, snapshot)
-            # of several signals on E1, one that carries the chips in E6 is the true one
-            if same and one.count > 1 and one.peaks and math.isfinite(expected_s):
+            if same and one.count > 1 and one.peaks and one.true_is_known and math.isfinite(expected_s):
                 apart_s = (min(peak.start_time for peak in one.peaks) - snapshot.time) - expected_s
                 earliest_m[0, column] = apart_s * SPEED_OF_LIGHT_MPS
         return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))

@@ -26,6 +26,7 @@ from vestige.acas_processor.searches.vestigial import (
     line_stretches,
     reception_proof,
 )
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S
 from vestige.crypto.osnma.disclosure import ReceptionProof
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode, decrypt
@@ -45,6 +46,8 @@ from vestige.time import GalileoTime
 
 _OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
+_SAME_S = 2e-6  # two chips of E1, which its search leaves out
+
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
 
@@ -60,6 +63,9 @@ class SatelliteSearch:
     # number of signals, NaN if the search was not run, and of those that carry the encrypted chips
     count: float
     carrying: int = 0
+    # whether the first of the peaks is the true one of several signals; not if one on E1 that was not found in E6 may
+    # be earlier: the true one may be too weak there
+    true_is_known: bool = False
     not_run: int = 0  # 0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`
     sent: GalileoTime | None = None  # time of transmission of the RECS that the peaks are of; None without peaks
 
@@ -116,6 +122,8 @@ class E1VestigialSearch:
                     peaks=_proven(decision),
                     count=float(max(len(own), len(decision.peaks))),
                     carrying=len(decision.peaks),
+                    true_is_known=len(decision.peaks) > 1
+                    or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, snapshot.e1.start, sent)),
                     sent=sent,
                 )
             )
@@ -272,8 +280,28 @@ def _of_decision(
         peaks=_proven(decision),
         count=float(len(decision.peaks)),
         carrying=len(decision.peaks),
+        true_is_known=len(decision.peaks) > 1,
         sent=sent[svid],
     )
+
+
+def _preceded(
+    peak: Peak, signals: Sequence[Acquisition], first_sample_at: GalileoTime, sent: GalileoTime | None
+) -> bool:
+    """Return whether a signal on E1 comes before a peak in E6, by up to half a code period of E1.
+
+    Signals on E1 that were handed over to the same peak do not; E6 may be `_SAME_S` beside them.
+    """
+    if sent is None:
+        return False
+    half_s = E1_CODE_PERIOD_S / 2
+    for one in signals:
+        since_code_start_s = peak.start_time - first_sample_at - one.code_start_s
+        sent_s = since_code_start_s * (1 + one.doppler_hz / E1_CARRIER_HZ)  # on the satellite's clock
+        behind_s = (sent_s - sent.fraction + half_s) % E1_CODE_PERIOD_S - half_s
+        if behind_s > _SAME_S:
+            return True
+    return False
 
 
 def _says(decision: VestigialDecision) -> int:
