@@ -44,10 +44,10 @@ ATTACKS = {
 SAID = {
     "honest": (["AUTHENTIC"], ["AUTHENTIC"], ["AUTHENTIC"]),
     "A1": (["NOT_DETECTED"], ["SPOOFED"], ["SPOOFED"]),
-    "A3": (["AUTHENTIC"], ["SUSPECT"], ["SPOOFED"]),
+    "A3": (["SPOOFED"], ["SPOOFED"], ["SPOOFED"]),
     "A5": (["AUTHENTIC"], ["SPOOFED"], ["SPOOFED"]),
     "A8": (["NOT_DETECTED"], ["NOT_DETECTED"], ["NOT_DETECTED"]),
-    "A12": (["AUTHENTIC", "NOT_DETECTED"], ["NOT_DETECTED", "SUSPECT"], ["NOT_DETECTED", "SUSPECT"]),
+    "A12": (["AUTHENTIC", "SPOOFED"], ["SPOOFED", "SUSPECT"], ["SPOOFED", "SUSPECT"]),
 }
 # Checks that compare with earlier epochs, or with levels that have to be learned. The recording holds one RECS.
 NEED_A_PAST = {"E1 received power", "E6 received power", "C/N0", "E6 C/N0", "clock slope"}

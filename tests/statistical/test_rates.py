@@ -38,7 +38,7 @@ PLAIN = {
     "epochs": 1,
     "line_of_sight": {"v_mps": 51.023, "amplitude_m": 0.5012, "omega_radps": 3.149132472},
     "receiver": {"cn0_dbhz": 35.0, "cn0_e1_dbhz": 35.0},
-    "processor": {"detector": "maximum", "tap_spacing_m": APART_M},
+    "processor": {"detector": "maximum", "tap_spacing_m": APART_M, "early_reach_m": 0.0},
 }
 
 

@@ -10,6 +10,8 @@ import pytest
 from scipy.special import chdtri
 from tests.sky_builder import CLEAN, columns_of, sky_scenario
 
+from vestige.acas_processor.processor import AcasProcessor
+
 
 @pytest.fixture(scope="module")
 def clean() -> dict[str, np.ndarray]:
@@ -103,6 +105,7 @@ def test_low_satellites_are_weaker_and_noisier(clean: dict[str, np.ndarray]) -> 
     n = scaled.shape[0]
     assert np.all((scaled.sum(axis=0) > chdtri(n, 1 - 5e-8)) & (scaled.sum(axis=0) < chdtri(n, 5e-8)))
     recs = clean["recs"]
-    power = np.abs(clean["taps"][recs][:, :, 5]) ** 2 / clean["noise_power"][recs]
+    prompt = int(np.argmin(np.abs(AcasProcessor().offsets_m)))
+    power = np.abs(clean["taps"][recs][:, :, prompt]) ** 2 / clean["noise_power"][recs]
     cn0_dbhz = 10 * np.log10(power.mean(axis=0) / 16e-3)
     assert cn0_dbhz == pytest.approx(clean["e1_cn0_dbhz"][recs].mean(axis=0), abs=0.4)  # the peak lies near a tap

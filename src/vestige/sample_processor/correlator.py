@@ -28,7 +28,7 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block, middle_chips
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
@@ -77,8 +77,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
-    middle = float(np.mean(offsets_chips)) if offsets_chips.size else 0.0
-    if np.max(np.abs(offsets_chips - middle), initial=0.0) > REACH_CHIPS:
+    if np.max(np.abs(offsets_chips - middle_chips(offsets_chips)), initial=0.0) > REACH_CHIPS:
         raise ValueError(f"taps reach farther than {REACH_CHIPS} chips from the middle of the bank")
 
     code_rate = chips.chip_rate_hz * (1.0 + handover.doppler_hz / carrier_hz)

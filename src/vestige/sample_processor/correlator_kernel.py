@@ -33,7 +33,7 @@ from vestige.signals.chip_window_kernel import (
 )
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
 
-__all__ = ["LEAD", "REACH_CHIPS", "chip_windows", "correlate_block"]
+__all__ = ["LEAD", "REACH_CHIPS", "chip_windows", "correlate_block", "middle_chips"]
 
 REACH_CHIPS = 8.0  # farthest tap from the middle of the bank
 
@@ -93,6 +93,18 @@ def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
 
 
 @njit(cache=True, nogil=True)
+def middle_chips(offsets):
+    """Return the middle of a bank in chips: whole chips if it is far from the prediction.
+
+    The noise floor is the power of chips, which then coincide with those of the signal that is looked for.
+    """
+    if offsets.size == 0:
+        return 0.0
+    mean = offsets.mean()
+    return mean if abs(mean) < 0.5 else np.round(mean)
+
+
+@njit(cache=True, nogil=True)
 def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
 
@@ -103,7 +115,7 @@ def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rat
     chips, windows
         int8[n_chips] of ±1 and their `chip_windows`.
     offsets
-        float64[n_taps] in chips, later is positive, within REACH_CHIPS of their mean.
+        float64[n_taps] in chips, later is positive, within REACH_CHIPS of `middle_chips`.
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate
@@ -112,7 +124,7 @@ def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rat
         Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
     """
     n_samples, n_taps = x.size // 2, offsets.size
-    middle = offsets.mean() if n_taps else 0.0
+    middle = middle_chips(offsets)
     around = offsets - middle
     reach = np.abs(around).max() if n_taps else 0.0
     out = np.zeros(n_taps, np.complex128)

@@ -48,7 +48,7 @@ def _banks(fidelity: str, cn0_dbhz: float, n: int) -> tuple[np.ndarray, np.ndarr
     scenario = sky_scenario(*settings, f"receiver.cn0_dbhz={cn0_dbhz}", f'fidelity="{fidelity}"')
     block, _ = whole_block(scenario)
     banks = AcasProcessor(detector=MaximumDetector()).measure(block, scenario.simulated_receiver.assistance).banks
-    prompt = banks.taps[..., banks.offsets_m.size // 2]
+    prompt = banks.taps[..., int(np.argmin(np.abs(banks.offsets_m)))]
     density = (12.5e6 if fidelity == "samples" else 10 ** (cn0_dbhz / 10)) * 0.016
     return np.abs(prompt) * np.sqrt(density), banks.noise_power * density
 
