@@ -93,7 +93,7 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_level_1_detects_a_spoofer_on_e1_and_only_a_meaconer_with_a_short_delay(six: Path) -> None:
-    """Two of the six delays are less than 2 µs, within the correlators; a third one is seen by the remainder on E6."""
+    """The correlators see a meaconer with a delay below 2 µs, because they reach 600 m to the early side."""
     level_1 = read_threat_dataset(six).sel(level=1)
     assert level_1["agreement"].values.tolist() == ["as expected", "undecided"]
     assert level_1["detected"].values.tolist() == [6, 3]
@@ -238,7 +238,7 @@ def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     assert spoofed["check"].values[spoofed["check_failed"].values > 0].tolist() == ["E6 power"]
     assert spoofed["check_time_s"].sel(check="E6 power").item() == 0.0
     assert meaconer.sel(level=1)["check_failed"].sum() == 3
-    assert np.isnan(meaconer.sel(level=1)["check_time_s"].values).all()
+    assert np.isfinite(meaconer.sel(level=1)["check_time_s"].values).sum() == 1, "the range check"
     assert store.attrs["vestige_version"] == rows[0]["vestige_version"] == vestige_version()
 
 
