@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 
 # Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, 10 ms to spare for the clock.
-SHORTEST_S, LONGEST_S = 0.065, 0.105
-SPREAD_M = (LONGEST_S - SHORTEST_S) * SPEED_OF_LIGHT_MPS
+SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
+SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
 
 def ranges_in_use(
@@ -74,7 +74,8 @@ def _possible(range_m: Float[np.ndarray, "n m"], clock_limit_s: Float[np.ndarray
     two that disagree either may be.
     """
     lowest_m, highest_m = (
-        SPEED_OF_LIGHT_MPS * (one + sign * clock_limit_s)[:, None] for one, sign in ((SHORTEST_S, -1), (LONGEST_S, 1))
+        SPEED_OF_LIGHT_MPS * (one + sign * clock_limit_s)[:, None]
+        for one, sign in ((SHORTEST_TRAVEL_S, -1), (LONGEST_TRAVEL_S, 1))
     )
     possible_m = np.where((range_m >= lowest_m) & (range_m <= highest_m), range_m, np.nan)
     order = np.sort(possible_m, axis=1)  # NaN last
