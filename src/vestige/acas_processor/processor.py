@@ -92,7 +92,7 @@ class AcasProcessor:
         The bank around the hand-over's prediction: number of correlators, and distance between neighbours in m.
     early_reach_m
         The bank goes on at the same distance to so many m before the prediction, or as far as the correlator's window
-        of 879 m holds. A meaconer with a short
+        of 820 m holds. A meaconer with a short
         delay captures E1; the true E6 signal is then earlier than E1 predicts. The search for a second signal on E1
         leaves out two chips, 586 m, around the tracked signal, so the bank has to cover them.
     budget, kappa
@@ -151,7 +151,7 @@ class AcasProcessor:
     @property
     def offsets_m(self) -> Float[np.ndarray, " n_taps"]:
         """Offsets of the correlators from the prediction in m, early to late."""
-        possible_m = (2 * REACH_CHIPS - 1) * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz - 2 * self.late_reach_m
+        possible_m = (2 * REACH_CHIPS - 2) * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz - 2 * self.late_reach_m
         wanted = ceil((self.early_reach_m - self.late_reach_m) / self.tap_spacing_m - 1e-9)
         further = max(0, min(wanted, floor(possible_m / self.tap_spacing_m)))
         return (np.arange(-further, self.n_taps) - (self.n_taps - 1) / 2) * self.tap_spacing_m

@@ -101,7 +101,7 @@ def middle_chips(offsets):
     if offsets.size == 0:
         return 0.0
     mean = offsets.mean()
-    return mean if abs(mean) < 0.5 else np.round(mean)
+    return mean if abs(mean) < 0.5 else np.trunc(mean)
 
 
 @njit(cache=True, nogil=True)

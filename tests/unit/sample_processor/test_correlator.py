@@ -14,6 +14,12 @@ from vestige.sample_processor.correlator_kernel import LEAD, chip_windows
 RATE = 5.115e6
 
 
+def middle_of(offsets_m: np.ndarray) -> float:
+    """Return the middle of a bank in chips; beyond half a chip, whole chips."""
+    mean = float(np.mean(offsets_m / SPEED_OF_LIGHT_MPS * RATE))
+    return mean if abs(mean) < 0.5 else float(np.trunc(mean))
+
+
 def brute_force(batch: SampleBatch, handover: Handover, offsets_m: np.ndarray) -> tuple[np.ndarray, float]:
     """The definition, tap by tap and sample by sample, in float64."""
     chips = handover.chips.chips
@@ -28,7 +34,7 @@ def brute_force(batch: SampleBatch, handover: Handover, offsets_m: np.ndarray) -
         j = np.floor(u - offset_m / SPEED_OF_LIGHT_MPS * RATE).astype(int)
         inside = (j >= 0) & (j < chips.size)
         taps.append(np.sum(y[inside] * chips[j[inside]]) / m)
-    j = np.floor(u - np.mean(offsets_m) / SPEED_OF_LIGHT_MPS * RATE).astype(int)
+    j = np.floor(u - middle_of(offsets_m)).astype(int)
     inside = (j >= 0) & (j < chips.size)
     sums = np.bincount(j[inside], y[inside].real) + 1j * np.bincount(j[inside], y[inside].imag)
     return np.array(taps), float(np.sum(np.abs(sums) ** 2) / m**2)
@@ -39,7 +45,7 @@ def on_an_edge(batch: SampleBatch, handover: Handover, offsets_m: np.ndarray) ->
     t = np.arange(batch.samples.size) / batch.sample_rate_hz - (handover.start_time - batch.start)
     f, rate = handover.doppler_hz, handover.doppler_rate_hz_per_s
     u = RATE * (t + f / E6_CARRIER_HZ * t + 0.5 * rate / E6_CARRIER_HZ * t**2)
-    late = np.append(offsets_m, np.mean(offsets_m)) / SPEED_OF_LIGHT_MPS * RATE
+    late = np.append(offsets_m / SPEED_OF_LIGHT_MPS * RATE, middle_of(offsets_m))
     return bool(np.any(np.abs(np.subtract.outer(u, late) - np.rint(np.subtract.outer(u, late))) < 1e-9))
 
 
@@ -52,7 +58,7 @@ def on_an_edge(batch: SampleBatch, handover: Handover, offsets_m: np.ndarray) ->
     rate=st.sampled_from([0.0, 20.0, -100.0]),
     start_s=st.floats(3e-6, 1e-4),
     n_taps=st.integers(1, 13),
-    middle_m=st.floats(-60, 60),
+    middle_m=st.one_of(st.floats(-60, 60), st.floats(-300, -200)),
     spacing_m=st.floats(1.0, 60.0),
     if_hz=st.sampled_from([0.0, 3e6]),
 )
