@@ -237,7 +237,7 @@ class Scer(CheckedAttack):
     Attributes
     ----------
     delay_m, power_db, phase
-        Delay in m, power in dB and phase of the E1 counterfeit.
+        Delay in m, power in dB and phase of the spoofing signal on E1.
     e6_lag_m
         How much later the E6 counterfeit is; at least one E6 chip, which the attacker cannot know sooner.
     reception_gain_db

@@ -60,7 +60,7 @@ class ShortRecording(Section):
     svids
         Satellites in the recording.
     sample_rate_hz
-        Of both bands: little more than the 5.115 MHz that E6 needs, if a jammer is not wider.
+        Sampling rate of both bands: little more than the 5.115 MHz that E6 needs, if a jammer is not wider.
     """
 
     name: str = ""

@@ -181,7 +181,7 @@ def prepared(
     recording
         The opened recording.
     options
-        Of `vestige process`, by the names of its parameters.
+        Options of `vestige process`, by the names of its parameters.
     tracked
         What tracking made of E1; None if E1 was not tracked.
     """
