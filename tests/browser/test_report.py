@@ -22,7 +22,7 @@ FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
 )  # fmt: skip
-RUNS = {"quick": QUICK, "liftoff": LIFT_OFF, "sky": SKY}
+RUNS = {"quick": QUICK, "liftoff_sudden": LIFT_OFF, "sky": SKY}
 PAGES = [*RUNS, "threats"]
 PHONE, DESK = (360, 740), (1200, 900)
 # How many colours a canvas has, and the text of all its pixels.
@@ -168,7 +168,7 @@ def test_text_stands_out_from_the_page(name: str, dark: bool, browser: Any, page
 
 
 def test_the_slider_changes_the_picture(browser: Any, pages: dict[str, str]) -> None:
-    opened(browser, pages["liftoff"])
+    opened(browser, pages["liftoff_sudden"])
     slider = browser.find_element("id", "epoch")
     first, before = shown(browser), [pixels(browser, figure) for figure in ("waterfall", "epoch")]
     assert first.startswith("E11, T = 0 s: ")
@@ -200,7 +200,7 @@ def test_the_curve_is_that_of_the_chosen_epoch(browser: Any, pages: dict[str, st
 
 
 def test_the_time_line_has_the_colours_of_the_verdicts(browser: Any, pages: dict[str, str]) -> None:
-    opened(browser, pages["liftoff"])
+    opened(browser, pages["liftoff_sudden"])
     counts = browser.execute_script("""
         const canvas = document.querySelector('canvas[data-figure=timeline]');
         const all = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
@@ -220,7 +220,7 @@ def test_the_time_line_has_the_colours_of_the_verdicts(browser: Any, pages: dict
 
 
 def test_dragging_over_the_map_chooses_the_epoch(browser: Any, pages: dict[str, str]) -> None:
-    opened(browser, pages["liftoff"])
+    opened(browser, pages["liftoff_sudden"])
     canvas = browser.find_element("css selector", "canvas[data-figure=waterfall]")
     slider = browser.find_element("id", "epoch")
     chosen = []
@@ -257,7 +257,7 @@ def test_another_satellite_has_other_correlators(browser: Any, pages: dict[str, 
 
 
 def test_a_detector_can_be_left_out(browser: Any, pages: dict[str, str]) -> None:
-    opened(browser, pages["liftoff"])
+    opened(browser, pages["liftoff_sudden"])
     before = pixels(browser, "offsets"), pixels(browser, "histogram")
     box = browser.find_element("css selector", "input[data-detector=maximum]")
     box.click()

@@ -15,6 +15,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import click
@@ -295,7 +296,9 @@ def test_any_number_of_interruptions_changes_nothing(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_stops_cleanly(night: Path, tmp_path: Path, number: signal.Signals) -> None:
     kept = tmp_path / "kept"
-    run = _run(night, *FAST, "-o", kept)
+    # A job in the background of a shell inherits a SIGINT that is ignored; a program at a terminal does not.
+    at_a_terminal = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    run = _run(night, *FAST, "-o", kept, preexec_fn=at_a_terminal)
     _wait_for(kept, 2)
     time.sleep(0.1)  # it waits for samples after the last RECS
     run.send_signal(number)

@@ -52,7 +52,7 @@ def test_json_when_nothing_is_detected(tmp_path: Path) -> None:
 
 def test_what_came_of_an_attack(tmp_path: Path) -> None:
     """A lift-off of E6 alone: the early detector comes back, the other does not; text and JSON say the same."""
-    arguments = (SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", "--fidelity", "correlators")
+    arguments = (SCENARIOS / "liftoff_sudden.toml", "-o", tmp_path / "a", "--fidelity", "correlators")
     text = _invoke(*arguments).stdout
     (found,) = json.loads(_invoke(*arguments, "--json").stdout)["attack"]
     early, maximum = found["early"], found["maximum"]
@@ -83,7 +83,7 @@ def test_what_is_said_of_an_attack_is_what_the_level_says(
 def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None:
     """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
     short = ("--set", "epochs=520", "--fidelity", "correlators")
-    assert _invoke(SCENARIOS / "liftoff.toml", "-o", tmp_path / "a", *short).exception is None
+    assert _invoke(SCENARIOS / "liftoff_sudden.toml", "-o", tmp_path / "a", *short).exception is None
     aimed = open_results(tmp_path / "a").dataset.load()
     noise = aimed.assign(truth_spoofed=aimed["truth_spoofed"] & False).assign_coords(svid=("satellite", [12]))
     one = attack_lines(aimed)

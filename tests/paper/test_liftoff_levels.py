@@ -1,7 +1,7 @@
 """[WFO, Sec. VI-B] at levels 2 and 3 over 20 seeds: which check sees the zero-delay lift-off, when, and what is in use.
 
-scenarios/liftoff.toml: the counterfeit is on air from T = 500 s at −10 dB, on top of the true signal at 600 s, then
-rises to +4.5 dB by 720 s and leaves. A single line of sight: no position, no OSNMA of several satellites.
+scenarios/liftoff_sudden.toml: the counterfeit is on air from T = 500 s at −10 dB, on top of the true signal at 600 s,
+then rises to +4.5 dB by 720 s and leaves. A single line of sight: no position, no OSNMA of several satellites.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vestige.campaign.statistics import proportion
 from vestige.records import Status
 from vestige.scenario.load import load_scenario
 
-SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "liftoff.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "liftoff_sudden.toml"
 SEEDS = range(600, 620)
 BEFORE, APPROACH, RISE, AFTER = slice(0, 500), slice(500, 600), slice(600, 720), slice(1100, 1500)
 ALARMED_BY_S = 720

@@ -165,7 +165,7 @@ def test_forged_chips_are_known_whichever_satellite_they_are_for(svids: tuple[in
 
 def test_outcomes_of_a_run(tmp_path: Path) -> None:
     """Before the attack all is TRUE; after 1050 s the detectors differ, as the flags say."""
-    scenario = load_scenario(SCENARIOS / "liftoff.toml", ['fidelity="correlators"', "epochs=1300"])
+    scenario = load_scenario(SCENARIOS / "liftoff_sudden.toml", ['fidelity="correlators"', "epochs=1300"])
     assert isinstance(scenario, CampaignScenario)
     results = run(ScenarioPlan(scenario=scenario), tmp_path / "liftoff")
     found = outcomes(results)

@@ -55,7 +55,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lift_off(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
-    path = made(tmp_path_factory.mktemp("lift-off") / "a", "liftoff", *LIFT_OFF, "epochs=20")
+    path = made(tmp_path_factory.mktemp("lift-off") / "a", "liftoff_sudden", *LIFT_OFF, "epochs=20")
     return open_results(path).dataset.load()
 
 

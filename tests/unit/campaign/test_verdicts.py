@@ -16,7 +16,7 @@ from vestige.records import Status
 
 @pytest.fixture(scope="module")
 def lift_off(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
-    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "liftoff", *LIFT_OFF)).dataset.load()
+    return open_results(made(tmp_path_factory.mktemp("verdicts") / "a", "liftoff_sudden", *LIFT_OFF)).dataset.load()
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_the_limit_of_the_range_check(lift_off: xarray.Dataset) -> None:
 
 
 def test_the_digest_is_of_values_alone(lift_off: xarray.Dataset, tmp_path: Path) -> None:
-    again = open_results(made(tmp_path / "again", "liftoff", *LIFT_OFF)).dataset
+    again = open_results(made(tmp_path / "again", "liftoff_sudden", *LIFT_OFF)).dataset
     assert results_digest(again) == results_digest(lift_off)
     changed = lift_off.copy(deep=True)
     changed["time_s"].values[7] += 1e-9

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,6 +17,7 @@ MODELS = st.builds(
     tail_start_m=st.floats(0.5, 5.0),
     tail_scale_m=st.floats(0.1, 5.0),
     tail_probability=st.floats(0.0, 1.0),
+    late_tail_share=st.floats(0.0, 1.0),
     truncated=st.booleans(),
 )
 
@@ -23,18 +26,34 @@ MODELS = st.builds(
 def test_the_quantile_inverts_the_distribution(model: HeavyTailedIonosphere, z: list[float]) -> None:
     values = np.array(z)
     found = model.quantile(values)
-    above = model.exceedance(np.abs(found))
+    late = found > 0
     # A gap between core and tail has no probability of its own: every quantile in it is one.
-    assert above == pytest.approx(ndtr(-np.abs(values)), rel=1e-9, abs=1e-15)
-    assert np.all(found * values >= 0)
+    for side, probability in ((late, ndtr(-values)), (found < 0, ndtr(values))):
+        beyond = model.exceedance(np.abs(found[side]), late=side is late)
+        assert beyond == pytest.approx(probability[side], rel=1e-9, abs=1e-15)
 
 
 @given(model=MODELS)
-def test_the_quantile_ascends_and_is_odd(model: HeavyTailedIonosphere) -> None:
+def test_the_quantile_ascends_and_the_mirrored_model_mirrors_it(model: HeavyTailedIonosphere) -> None:
     z = np.linspace(-7, 7, 301)
     found = model.quantile(z)
     assert np.all(np.diff(found) >= -1e-9)
-    assert np.array_equal(found, -model.quantile(-z))
+    mirrored = replace(model, late_tail_share=1 - model.late_tail_share)
+    assert found == pytest.approx(-mirrored.quantile(-z), rel=1e-9, abs=1e-9)
+
+
+def test_a_symmetric_model_is_odd_to_the_bit() -> None:
+    z = np.linspace(-7, 7, 301)
+    model = HeavyTailedIonosphere.solar_maximum_2014()
+    assert np.array_equal(model.quantile(z), -model.quantile(-z))
+
+
+def test_without_its_early_tail_the_late_side_of_2014_is_as_before_and_the_early_side_gaussian() -> None:
+    """The preset keeps 5 % in the late tail; the early side is 95 % of the core alone."""
+    both, late = HeavyTailedIonosphere.solar_maximum_2014(), HeavyTailedIonosphere.solar_maximum_2014_late()
+    x_m = np.array([6.0, 8.0, 10.0])
+    assert late.exceedance(x_m) == pytest.approx(both.exceedance(x_m), rel=1e-4)
+    assert late.exceedance(x_m, late=False) == pytest.approx(0.95 * ndtr(-x_m / 1.24), rel=1e-12)
 
 
 def test_without_tails_it_is_gaussian() -> None:
@@ -97,7 +116,14 @@ def test_memory_does_not_change_the_first_value() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"core_sigma_m": -1.0}, {"tail_start_m": -1.0}, {"tail_scale_m": np.nan}, {"tail_probability": 1.1}]
+    "wrong",
+    [
+        {"core_sigma_m": -1.0},
+        {"tail_start_m": -1.0},
+        {"tail_scale_m": np.nan},
+        {"tail_probability": 1.1},
+        {"late_tail_share": -0.1},
+    ],
 )
 def test_parameters_must_make_sense(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="not"):

@@ -19,7 +19,7 @@ from vestige.records import Status
 from vestige.report import run_page
 from vestige.scenario.load import load_scenario
 
-RUNS = {"quick": QUICK, "liftoff": LIFT_OFF, "sky": SKY}
+RUNS = {"quick": QUICK, "liftoff_sudden": LIFT_OFF, "sky": SKY}
 BODY = [status.value for status in Status]
 
 
@@ -81,13 +81,13 @@ def test_thresholds_and_misses(results: dict[str, xarray.Dataset], pages: dict[s
     assert rows["E6 power"][0] == "5.678 σ"  # sqrt(-2 ln 1e-7)
     assert rows["E6 power"][2] == f"{misses} without a detection"
     assert rows["E1–E6 range"][0] == "±26.55 m"  # 3 times 8.85 m of the uncorrected budget
-    beyond = np.count_nonzero(np.abs(results["liftoff"]["range_offset_m"].sel(detector="early").values) > 26.55)
+    beyond = np.count_nonzero(np.abs(results["liftoff_sudden"]["range_offset_m"].sel(detector="early").values) > 26.55)
     assert beyond > 0
-    assert rows_of(pages["liftoff"], "Checks of steps 1 and 2")["E1–E6 range"][2] == f"{beyond} beyond it"
+    assert rows_of(pages["liftoff_sudden"], "Checks of steps 1 and 2")["E1–E6 range"][2] == f"{beyond} beyond it"
 
 
 def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> None:
-    page, data = pages["liftoff"], data_of(pages["liftoff"])
+    page, data = pages["liftoff_sudden"], data_of(pages["liftoff_sudden"])
     assert "under attack (lift-off)" in page
     assert {"E11, early", "E11, maximum"} <= set(rows_of(page, "What came of the attack"))
     (attack,) = data["satellites"][0]["counterfeits"]
@@ -99,9 +99,9 @@ def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> Non
 
 
 def test_false_alarms_are_those_without_the_attack(results: dict[str, xarray.Dataset], pages: dict[str, str]) -> None:
-    status = results["liftoff"]["status"].values[:100, 0]
+    status = results["liftoff_sudden"]["status"].values[:100, 0]
     alarms = np.count_nonzero((status != 0) & (status != BODY.index("not available")))
-    row = rows_of(pages["liftoff"], "Counted in this run, exact 95 % intervals")["verdicts without an attack"]
+    row = rows_of(pages["liftoff_sudden"], "Counted in this run, exact 95 % intervals")["verdicts without an attack"]
     assert row[1:3] == [str(alarms), "100"]
 
 
@@ -243,7 +243,7 @@ def test_what_is_no_run_is_one_line(results: dict[str, xarray.Dataset], tmp_path
 @pytest.fixture(scope="module")
 def at_level_2(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     """A lift-off of 300 s, judged by level 2."""
-    store = made(tmp_path_factory.mktemp("level") / "two", "liftoff", *LIFT_OFF, "processor.level=2")
+    store = made(tmp_path_factory.mktemp("level") / "two", "liftoff_sudden", *LIFT_OFF, "processor.level=2")
     return open_results(store).dataset.load()
 
 

@@ -31,14 +31,17 @@ def _with(tmp_path: Path, text: str, *settings: str) -> CampaignScenario:
     return scenario
 
 
-def test_the_paper_s_attack() -> None:
-    scenario = load_scenario(SCENARIOS / "liftoff.toml")
+@pytest.mark.parametrize(
+    ("name", "bank"), [("liftoff", ("processor.n_taps=13", "processor.early_reach_m=90")), ("liftoff_sudden", ())]
+)
+def test_the_paper_s_attack_under_its_harsh_conditions(name: str, bank: tuple[str, ...]) -> None:
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
     assert isinstance(scenario, CampaignScenario)
     (attack,) = scenario.attack
     assert isinstance(attack, LiftOff)
     assert attack.bands == (Band.E6,)
     assert scenario_warnings(scenario) == ()
-    harsh = load_scenario(SCENARIOS / "harsh.toml", ["epochs=1500", "seed=600"])
+    harsh = load_scenario(SCENARIOS / "harsh.toml", ["epochs=1500", "seed=600", *bank])
     assert scenario.model_copy(update={"attack": ()}) == harsh
 
 

@@ -2,25 +2,29 @@
 
 Theory of operation
 -------------------
-The residual e is a mixture: with probability 1 − p from N(0, σ), and with p/2 on each side ±(u + Exp(β)). So far out
+The residual e is a mixture: with probability 1 − p from N(0, σ), with ps from the late tail u + Exp(β), where E6
+arrives later than the model says, and with p(1 − s) from the early tail −(u + Exp(β)). So far out on the late side
 
-    P(e > x) = p/2 · e^{−(x−u)/β}
+    P(e > x) = ps · e^{−(x−u)/β}
 
-a straight line in a logarithmic histogram, as [WFO, Sec. VI-A] shows. Values come from one Gaussian z an epoch through
-the inverse distribution function, e = F⁻¹(Φ(z)): whatever memory z has, the distribution of e is F.
+a straight line in a logarithmic histogram, as [WFO, Sec. VI-A] shows on the right flank. Values come from one Gaussian
+z an epoch through the inverse distribution function, e = F⁻¹(Φ(z)): whatever memory z has, the distribution of e is F.
 
 * `iid`: every epoch independent, for histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
   then holds only about 14 independent values.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are what is left between two such models,
-NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. 1 TECU is 0.0841 m of E6 − E1.
+NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Both tails of that difference have 5 %. What
+a broadcast model leaves of a strong ionosphere is rather a delay that it underestimates, as the paper's histogram has
+it: the preset 2014-late keeps the late tail and gives the 5 % of the early one to the core. 1 TECU is 0.0841 m of
+E6 − E1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -49,6 +53,8 @@ class HeavyTailedIonosphere:
         u and β of the tails in m.
     tail_probability
         p, probability of both tails together.
+    late_tail_share
+        s, share of p that the late tail has, 0 to 1: 0.5 is symmetric, 1 has no early tail.
     truncated
         Cut the core at ±u, so that P(|e| > u) is exactly p. Otherwise the core reaches beyond u too.
     correlation, tau_s
@@ -59,6 +65,7 @@ class HeavyTailedIonosphere:
     tail_start_m: float
     tail_scale_m: float
     tail_probability: float = 0.1
+    late_tail_share: float = 0.5
     truncated: bool = False
     correlation: Correlation = "iid"
     tau_s: float = PASS_TAU_S
@@ -69,11 +76,19 @@ class HeavyTailedIonosphere:
             raise ValueError("the widths of the core and of the tails are not negative")
         if not 0 <= self.tail_probability <= 1:
             raise ValueError(f"the probability of the tails is not in [0, 1]: {self.tail_probability}")
+        if not 0 <= self.late_tail_share <= 1:
+            raise ValueError(f"the share of the late tail is not in [0, 1]: {self.late_tail_share}")
 
     @classmethod
     def solar_maximum_2014(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
         """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, beyond 10 m 1 in 10,000 on each side."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17, correlation=correlation)
+
+    @classmethod
+    def solar_maximum_2014_late(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+        """Return that of 2014 without its early tail: the right flank of the paper's histogram is the higher one."""
+        one_tail = {"tail_probability": 0.05, "late_tail_share": 1.0}
+        return replace(cls.solar_maximum_2014(correlation=correlation), **one_tail)
 
     @classmethod
     def average_2017(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
@@ -90,26 +105,42 @@ class HeavyTailedIonosphere:
         """Return the residual of 2017, elevation 30 to 90°: rms 0.63 m."""
         return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46, correlation=correlation)
 
-    def exceedance(self, x_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return P(e > x) for each x ≥ 0 in m."""
-        p, u, beta = self.tail_probability, self.tail_start_m, self.tail_scale_m
-        beyond = np.maximum(x_m - u, 0.0)
-        tail = np.exp(-beyond / beta) if beta > 0 else (beyond == 0) * 1.0
-        return (1 - p) * self._core_exceedance(x_m) + p / 2 * tail
+    def exceedance(self, x_m: Float[np.ndarray, " n"], *, late: bool = True) -> Float[np.ndarray, " n"]:
+        """Return P(e > x), or P(e < −x) of the early side, for each x ≥ 0 in m."""
+        return self._exceedance(x_m, self._tail(late=late))
 
     def quantile(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return F⁻¹(Φ(z)) in m for each Gaussian z.
 
-        The distribution is symmetric, so only its upper half is inverted, from Φ(−|z|): nothing is lost far out.
+        Each side is inverted from its own small probability, Φ(−z) or Φ(z): nothing is lost far out.
         """
+        late, early = ndtr(-z), ndtr(z)
+        on_late_side = late <= 0.5 * (1 - self.tail_probability) + self._tail(late=True)
+        found = np.zeros_like(late)
+        found[on_late_side] = self._side(late[on_late_side], self._tail(late=True))
+        found[~on_late_side] = -self._side(early[~on_late_side], self._tail(late=False))
+        return found
+
+    def _tail(self, *, late: bool) -> float:
+        """Return the probability of one tail."""
+        return self.tail_probability * (self.late_tail_share if late else 1 - self.late_tail_share)
+
+    def _exceedance(self, x_m: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
+        """Return the probability beyond x ≥ 0 on the side whose tail has this probability."""
+        u, beta = self.tail_start_m, self.tail_scale_m
+        beyond = np.maximum(x_m - u, 0.0)
+        falling = np.exp(-beyond / beta) if beta > 0 else (beyond == 0) * 1.0
+        return (1 - self.tail_probability) * self._core_exceedance(x_m) + tail * falling
+
+    def _side(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
+        """Return x ≥ 0 beyond which the side whose tail has this probability has `upper`."""
         p, u = self.tail_probability, self.tail_start_m
-        upper = ndtr(-np.abs(z))
-        core_end = (1 - p) * float(self._core_exceedance(np.array([u]))[0]) + p / 2
+        core_end = (1 - p) * float(self._core_exceedance(np.array([u]))[0]) + tail
         size = np.zeros_like(upper)
         inner = upper > core_end
-        size[inner] = self._core_quantile((upper[inner] - p / 2) / (1 - p)) if p < 1 else 0.0
-        size[~inner] = self._tail_quantile(upper[~inner])
-        return np.copysign(size, z)
+        size[inner] = self._core_quantile((upper[inner] - tail) / (1 - p)) if p < 1 else 0.0
+        size[~inner] = self._tail_quantile(upper[~inner], tail)
+        return size
 
     def process(self, streams: Streams) -> IonosphereProcess:
         """Return a realisation for one satellite from its streams."""
@@ -134,19 +165,19 @@ class HeavyTailedIonosphere:
             upper = cut + upper * (1 - 2 * cut)
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
-    def _tail_quantile(self, upper: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return x ≥ u with P(e > x) = `upper`: in closed form, or by bisection where the core reaches beyond u."""
+    def _tail_quantile(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
+        """Return x ≥ u beyond which there is `upper`: in closed form, or by bisection if the core reaches beyond u."""
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
-            return u + beta * np.log(np.maximum(p / (2 * upper), 1.0))
+            return u + beta * np.log(np.maximum(tail / upper, 1.0))
         # Above `high` neither of the two terms is more than half of what is wanted.
         low = np.full_like(upper, u)
         high = np.maximum(
-            u + beta * np.log(np.maximum(p / upper, 1.0)), -sigma * ndtri(np.minimum(upper / (2 * (1 - p)), 0.5))
+            u + beta * np.log(np.maximum(2 * tail / upper, 1.0)), -sigma * ndtri(np.minimum(upper / (2 * (1 - p)), 0.5))
         )
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            further = self.exceedance(middle) > upper
+            further = self._exceedance(middle, tail) > upper
             low, high = np.where(further, middle, low), np.where(further, high, middle)
         return 0.5 * (low + high)
 
@@ -155,6 +186,7 @@ class HeavyTailedIonosphere:
 IONOSPHERE_PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
     {
         "2014": HeavyTailedIonosphere.solar_maximum_2014,
+        "2014-late": HeavyTailedIonosphere.solar_maximum_2014_late,
         "2017": HeavyTailedIonosphere.average_2017,
         "2014-high": HeavyTailedIonosphere.solar_maximum_2014_high,
         "2017-high": HeavyTailedIonosphere.average_2017_high,

@@ -74,7 +74,7 @@ def test_rays_raise_no_alarm_on_the_early_side(cn0_dbhz: float) -> None:
 
 
 def test_an_earlier_weaker_signal_needs_the_threshold_of_noise_only() -> None:
-    """4.5 dB below a signal that is 75 m later, at 35 dBHz: as in scenarios/liftoff.toml at its end."""
+    """4.5 dB below a signal that is 75 m later, at 35 dBHz: as in scenarios/liftoff_sudden.toml at its end."""
     spoofer = 10 ** (4.5 / 20)
     taps, noise = banks(2000, (spoofer, 75.0), cn0_dbhz=35.0)
     assert rate(SecondSignalMonitor(), taps, noise) > 0.98
