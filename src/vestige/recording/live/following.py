@@ -92,8 +92,7 @@ class Following:
                 yield epoch
                 news_s = time.monotonic()
                 self._look(complete_since)
-            idle = self.patience.idle_s is not None and time.monotonic() - news_s >= self.patience.idle_s
-            if self.live.ended or idle:
+            if self.live.ended or self._is_idle(news_s):
                 break
             self.live.wait(self.patience.poll_s)
         self.live.finish()
@@ -104,6 +103,14 @@ class Following:
         for growing in (self.folder, self.second):
             if growing is not None:
                 growing.tell()
+
+    def _is_idle(self, news_s: float) -> bool:
+        """Return whether nothing new has come for so long that the recording counts as finished.
+
+        While samples wait to be tracked it is this machine that is late, not the writer.
+        """
+        idle_s = self.patience.idle_s
+        return idle_s is not None and time.monotonic() - news_s >= idle_s and not self.live.is_behind
 
     def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
         """Take in what is new; return whether anything is."""
