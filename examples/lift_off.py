@@ -25,22 +25,22 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # from s, to s, what the attacker does, what follows from it
 STORY = (
-    (0, 500, "does nothing", "The true signal, with multipath, ionosphere and noise of the paper's harsh conditions."),
-    (500, 600, "comes from the right, weak", "Too weak to be a peak. It bends the range a little, and beats with it."),
+    (0, 300, "comes from the right, weak", "Too weak to be a peak. The paper's harsh conditions hide it."),
+    (300, 580, "comes nearer", "It bends the range a little, and beats with the true signal: the phase swings."),
     (
-        600,
-        720,
-        "is on top, raises its power",
-        "Two signals in one correlator add or cancel, by their phase. Some fade.",
+        580,
+        650,
+        "is on top, and turns",
+        "Two signals in one correlator add or cancel, by their phase. Here that changes slowly.",
     ),
-    (720, 880, "leaves, stronger", "Within a chip there is one peak, and it is the spoofer's. Both detectors follow."),
-    (880, 1050, "is about a chip late", "The peaks part. The early detector takes the first one as soon as it is one."),
     (
-        1050,
-        1500,
-        "stays 75 m late",
-        "The true signal is the earlier one, whatever its power: so the early detector.",
+        650,
+        850,
+        "raises its power and leaves",
+        "Within a chip there is one peak, and it is the spoofer's. Both detectors follow.",
     ),
+    (850, 1050, "is about a chip late", "The peaks part. The early detector takes the first one as soon as it is one."),
+    (1050, 1500, "stays 71 m late", "The true signal is the earlier one, whatever its power: so the early detector."),
 )
 
 
@@ -63,8 +63,13 @@ def main(folder: Path) -> None:
     for detector in ("early", "maximum"):
         found = report(results, detector)
         assert found is not None
-        ends = "never" if np.isnan(found.time_to_mitigate_s) else f"{found.time_to_mitigate_s:.0f} s after it began"
-        print(f"{detector:8s} detector: back on the true signal for good {ends}.")
+        after_s = found.time_to_mitigate_s
+        ends = (
+            "never back on the true signal for good"
+            if np.isnan(after_s)
+            else f"back on the true signal for good {after_s:.0f} s after the attack began"
+        )
+        print(f"{detector:8s} detector: {ends}.")
 
     figure = folder / "lift_off.png"
     plots.write(plots.attack_comparison(results), figure, width_cm=12.0)

@@ -19,3 +19,4 @@ E1_CODE_PERIOD_S = 4e-3  # 4092 chips at 1.023 Mcps [OS-ICD, 2.3.3]
 SECONDARY_PERIOD_S = 0.1  # 25 code periods of E1-C [OS-ICD, 2.3.3]
 MAX_SVID = 36  # Galileo space vehicle identifiers run from 1 to 36 [OS-ICD, 5.1.9.1]
 MEDIAN_TRAVEL_TIME_S = 0.086  # Galileo, 29,600 km orbits: 77.5 ms at the zenith, 95 ms at 5° elevation
+NOMINAL_E6_OVER_E1_DB = 2.0  # E6 B+C over E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]

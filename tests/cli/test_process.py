@@ -354,6 +354,22 @@ def test_usual_levels_need_not_be_learned(folder: Path) -> None:
     assert right["E6 received power"] == "NOT_RUN"
 
 
+@pytest.mark.slow
+def test_what_is_expected_of_e6_over_e1_says_whether_a_missing_signal_means_anything(folder: Path) -> None:
+    """The bank lies 3 km beside the signal, so nothing is detected: an alarm, unless E6 is expected to be that weak."""
+
+    def said(*options: str) -> tuple[str, str]:
+        away = ("--time-uncertainty", "0.01", "--hardware-bias-m", "3000")
+        first = _json(process, folder, *away, *options)["verdicts"][0]
+        return first["status"], first["reason"]
+
+    assert said()[0] == "NOT_DETECTED"
+    for weak in (("--e6-over-e1-db", "-25"), ("--usual-e1-cn0-dbhz", "44", "--usual-e6-cn0-dbhz", "19")):
+        status, reason = said(*weak)
+        assert status == "NOT_AVAILABLE"
+        assert "E1 predicts a detection probability of" in reason
+
+
 def test_make_refuses_to_overwrite_and_leaves_nothing_half(folder: Path, tmp_path: Path) -> None:
     keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
     with pytest.raises(InputFileError, match="already"):

@@ -29,9 +29,8 @@ from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
 from vestige.acas_processor.position.error_budget import ErrorBudget
-from vestige.acas_processor.searches.handover import NOMINAL_E6_OVER_E1_DB
 from vestige.acas_processor.verdict_block import VerdictBlock
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import NOMINAL_E6_OVER_E1_DB, SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import Verdict

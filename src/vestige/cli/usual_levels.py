@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import FiniteRange
+from vestige.constants import NOMINAL_E6_OVER_E1_DB
 
 if TYPE_CHECKING:
     from vestige.acas_processor.monitoring.baseline import ReferenceLevels
@@ -25,6 +26,12 @@ def usual_level_options(command: Any) -> Any:
         click.option("--usual-e6-power-db", type=_POWER, help="Power of E6 without interference. [learned]"),
         click.option("--usual-e1-cn0-dbhz", type=_CN0, help="C/N0 of E1-C, with --usual-e6-cn0-dbhz. [learned]"),
         click.option("--usual-e6-cn0-dbhz", type=_CN0, help="C/N0 of E6-C, with --usual-e1-cn0-dbhz. [learned]"),
+        click.option(
+            "--e6-over-e1-db",
+            type=FiniteRange(-40, 40),
+            help="C/N0 of E6-C over that of E1-C, from which follows whether E6 should be seen. "
+            f"[the difference of the two above, or {NOMINAL_E6_OVER_E1_DB:g}]",
+        ),
         click.option(
             "--cn0-fall-db",
             type=FiniteRange(0, 40),
@@ -62,6 +69,14 @@ def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
         e6_power_db=options["usual_e6_power_db"],
         antenna=None if e1_dbhz is None else Antenna(e1_dbhz=e1_dbhz, e6_dbhz=e6_dbhz, fall_db=fall_db),
     )
+
+
+def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
+    """Return what the options say of the C/N0 of E6-C over that of E1-C, or what the signals have at minimum power."""
+    if options["e6_over_e1_db"] is not None:
+        return float(options["e6_over_e1_db"])
+    e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))
+    return NOMINAL_E6_OVER_E1_DB if e1_dbhz is None or e6_dbhz is None else float(e6_dbhz - e1_dbhz)
 
 
 def pseudorange_errors(options: dict[str, Any]) -> PseudorangeErrors:

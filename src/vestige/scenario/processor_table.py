@@ -51,8 +51,9 @@ class ProcessorTable(Section):
     gives its receiver: a better or worse oscillator has to be told to the processor, too.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith; left out
-    they are those of `[receiver]`, since a receiver knows its antenna. `expected_satellites` is the number of
-    satellites that it expects in view; left out it is the number above the mask at the first epoch.
+    they are those of `[receiver]`, since a receiver knows its antenna. `e6_over_e1_db` is the C/N0 of E6-C over that of
+    E1-C that it expects of each satellite; left out it is the difference of those two. `expected_satellites` is the
+    number of satellites that it expects in view; left out it is the number above the mask at the first epoch.
     """
 
     level: Literal[1, 2, 3] = 1
@@ -70,6 +71,7 @@ class ProcessorTable(Section):
     expected_satellites: Annotated[int, Field(ge=1, le=MAX_SVID)] | None = None
     expected_cn0_e1_dbhz: Annotated[float, Field(ge=0, le=80)] | None = None
     expected_cn0_e6_dbhz: Annotated[float, Field(ge=0, le=80)] | None = None
+    e6_over_e1_db: Annotated[float, Field(ge=-40, le=40)] | None = None
     oscillator: OscillatorTable = OscillatorTable()
     inertial: InertialTable = InertialTable()
     checks: tuple[str, ...] = ()

@@ -2,9 +2,10 @@
 
 It knows its antenna (C/N0 against elevation), the power of its bands without interference, its front ends, the data
 sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]`
-says of its pseudoranges. `[processor]` states what C/N0 and how many satellites the receiver expects. If it does not
-state the number of satellites, the receiver counts those above the mask at the first epoch: it has an almanac and a
-rough position when it is switched on. It never looks at later epochs, so a longer run begins with the same bits.
+says of its pseudoranges. `[processor]` states what C/N0, what difference of it between E6 and E1, and how many
+satellites the receiver expects. If it does not state the number of satellites, the receiver counts those above the
+mask at the first epoch: it has an almanac and a rough position when it is switched on. It never looks at later epochs,
+so a longer run begins with the same bits.
 """
 
 from __future__ import annotations
@@ -105,7 +106,12 @@ def receiver_processor(
         ),
         exhaustive_period_s=table.search_s,
     )
-    return replace(table.processor(monitoring), cipher_mode=CipherMode(scenario.recs.cipher_mode))
+    stated_db = table.e6_over_e1_db
+    return replace(
+        table.processor(monitoring),
+        e6_over_e1_db=antenna.e6_dbhz - antenna.e1_dbhz if stated_db is None else stated_db,
+        cipher_mode=CipherMode(scenario.recs.cipher_mode),
+    )
 
 
 def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:

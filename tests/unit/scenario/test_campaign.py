@@ -135,7 +135,7 @@ def test_a_preset_without_memory_has_no_life_in_seconds() -> None:
 def test_a_measured_ionosphere_lies_beside_the_scenario(tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
     scenario = tmp_path / "here" / "mine.toml"
-    text = (SCENARIOS / "quick.toml").read_text().replace('kind = "heavy-tailed"\npreset = "2014"', "{}")
+    text = (SCENARIOS / "quick.toml").read_text().replace('kind = "heavy-tailed"\npreset = "2014-late"', "{}")
     scenario.write_text(text.format('kind = "empirical"\npath = "../residuals.csv"\ntau_s = 60.0'))
     residuals = tmp_path / "residuals.csv"
     residuals.write_text("e6_minus_e1_m\n1.5\n-2.5\n")

@@ -89,6 +89,16 @@ def test_the_receiver_expects_the_strength_that_its_settings_state() -> None:
     assert of_known - of_stated == pytest.approx(3.0)
 
 
+def test_what_is_expected_of_e6_over_e1_is_stated_or_follows_from_the_two_strengths() -> None:
+    def expected_db(*settings: str) -> float:
+        return processor_of(_quick(*settings)).e6_over_e1_db
+
+    assert expected_db("receiver.cn0_dbhz=37") == pytest.approx(2.0)
+    assert expected_db() == 0.0  # quick.toml has 35 dBHz on both
+    assert expected_db("processor.expected_cn0_e6_dbhz=38", "processor.expected_cn0_e1_dbhz=36.5") == pytest.approx(1.5)
+    assert expected_db("receiver.cn0_dbhz=37", "processor.e6_over_e1_db=-1.5") == -1.5
+
+
 def test_a_receiver_on_one_line_of_sight_knows_no_elevation() -> None:
     settings = processor_of(_quick("receiver.cn0_dbhz=37")).monitoring
     assert settings.levels.antenna == Antenna(e1_dbhz=35.0, e6_dbhz=37.0, fall_db=0.0)

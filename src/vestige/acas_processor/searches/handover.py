@@ -12,15 +12,19 @@ correction.
 
 from __future__ import annotations
 
-from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.constants import (
+    E1_CARRIER_HZ,
+    E6_CARRIER_HZ,
+    GAMMA_E1_E6,
+    NOMINAL_E6_OVER_E1_DB,
+    SPEED_OF_LIGHT_MPS,
+)
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
 from vestige.records import ChipSequence, E1Observation, Handover
 from vestige.records.recs_block import Corrections
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
-# E6 B+C is 2 dB stronger than E1 B+C at minimum power, half of each in the pilot [OS-ICD, Table 12]
-NOMINAL_E6_OVER_E1_DB = 2.0
 _LIGHT_TIME_STEPS = 4  # P changes by < 1 km/s · 0.1 s; each step gains five decimals
 
 

@@ -25,7 +25,7 @@ from vestige.cli.options import (
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
-from vestige.cli.usual_levels import pseudorange_errors, reference_levels, usual_level_options
+from vestige.cli.usual_levels import expected_e6_over_e1_db, pseudorange_errors, reference_levels, usual_level_options
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -293,6 +293,7 @@ def _processor(options: dict[str, Any], tracked: TrackedRecording | None = None)
             budget=budget(),
             kappa=options["kappa"],
             min_pd=options["min_pd"],
+            e6_over_e1_db=expected_e6_over_e1_db(options),
             monitoring=monitoring,
             cipher_mode=cipher_mode(options),
             group_delay_convention=group_delay_convention(options),
