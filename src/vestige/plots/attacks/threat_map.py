@@ -1,80 +1,127 @@
-"""Attack by mitigation level as a map of colours: the counterpart of [WFO, Fig. 4] with measured numbers in it."""
+"""Attack by mitigation level as a map of colours: the counterpart of [WFO, Fig. 4] with measured numbers in it.
+
+Green is a defence that works, red one that does not. Whether that was expected is another matter, and stands in words.
+"""
 
 from __future__ import annotations
+
+from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
-from vestige.plots.figure import BLACK, BLUE, GREEN, GREY, LETTERS_PT, ORANGE, RED, SMALL_LETTERS_PT, dress, new_axes
+from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_PT, new_axes
 
-MAP_WIDTH_CM = 21.0
-_ROW_CM, _ROUND_CM = 0.5, 1.6
+MAP_WIDTH_CM = 24.0
+_ROW_CM, _ROUND_CM = 0.5, 3.2
 _WHOLE = 10.0  # from here on without decimals
-_LIGHT = 0.45  # of the colours, so that black letters are read on them
-# word of a cell: its colour
-WORD_COLOURS = {
-    "mitigated": GREEN,
-    "mitigated late": "#56B4E9",
-    "detected": BLUE,
-    "detected, missed": ORANGE,
-    "missed": RED,
-    "no verdict": GREY,
-    "no alarm, no harm": "#FFFFFF",
-    "": "#FFFFFF",
+_LIGHT = 0.5  # of the colours, so that black letters are read on them
+_WHITE, _RED = "#FFFFFF", "#CC3311"
+
+
+class _Meaning(NamedTuple):
+    colour: str
+    legend: str
+
+
+# word of a cell: its colour, and what it says to a reader of the legend
+MEANINGS = {
+    "mitigated": _Meaning("#007A4D", "mitigated: goes on with true ranges"),
+    "mitigated late": _Meaning("#3CB88A", "mitigated late: wrong ranges at first"),
+    "detected": _Meaning("#A8DFC6", "detected: an alarm, no wrong range in use"),
+    "detected, missed": _Meaning(ORANGE, "detected, missed: an alarm, and a wrong range in use"),
+    "missed": _Meaning(_RED, "missed: a wrong range in use, no alarm"),
+    "no verdict": _Meaning(GREY, "no verdict: too few RECS could be judged"),
+    "no alarm, no harm": _Meaning(_WHITE, "no alarm, no harm"),
 }
-_MARKS = {"as expected": "✓", "DIFFERS": "≠", "undecided": "?", "": ""}
 
 
 def threat_map(table: xarray.Dataset) -> Axes:
-    """Return the axes of the map: scenes from the top, levels beside each other, a word and shares in each cell.
+    """Return the axes of the map: attacks with their scenes from the top, levels beside each other.
 
-    The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
+    A cell has a word, the shares of runs that are detected, mitigated, and have a wrong range in use, and what was
+    expected if that differs. The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
     """
-    rows, levels = table.sizes["scene"], table["level"].values.tolist()
-    ax = new_axes(width_cm=MAP_WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * rows)
-    for row in range(rows):
+    levels = table["level"].values.tolist()
+    lines = _lines(table)
+    ax = new_axes(width_cm=MAP_WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * len(lines))
+    names = []
+    for place, (name, row) in enumerate(lines):
+        names.append(name)
+        if row is None:
+            continue
         for column, level in enumerate(levels):
             cell = table.isel(scene=row).sel(level=level)
-            word = str(cell["word"].item())
-            colour = WORD_COLOURS.get(word, "#FFFFFF")
-            ax.add_patch(Rectangle((column, row), 1, 1, facecolor=colour, alpha=_LIGHT, edgecolor="none"))
-            ax.add_patch(Rectangle((column, row), 1, 1, facecolor="none", edgecolor="white", linewidth=1.0))
+            meaning = MEANINGS.get(str(cell["word"].item()))
+            colour = _WHITE if meaning is None else meaning.colour
+            ax.add_patch(Rectangle((column, place), 1, 1, facecolor=colour, alpha=_LIGHT, edgecolor="none"))
+            ax.add_patch(Rectangle((column, place), 1, 1, facecolor="none", edgecolor="white", linewidth=1.0))
             left, right = _texts(cell)
-            ax.text(column + 0.03, row + 0.5, left, fontsize=SMALL_LETTERS_PT, va="center", color=BLACK)
-            ax.text(column + 0.97, row + 0.5, right, fontsize=SMALL_LETTERS_PT, va="center", ha="right", color=BLACK)
+            ax.text(column + 0.03, place + 0.5, left, fontsize=SMALL_LETTERS_PT, va="center", color=BLACK)
+            ax.text(column + 0.97, place + 0.5, right, fontsize=SMALL_LETTERS_PT, va="center", ha="right", color=BLACK)
     ax.set_xlim(0, len(levels))
-    ax.set_ylim(rows, 0)
+    ax.set_ylim(len(lines), 0)
     ax.set_xticks(np.arange(len(levels)) + 0.5, [f"level {level}" for level in levels])
     ax.xaxis.tick_top()
-    names = zip(table["threat"].values, table["scene"].values, strict=True)
-    ax.set_yticks(np.arange(rows) + 0.5, [f"{threat}  {scene}" for threat, scene in names])
-    runs = int(np.nanmax(table["detected_of"].values)) if rows else 0
-    title = (
-        f"runs of {runs} in %: d detected, m mitigated, w wrong range in use;  ✓ as expected, ≠ differs, ? undecided"
-    )
-    dress(ax, title=title, x="", y="")
+    ax.set_yticks(np.arange(len(lines)) + 0.5, names)
     ax.tick_params(length=0, labelsize=SMALL_LETTERS_PT)
-    ax.title.set_fontsize(LETTERS_PT)
+    for label, (_, row) in zip(ax.get_yticklabels(), lines, strict=True):
+        label.set_fontweight("bold" if row is None else "normal")
     for spine in ax.spines.values():
         spine.set_visible(False)
+    _legend(ax, table)
     return ax
+
+
+def _lines(table: xarray.Dataset) -> list[tuple[str, int | None]]:
+    """Return what stands at the left of each line, and its row of the table: None of the name of an attack."""
+    lines: list[tuple[str, int | None]] = []
+    rows = zip(table["threat"].values, table["attack"].values, table["scene"].values, strict=True)
+    for (threat, attack), scenes in groupby(enumerate(rows), key=lambda one: (one[1][0], one[1][1])):
+        lines.append((f"{threat}  {attack}".strip(), None))
+        lines += [(str(scene), row) for row, (_, _, scene) in scenes]
+    return lines
+
+
+def _legend(ax: Axes, table: xarray.Dataset) -> None:
+    found = {str(word) for word in table["word"].values.ravel()}
+    patches = [
+        Patch(facecolor=one.colour, alpha=_LIGHT, edgecolor=GREY, linewidth=0.5, label=one.legend)
+        for word, one in MEANINGS.items()
+        if word in found
+    ]
+    runs = int(np.nanmax(table["detected_of"].values, initial=0))
+    title = f"Numbers: runs of {runs} in % that are detected · mitigated · with a wrong range in use"
+    ax.legend(
+        handles=patches,
+        title=title,
+        fontsize=SMALL_LETTERS_PT,
+        title_fontsize=LETTERS_PT,
+        loc="upper center",
+        bbox_to_anchor=(0.3, -0.01),
+        ncols=2,
+        frameon=False,
+    )
 
 
 def _texts(cell: xarray.Dataset) -> tuple[str, str]:
     """Return what stands on the left and on the right of a cell."""
     word, how = str(cell["word"].item()), str(cell["agreement"].item())
-    mark = _MARKS.get(how, "")
     if not word:
         value, budget = (_short(float(cell[name].item())) for name in ("alarms_a_day", "budget_alarms_a_day"))
-        return f"{mark} {value} alarms a day", f"budget {budget}"
-    expected = f", not: {cell['expected'].item()}" if how == "DIFFERS" else ""
+        return f"{value} alarms a day", f"budget {budget}{_NOT_KEPT.get(how, '')}"
+    expected = {"DIFFERS": f", expected {cell['expected'].item()}", "undecided": ", undecided"}.get(how, "")
     shares = [
         round(100 * float(cell[name].item()) / float(cell[f"{name}_of"].item()))
         for name in ("detected", "mitigated", "missed")
     ]
-    return f"{mark} {word}{expected}", " · ".join(str(share) for share in shares)
+    return f"{word}{expected}", " · ".join(str(share) for share in shares)
+
+
+_NOT_KEPT = {"DIFFERS": ", not kept", "undecided": ", undecided"}
 
 
 def _short(value: float) -> str:
