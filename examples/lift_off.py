@@ -78,7 +78,7 @@ def main(folder: Path) -> None:
 
 
 def _counterfeit(results: xarray.Dataset, inside: np.ndarray) -> str:
-    """Return where the counterfeit is at the beginning and at the end of a stretch, in words."""
+    """Return where the spoofing signal is at the beginning and at the end of a stretch, in words."""
     power_db = results["truth_spoofer_power_db"].values[inside, 0, 0]
     later_m = results["truth_spoofer_offset_m"].values[inside, 0, 0]
     if not np.isfinite(power_db).all():
@@ -93,8 +93,8 @@ def _concludes(
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)
-    counterfeit = f", {100 * np.mean(signal == DetectedSignal.SPOOFER):.0f} % nearer to the spoofer"
-    return f"range {np.nanmedian(offset_m):+5.1f} m (median){counterfeit}; alarms in {100 * np.mean(alarms):.0f} %"
+    nearer = f", {100 * np.mean(signal == DetectedSignal.SPOOFER):.0f} % nearer to the spoofer"
+    return f"range {np.nanmedian(offset_m):+5.1f} m (median){nearer}; alarms in {100 * np.mean(alarms):.0f} %"
 
 
 if __name__ == "__main__":

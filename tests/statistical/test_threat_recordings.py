@@ -7,14 +7,12 @@ honest: they are the control.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from script_loader import benchmark
 from vestige.acas_processor.levels import POSITION
 from vestige.records import Status
 from vestige.records.checks import CheckName
@@ -22,7 +20,6 @@ from vestige.threats.recorded_outcome import RecordedVerdicts, recorded_outcome,
 from vestige.threats.recorded_scenes import RecordedScene, recorded_scenes
 from vestige.threats.scenes import LEVEL_NUMBERS
 
-SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "threat_recordings.py"
 BETWEEN_RECS = "A11 three satellites, carrier locked"
 SPOOFED = (6, 12, 23)
 
@@ -33,13 +30,7 @@ def _scene(name: str) -> RecordedScene:
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("threat_recordings", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return benchmark("threat_recordings")
 
 
 @pytest.fixture(scope="module")
