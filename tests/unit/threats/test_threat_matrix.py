@@ -62,6 +62,7 @@ def quick(scenario: CampaignScenario, window_s: tuple[float, float]) -> tuple[Ru
             denied=False,
             time_to_detect_s=float(level),
             checks="C/N0 2; RAIM 30",
+            budgets="C/N0 2 0.5; RAIM 1 0.02",
             worst_range_m=window_s[0],
             worst_position_m=1.0,
         )
