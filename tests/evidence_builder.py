@@ -46,6 +46,8 @@ def evidence(
     osnma: OsnmaBlock | None = None,
     svids: tuple[int, ...] | None = None,
     time_s: Any = None,
+    e1_cn0_dbhz: Any = None,
+    misses: Mapping[int, float] | None = None,
 ) -> Evidence:
     """Return evidence of n epochs and m satellites; what is None was not measured."""
     n, m = shape
@@ -62,7 +64,7 @@ def evidence(
         carrier_phase_cycles=nothing,
         doppler_hz=nothing,
         doppler_rate_hz_per_s=nothing,
-        cn0_dbhz=nothing,
+        cn0_dbhz=full(e1_cn0_dbhz),
         taps=e1_taps,
         tap_chips=tap_chips,
     )
@@ -121,6 +123,7 @@ def evidence(
         subframes=subframes,
         clock=(),
         rates=None,
+        misses=misses or {},
     )
 
 

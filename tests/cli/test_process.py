@@ -405,3 +405,17 @@ def test_bad_satellite_lists(folder: Path, tmp_path: Path, svids: str) -> None:
 
 def test_the_detectors_of_the_command_line_are_those_that_there_are() -> None:
     assert tuple(DETECTORS) == DETECTOR_NAMES
+
+
+def test_alarms_a_day_set_the_range_limit(folder: Path) -> None:
+    """One a day of ten satellites: κ = 4.35 or so in place of 3; κ beside it is a contradiction."""
+    wide = _json(process, folder, "--hardware-bias-m", "-18", "--alarms-per-day", "1")
+    assert wide["verdicts"][0]["range_limit_m"] == pytest.approx(4.34 * 8.85, abs=0.3)
+    result = CliRunner().invoke(process, [str(folder), "--alarms-per-day", "1", "--kappa", "3"])
+    assert result.exit_code == 2
+    assert "--kappa: follows from --alarms-per-day" in result.stderr
+
+
+def test_fewer_alarms_a_day_than_noise_brings_are_one_line(folder: Path) -> None:
+    result = CliRunner().invoke(process, [str(folder), "--alarms-per-day", "0.01"])
+    assert "alarms_per_day: found 0.01, expected more than 0.13" in str(result.exception)

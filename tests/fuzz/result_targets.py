@@ -219,7 +219,7 @@ def _threat_folders() -> Sequence[Files]:
         duration_s=600.0, alarms=3, budget_alarms=0.5, budget_range_alarms=0.4, failures=0, budget_failures=0.1,
         exact_failures=0, budget_exact_failures=0.05, range_failures=0, budget_range_failures=0.4, detected=True,
         mitigated=True, protected=True, missed=False, denied=False, time_to_detect_s=90.0, checks="C/N0 2; RAIM 30",
-        worst_range_m=28.3, worst_position_m=1.0,
+        budgets="C/N0 2 0.5; RAIM 1 0.02", worst_range_m=28.3, worst_position_m=1.0,
     )  # fmt: skip
     other = {"scene": "two", "expected_level_1": "miss", "note": "é; <b>", "time_to_detect_s": ""}
     table = xarray.Dataset(

@@ -26,10 +26,12 @@ from jaxtyping import Bool, Float, Int64
 
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
+from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, POSITION, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
+from vestige.acas_processor.monitoring.memory import MissMemory
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.fix_measurement import elevations_from
@@ -140,6 +142,7 @@ class _Assessment:
             subframes=self._subframes,
             clock=self._state.clock,
             rates=self._state.rates,
+            misses=self._state.misses,
         )
 
     def _settle(self) -> None:
@@ -323,11 +326,17 @@ class _Assessment:
             clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),
             osnma=self._osnma,
             rates=remembered_rates(evidence) if remembers_rates else None,
+            misses=self._misses_after(evidence),
             search=self._search_after if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs else state.search,
             streaks=self._streaks(),
             alarm=self._alarm_after,
             on_e1=on_e1,
         )
+
+    def _misses_after(self, evidence: Evidence) -> MissMemory:
+        """Return the run of E6 misses of every satellite after the block; empty if the level asks for none."""
+        check = self._checks[CheckName.E6_POWER]
+        return check.remembered(evidence) if isinstance(check, E6MissesCheck) else {}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
         """Return how many of the last tests of checks that have to be confirmed failed in a row."""

@@ -42,6 +42,7 @@ from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck
 from vestige.acas_processor.checks.e1_e6_range import KAPPA, RangeCheck
 from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor
+from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck
 from vestige.acas_processor.checks.power.e6_power import MIN_PD, E6PowerCheck
 from vestige.acas_processor.checks.raim import RaimMonitor
 from vestige.acas_processor.checks.solution_separation import SolutionSeparationMonitor
@@ -100,6 +101,9 @@ class CheckSpec:
     suspects_all_satellites: bool = False
     # its own false-alarm probability of one test; None if it has a share of the level's budget
     own_p_fa: Callable[[DetectionAssumptions], float] | None = None
+    # the part of that which no threshold of the check changes, where the level's false alarms a day are set
+    fixed_p_fa: Callable[[DetectionAssumptions], float] | None = None
+    settable: bool = True  # whether threshold or confirmation can follow from the level's false alarms a day
     exact: bool = False  # whether it fails as often as its probability says; otherwise that is an upper limit
     one_of: int = 1  # how many checks are the tests of one monitor, and share its probability
     needs_references: bool = False  # whether it compares with reference levels
@@ -108,12 +112,21 @@ class CheckSpec:
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
 _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
+
+
+def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
+    """Return the check that fails with every miss, or, if the false alarms a day are set, with improbable ones."""
+    if processor.monitoring.alarms_per_day is None:
+        return E6PowerCheck(min_pd=processor.min_pd)
+    return E6MissesCheck(p_fa=p_fa, prediction=processor.miss_prediction)
+
+
 _MINIMUM = (
     CheckSpec(
         step=1,
         name=CheckName.E6_POWER,
         failure=Status.NOT_DETECTED,
-        make=lambda processor, _: E6PowerCheck(min_pd=processor.min_pd),
+        make=_e6_power,
         cadence=_RECS,
         own_p_fa=lambda assumed: 1 - assumed.pd,
     ),
@@ -121,9 +134,10 @@ _MINIMUM = (
         step=2,
         name=CheckName.E1_E6_RANGE,
         failure=_SPOOFED,
-        make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.kappa),
+        make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.range_kappa),
         cadence=_RECS,
         own_p_fa=lambda assumed: RangeCheck(kappa=assumed.kappa).p_fa + assumed.bank_p_fa,
+        fixed_p_fa=lambda assumed: assumed.bank_p_fa,
     ),
 )
 _POWER = (
@@ -244,6 +258,7 @@ _SECOND_CHANNEL = (
         scope=_RECEIVER,
         cadence=_SUBFRAME,
         own_p_fa=lambda _: 2.0**-24,  # CRC-24 passes a damaged page
+        settable=False,
     ),
 )
 _EXHAUSTIVE_SEARCH = (

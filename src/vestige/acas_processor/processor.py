@@ -8,7 +8,7 @@ the epochs are cut into blocks changes no bit of what it says.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, floor
 
@@ -17,14 +17,15 @@ from jaxtyping import Bool, Float
 
 from vestige.acas_processor.assess import assess
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
+from vestige.acas_processor.checks.power.e6_misses import MissPrediction
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.levels import LEVELS, CheckSpec
 from vestige.acas_processor.measure import detect, measure
 from vestige.acas_processor.measurement import DetectedBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.alarm import StateChange
-from vestige.acas_processor.monitoring.alarm_budget import budget_of
-from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.monitoring.alarm_budget import budget_of, set_kappa
+from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings, set_shares
 from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
@@ -95,7 +96,8 @@ class AcasProcessor:
         delay captures E1; the true E6 signal is then earlier than E1 predicts. The search for a second signal on E1
         leaves out two chips, 586 m, around the tracked signal, so the bank has to cover them.
     budget, kappa
-        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ.
+        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ. `monitoring.alarms_per_day` replaces κ
+        (`range_kappa`).
     min_pd
         Below this predicted probability of detection a missing signal is no alarm [WFO, Sec. III-A, step 5].
     e6_over_e1_db
@@ -136,6 +138,8 @@ class AcasProcessor:
         names = [one.spec.name for one in self.own_checks]
         if len(set(names)) < len(names):
             raise ValueError(f"each check has a name of its own, found {', '.join(names)}")
+        if self.monitoring.alarms_per_day is not None:
+            set_shares(self)  # raises VestigeError if so few alarms are not possible
 
     @property
     def own_of_level(self) -> tuple[OwnCheck, ...]:
@@ -145,7 +149,38 @@ class AcasProcessor:
     @property
     def specs(self) -> tuple[CheckSpec, ...]:
         """All checks of the level, those of the user's last."""
-        return (*LEVELS[self.level], *(one.spec for one in self.own_of_level))
+        rows = LEVELS[self.level]
+        if self.monitoring.alarms_per_day is not None:
+            shares = set_shares(self)
+            rows = tuple(replace(row, confirm=shares[row.name].confirm) for row in rows)
+        return (*rows, *(one.spec for one in self.own_of_level))
+
+    @property
+    def bank_p_fa(self) -> float:
+        """Probability that noise exceeds the detection threshold in any correlator of the bank, an upper limit."""
+        return self.p_fa * self.offsets_m.size
+
+    @property
+    def range_kappa(self) -> float:
+        """Factor κ of the range check: the one that is set, or that which follows from the false alarms a day."""
+        if self.monitoring.alarms_per_day is None:
+            return self.kappa
+        return set_kappa(set_shares(self)[CheckName.E1_E6_RANGE], self.bank_p_fa)
+
+    @property
+    def range_limit_m(self) -> float:
+        """κσ in m, the largest range offset that passes the range check."""
+        return self.budget.limit_m(self.range_kappa)
+
+    @property
+    def miss_prediction(self) -> MissPrediction:
+        """With what probability the receiver expects to miss E6 without an attack."""
+        return MissPrediction(
+            min_pd=self.min_pd,
+            detection_p_fa=self.p_fa,
+            ray_power_db=self.monitoring.second_signal.ray_power_db,
+            e6_over_e1_db=self.e6_over_e1_db,
+        )
 
     @property
     def offsets_m(self) -> Float[np.ndarray, " n_taps"]:

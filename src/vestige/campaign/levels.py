@@ -108,20 +108,20 @@ class LevelVerdicts(VerdictBlock):
 
 
 def level_verdicts(
-    results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_a_day: float | None = None
+    results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_per_day: float | None = None
 ) -> tuple[LevelVerdicts, ...]:
     """Return what mitigation levels make of a campaign.
 
-    The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_a_day` is
-    for all checks together whose probability can be chosen; by default it is the processor's own.
+    The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_per_day`
+    is that of `MonitoringSettings`; by default it is the processor's own.
 
     Raises `VestigeError` if the results hold too little for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
     monitoring = processor.monitoring
-    if alarms_a_day is not None:
-        monitoring = replace(monitoring, alarms_a_day=alarms_a_day)
+    if alarms_per_day is not None:
+        monitoring = replace(monitoring, alarms_per_day=alarms_per_day)
     return tuple(
         _verdicts(results, replace(processor, level=level, monitoring=monitoring), measured) for level in levels
     )

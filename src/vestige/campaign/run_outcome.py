@@ -18,12 +18,12 @@ Of a run is said, and more than one may be true,
 and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
 single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
 gives them; of those among them that are exact (`AlarmShare.exact`), on both sides; and of the range check, against
-its bound.
+its bound. `budgets` has the same of every check by its name, after confirmation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING, Protocol
@@ -81,6 +81,9 @@ class RunOutcome(OutcomeCounts):
     # each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
     # first: `C/N0 0; RAIM 31`.
     checks: str
+    # each check with its tests that failed, after confirmation, and how many its own budget gives them:
+    # `E6 power 3 2.9; RAIM 0 0.01`
+    budgets: str
     # errors of largest magnitude of a range and of a position that were in use; NaN if nothing was
     worst_range_m: float
     worst_position_m: float
@@ -179,6 +182,7 @@ def run_outcome(
         denied=bool(none.size and np.mean(none) > HALF),
         time_to_detect_s=float(time_s[first[0]]) - begin_s if first.size else nan,
         checks="; ".join(f"{name} {float(time_s[place]) - begin_s:g}" for name, place in found.first_failures(counted)),
+        budgets="; ".join(f"{name} {failed} {budget!r}" for name, failed, budget in _by_check(found, attacked)),
         worst_range_m=worst_of(error_m),
         worst_position_m=worst_of(position_m[with_recs]),
     )
@@ -191,6 +195,14 @@ def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[Che
         sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
         float(sum(found.budget[name].p_fa * np.count_nonzero(found.tests[name][attacked]) for name in made)),
     )
+
+
+def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tuple[str, int, float]]:
+    """Yield each check that has a budget, with how many of its tests failed and how many its budget gives them."""
+    for name, failed in found.failed.items():
+        if name in found.budget:
+            tests = int(np.count_nonzero(found.tests[name][attacked]))
+            yield str(name), int(np.count_nonzero(failed[attacked])), float(found.budget[name].confirmed_p_fa * tests)
 
 
 def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
@@ -229,14 +241,13 @@ def outcomes_of(
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
-    limit_m = scenario.processor.budget.limit_m(scenario.processor.kappa)
     nowhere = np.full(time_s.size, np.nan)
     return tuple(
         run_outcome(
             found,
             time_s,
             counted,
-            limit_m,
+            found.processor.range_limit_m,
             nowhere if scenario.constellation is None else _position_error_m(scenario, results, found),
         )
         for found in level_verdicts(results, levels)

@@ -16,9 +16,10 @@ import xarray
 from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.results import scenario_of
+from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.constants import DAY_S
 from vestige.records import Status
+from vestige.scenario.scenario_processor import Overhead, receiver_processor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +57,9 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
 
 def range_limit_m(results: xarray.Dataset) -> float:
     """Return κσ, the largest range offset that passes the range check of this campaign."""
-    processor = scenario_of(results).processor
-    return processor.budget.limit_m(processor.kappa)
+    scenario, attributes = scenario_of(results), attributes_of(results)
+    overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
+    return receiver_processor(scenario, overhead, None).range_limit_m
 
 
 def results_digest(results: xarray.Dataset) -> str:

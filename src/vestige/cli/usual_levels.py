@@ -1,4 +1,4 @@
-"""Options that state what a receiver expects: its usual power and C/N0, and the errors of its E1 ranges.
+"""Options that state what a receiver expects: usual power and C/N0, errors of E1 ranges, and false alarms a day.
 
 A power or a C/N0 that is not stated is learned from the first quiet RECS.
 """
@@ -20,7 +20,7 @@ _POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0
 
 
 def usual_level_options(command: Any) -> Any:
-    """Add the options that state what levels 2 and 3 compare power, C/N0 and the residuals of the fix with."""
+    """Add the options that state what the checks compare with, and how often they may fail without an attack."""
     options = (
         click.option("--usual-e1-power-db", type=_POWER, help="Power of E1 without interference. [learned]"),
         click.option("--usual-e6-power-db", type=_POWER, help="Power of E6 without interference. [learned]"),
@@ -46,6 +46,11 @@ def usual_level_options(command: Any) -> Any:
             "--ionosphere-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="On E1 at 17.5° elevation."
         ),
         click.option("--multipath-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="At 16° elevation."),
+        click.option(
+            "--alarms-per-day",
+            type=FiniteRange(1e-6, 1000),
+            help="False alarms of the level in a day of ten satellites and a RECS each 30 s; kappa follows.",
+        ),
     )
     for option in reversed(options):
         command = option(command)

@@ -110,6 +110,12 @@ class AlarmShare:
     """How many false alarms one check of a level may raise."""
 
     p_fa: float  # false-alarm probability of one test, before confirmation
+    confirm: int = 1  # how many tests in a row must fail
     alarms_a_day: float  # at most, after confirmation
     chosen: bool  # whether p_fa is a share of the level's budget, or the check's own
     exact: bool = False  # whether failures come as often as p_fa says; otherwise it is an upper limit
+
+    @property
+    def confirmed_p_fa(self) -> float:
+        """Probability that a test fails without an attack and confirms the failures before it."""
+        return self.p_fa**self.confirm

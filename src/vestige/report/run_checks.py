@@ -46,7 +46,7 @@ def checks_section(
                 (
                     "E1–E6 range",
                     f"±{number(range_limit_m(results), 4, 'm')}",
-                    f"κσ of the error budget, κ = {number(processor.kappa, 3)}",
+                    f"κσ of the error budget, κ = {number(range_limit_m(results) / processor.budget.sigma_m, 3)}",
                     f"{number(beyond)} beyond it",
                 ),
             ],

@@ -46,9 +46,14 @@ class ProcessorTable(Section):
     The bank has `n_taps` correlators around the prediction, and further ones at the same distance as far as
     `early_reach_m` before it.
 
+    `alarms_per_day` is the number of false alarms a day that the whole level may raise. The limit of the range check,
+    the E6 misses in a row that are an alarm, and all other thresholds follow from it. Left out, κ and every single
+    miss count.
+
     `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
-    multipath at 16° that the check for a second signal allows for. None of it follows from the errors that a scenario
-    gives its receiver: a better or worse oscillator has to be told to the processor, too.
+    multipath at 16° that the check for a second signal allows for, and from which misses of E6 are expected.
+    None of it follows from the errors that a scenario gives its receiver: a better or worse oscillator has to be told
+    to the processor, too.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith; left out
     they are those of `[receiver]`, since a receiver knows its antenna. `e6_over_e1_db` is the C/N0 of E6-C over that of
@@ -66,6 +71,7 @@ class ProcessorTable(Section):
     budget: ErrorBudget = ErrorBudget.uncorrected()
     kappa: Annotated[float, Field(ge=0.1, le=10)] = 3.0
     min_pd: Annotated[float, Field(ge=0, le=1)] = 0.9
+    alarms_per_day: Annotated[float, Field(gt=0, le=1000)] | None = None
     search_s: Annotated[float, Field(ge=1, le=1e7)] = 3600.0
     ray_power_db: Annotated[float, Field(ge=-60, le=10)] = -15.8
     expected_satellites: Annotated[int, Field(ge=1, le=MAX_SVID)] | None = None
@@ -104,6 +110,10 @@ class ProcessorTable(Section):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        if self.alarms_per_day is not None and "kappa" in self.model_fields_set:
+            raise InconsistentSettingsError(
+                "kappa", f"{self.kappa:g} beside alarms_per_day", "one of the two: κ follows from alarms_per_day"
+            )
         self.processor()  # raises ValueError if its bank of correlators is impossible
         return self
 

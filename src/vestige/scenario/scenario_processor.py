@@ -78,6 +78,7 @@ def receiver_processor(
             recs_s=scenario.interval_s * scenario.recs.every,
             search_s=table.search_s,
         ),
+        alarms_per_day=table.alarms_per_day,
         levels=ReferenceLevels(e1_power_db=0.0, e6_power_db=0.0, antenna=antenna),
         fix=_fix(scenario, navigation),
         e1_power=ReceivedPowerMonitor(band=Band.E1, bandwidth_hz=POWER_BANDWIDTH_HZ, averaging_s=POWER_AVERAGING_S),

@@ -4,12 +4,17 @@ A statement about an attack is made of many runs with other seeds, and holds if 
 lies above one half. Where the interval holds one half, nothing is said. An expectation is such a statement:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
-                 nor failures less frequent where the budget is exact
+                 nor failures of any check more frequent than the budget of that check, nor less frequent where the
+                 budget is exact
     detect       detected
     mitigate     mitigated
     miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
     partial      detected, and not: the interval holds one half
+
+No check lends its budget to another one. A check exceeds its own if so many failures, or more, have a Poisson
+probability below `ERROR` over the number of the level's checks. So a level that keeps every budget exactly is said to
+exceed one in at most 5 % of all measurements.
 
 What is said of single runs stands in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some seconds, so
 that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
@@ -17,6 +22,7 @@ that failures of single tests come in groups of up to `_GROUP`. All functions ar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -25,12 +31,18 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from scipy.special import pdtrc
 
+from vestige.acas_processor.levels import LEVELS, TestCadence
 from vestige.campaign.run_outcome import HALF, OutcomeCounts, RunOutcome, outcome_word, worst_of
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.constants import DAY_S
 
+ERROR = 0.05  # probability that a level which keeps the budget of each check is said to exceed one
 _GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
+
+# one test each 30 s and satellite: neighbouring failures are events of their own
+_WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row.cadence is TestCadence.RECS}
 
 
 class Agreement(Enum):
@@ -52,6 +64,20 @@ class CheckShare:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CheckBudget:
+    """How often a check failed without an attack, and how often its own budget lets it."""
+
+    name: str
+    failures: int  # tests that failed, after confirmation
+    budget: float
+
+    def exceeded(self, checks: int) -> bool:
+        """Return whether it fails more often than its budget, as one of so many checks that are looked at."""
+        group = 1 if self.name in _WITH_RECS else _GROUP
+        return poisson_tail(math.ceil(self.failures / group), self.budget / group) < ERROR / checks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOutcome(OutcomeCounts):
     """What came of an attack in many runs at one level; counts are sums over all runs."""
 
@@ -65,6 +91,7 @@ class SceneOutcome(OutcomeCounts):
     # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
     by_chance: Proportion
     checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
+    budgets: tuple[CheckBudget, ...] = ()  # of every check that has a budget
     time_to_detect_s: float  # median of the runs with an alarm; NaN without any
     # of all runs
     worst_range_m: float
@@ -81,6 +108,11 @@ class SceneOutcome(OutcomeCounts):
         return outcome_word(*(share.value > HALF for share in shares))
 
     @property
+    def exceeded(self) -> tuple[CheckBudget, ...]:
+        """The checks that failed more often than their own budgets allow."""
+        return tuple(one for one in self.budgets if one.exceeded(len(self.budgets)))
+
+    @property
     def keeps_budget(self) -> bool:
         """Whether alarms and failures of single tests are as frequent as their budgets allow."""
         bounds = (
@@ -90,7 +122,7 @@ class SceneOutcome(OutcomeCounts):
             (self.range_failures / _GROUP, self.budget_range_failures / _GROUP),
         )
         enough = count_interval(self.exact_failures / _GROUP)[2] >= self.budget_exact_failures / _GROUP
-        return enough and all(count_interval(count)[1] <= budget for count, budget in bounds)
+        return enough and not self.exceeded and all(count_interval(count)[1] <= budget for count, budget in bounds)
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
@@ -108,6 +140,7 @@ def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> S
         succeeded=proportion(sum(run.missed or run.denied for run in runs), len(runs)),
         by_chance=proportion(sum(run.detected for run in chance), len(chance)),
         checks=_check_shares(runs),
+        budgets=_check_budgets(runs),
         time_to_detect_s=median(times_s) if times_s else nan,
         worst_range_m=worst_of(np.array([run.worst_range_m for run in runs])),
         worst_position_m=worst_of(np.array([run.worst_position_m for run in runs])),
@@ -125,6 +158,21 @@ def _check_shares(runs: Sequence[RunOutcome]) -> tuple[CheckShare, ...]:
         for name, times in times_s.items()
     ]
     return tuple(sorted(shares, key=lambda one: (-one.failed.successes, one.time_s)))
+
+
+def _check_budgets(runs: Sequence[RunOutcome]) -> tuple[CheckBudget, ...]:
+    sums: dict[str, tuple[int, float]] = {}
+    for run in runs:
+        for entry in filter(None, run.budgets.split("; ")):
+            name, failures, budget = entry.rsplit(" ", 2)
+            before = sums.get(name, (0, 0.0))
+            sums[name] = before[0] + int(failures), before[1] + float(budget)
+    return tuple(CheckBudget(name=name, failures=failures, budget=budget) for name, (failures, budget) in sums.items())
+
+
+def poisson_tail(count: int, mean: float) -> float:
+    """Return the probability of `count` or more events whose mean number is `mean`."""
+    return float(pdtrc(count - 1, mean)) if count > 0 else 1.0
 
 
 def agreement(expected: str, found: SceneOutcome) -> Agreement:

@@ -87,6 +87,8 @@ def statistics_of(cell: SceneCell) -> dict[str, object]:
         "checks": "; ".join(
             f"{one.name} {one.failed.successes}/{one.failed.trials} after {one.time_s:g} s" for one in found.checks
         ),
+        "budgets": "; ".join(f"{one.name} {one.failures} of {one.budget:.3g}" for one in found.budgets),
+        "exceeded": "; ".join(one.name for one in found.exceeded),
         "note": cell.note,
     }
 

@@ -39,6 +39,15 @@ CAMPAIGNS = {
     "a nulled signal, level 3": lambda: scene("A7 gain −0.5 dB, 5°", 3),
     "OSNMA denied, level 3": lambda: scene("A9 noise on E1", 3),
     "a line of sight, level 1": lambda: single_line("epochs=60", "receiver.cn0_dbhz=29", "seed=5"),
+    "alarms a day set, level 1": lambda: single_line(
+        "epochs=80", "seed=5", "receiver.cn0_dbhz=34", "receiver.cn0_e1_dbhz=34",
+        "processor.alarms_per_day=20", "processor.expected_satellites=1",
+        'attack=[{kind="jamming", start_s=20, stop_s=60, j_over_n_db=2.5, bands=["E6"]}]',
+    ),
+    "alarms a day set, level 3": lambda: sky_scenario(
+        "epochs=24", "recs.every=2", "constellation.svids=[6, 7, 12, 13]", "processor.level=3",
+        "processor.alarms_per_day=50", 'attack=[{kind="jamming", start_s=6, j_over_n_db=9, bands=["E6"]}]',
+    ),
     "a line of sight, level 3": lambda: single_line(
         "epochs=40", "processor.level=3", "processor.search_s=9", "receiver.time_uncertainty_s=14", "seed=6"
     ),
@@ -54,8 +63,13 @@ CAMPAIGNS = {
         "epochs=8", "recs.every=4", 'fidelity="samples"', "constellation.svids=[6, 7, 12, 13]", "processor.level=3"
     ),
 }  # fmt: skip
-QUICK_ONES = {"a repeater, level 2", "a line of sight, level 1", "half seconds, no sensors"}
-ONE_BY_ONE = {"a line of sight, level 1", "a line of sight, level 3", "samples"}
+QUICK_ONES = {
+    "alarms a day set, level 1",
+    "a repeater, level 2",
+    "a line of sight, level 1",
+    "half seconds, no sensors",
+}
+ONE_BY_ONE = {"alarms a day set, level 1", "a line of sight, level 1", "a line of sight, level 3", "samples"}
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from tests.sky_builder import sky_scenario
 
 from vestige.acas_processor.monitoring.alarm_budget import Cadence
 from vestige.acas_processor.monitoring.baseline import Antenna
+from vestige.errors import InputFileError, VestigeError
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -124,3 +125,21 @@ def test_front_end_and_data_sheets_are_the_processors() -> None:
     assert settings.inertial.sigma_bias_mps2 == 0.5
     assert settings.second_signal.ray_power_db == -20
     assert not processor_of(_quick()).monitoring.second_signal_filtered
+
+
+def test_alarms_a_day_and_e6_over_e1_reach_the_processor() -> None:
+    found = processor_of(sky_scenario("processor.alarms_per_day=2", "processor.e6_over_e1_db=-1.5"))
+    assert found.monitoring.alarms_per_day == 2.0
+    assert (found.e6_over_e1_db, found.miss_prediction.e6_over_e1_db) == (-1.5, -1.5)
+    assert found.range_kappa > found.kappa == 3.0
+    assert found.range_limit_m == pytest.approx(found.range_kappa * found.budget.sigma_m)
+
+
+def test_kappa_beside_alarms_a_day_is_refused() -> None:
+    with pytest.raises(InputFileError, match=r"kappa: found 3 beside alarms_per_day, expected one of the two"):
+        sky_scenario("processor.alarms_per_day=1", "processor.kappa=3")
+
+
+def test_fewer_alarms_a_day_than_noise_brings_are_refused() -> None:
+    with pytest.raises(VestigeError, match=r"alarms_per_day: found 0\.05, expected more than 0\.1"):
+        processor_of(sky_scenario("processor.alarms_per_day=0.05"))

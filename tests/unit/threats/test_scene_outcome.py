@@ -15,7 +15,7 @@ from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.campaign.statistics import count_interval, proportion
 from vestige.records import Status
 from vestige.records.checks import AlarmShare, CheckName
-from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
+from vestige.threats.scene_outcome import Agreement, CheckBudget, SceneOutcome, agreement, poisson_tail, scene_outcome
 
 A, P, S, D, N = (
     list(Status).index(status)
@@ -184,6 +184,7 @@ def _run(**what: bool | int | float | str) -> RunOutcome:
         "failures": 0, "budget_failures": 1.0, "exact_failures": 0, "budget_exact_failures": 0.5,
         "range_failures": 0, "budget_range_failures": 2.0,
         "detected": False, "mitigated": True, "protected": True, "missed": False, "denied": False, "checks": "",
+        "budgets": "",
         "time_to_detect_s": nan, "worst_range_m": nan, "worst_position_m": nan,
     }  # fmt: skip
     return RunOutcome(**(usual | what))  # type: ignore[arg-type]
@@ -288,6 +289,38 @@ def test_agreement(expected: str, counts: dict[str, int], how: Agreement) -> Non
 )
 def test_the_word_of_a_cell(counts: dict[str, int], word: str) -> None:
     assert _scene(**counts).word == word
+
+
+def test_no_check_lends_its_budget_to_another() -> None:
+    """E6 power fails 82 times where its own budget is 45; the range check, which never fails, has 62 to spare."""
+    spare = CheckBudget(name="E1-E6 range", failures=0, budget=62.0)
+    lent = CheckBudget(name="E6 power", failures=82, budget=45.0)
+    scene = _scene(alarms=82, budget_alarms=107.0)
+    assert agreement("pass", scene) is YES
+    assert agreement("pass", replace(scene, budgets=(lent, spare))) is NO
+    assert replace(scene, budgets=(lent, spare)).exceeded == (lent,)
+    kept = replace(lent, failures=57)  # 3.1 % for 57 or more of 45, against 2.5 % for each of two checks
+    assert agreement("pass", replace(scene, budgets=(kept, spare))) is YES
+    assert agreement("pass", replace(scene, budgets=(kept,))) is NO
+
+
+def test_failures_between_recs_are_counted_in_groups() -> None:
+    clock = CheckBudget(name="clock slope", failures=3, budget=0.1)  # one event
+    assert not clock.exceeded(1) or poisson_tail(1, 0.1 / 3) < 0.05
+    assert replace(clock, failures=4).exceeded(1)
+    assert CheckBudget(name="E6 power", failures=3, budget=0.1).exceeded(1)
+
+
+def test_the_poisson_tail() -> None:
+    assert poisson_tail(0, 2.0) == 1.0
+    assert poisson_tail(1, 2.0) == pytest.approx(1 - np.exp(-2.0))
+
+
+def test_runs_count_the_failures_of_each_check() -> None:
+    outcome = of([A, P, P, A, S, A, A, A])
+    assert outcome.budgets == "C/N0 2 0.08"
+    (one,) = scene_outcome([outcome, outcome], []).budgets
+    assert (one.name, one.failures, one.budget) == ("C/N0", 4, pytest.approx(0.16))
 
 
 def test_agreement_with_nothing_known() -> None:

@@ -1,15 +1,30 @@
 """How many false alarms a level may raise in a day, and the share of each check.
 
-Most checks can be set to any false-alarm probability. They get equal shares of the level's alarms a day, and each
-spreads its share over its tests of a day:
+Theory of operation
+-------------------
+**Without the setting `alarms_per_day`** the checks that can be set to any false-alarm probability may raise
+`ALARMS_PER_DAY` together. They get equal shares, and each spreads its share over its tests of a day:
 
     P_fa = alarms a day / (number of such checks · tests a day)
 
 Some bring their own, and come on top: the range check errs with erfc(κ/√2) if its budget σ is what the errors are (it
 is meant to be more), or because noise exceeds the detection threshold in one of N correlators, N times their P_fa; E6
-power errs with 1 − P_d, power–distortion with its published 0.6 % [WESSON18] to the power of its
-confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole: an alarm that is held
-(`alarm.py`) counts its failures once.
+power errs with 1 − P_d, averaged over fading by rays (`theory/fading.py`); power–distortion with its published 0.6 %
+[WESSON18] to the power of its confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole:
+an alarm that is held (`alarm.py`) counts its failures once.
+
+**With `alarms_per_day` = a** the whole level keeps it. What no threshold changes is taken off first: noise in the N
+correlators, and OSNMA's 2⁻²⁴. The other n checks of the level get equal shares, and with T tests a day each
+
+    P = (a − Σ fixed) / (n T)        of one test
+    range check        κ = √2 erfc⁻¹(P)
+    E6 power           M = ⌈ln P / ln(1 − P_d)⌉ misses in a row (`checks/power/e6_misses.py`)
+    power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
+    all others         P_fa = P
+
+For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise in 46 correlators, P = 1.9·10⁻⁵,
+κ = 4.27.
+Checks that a user wrote keep their own probability, on top of a.
 
 Of those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is taken.
 The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
@@ -18,23 +33,26 @@ The others allow for more than is always there, a front end that drifts or a C/N
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil, log, nan, sqrt
 from typing import TYPE_CHECKING
 
-import numpy as np
+from scipy.special import erfcinv
 
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
+from vestige.acas_processor.checks.power.e6_misses import expected_miss_rate
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
 from vestige.constants import DAY_S, SUBFRAME_S
+from vestige.errors import VestigeError
 from vestige.records.checks import AlarmShare, CheckName
-from vestige.theory.thresholds import probability_of_detection
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.verdict_block import VerdictBlock
 
-ALARMS_A_DAY = 1.0  # for what can be chosen
+ALARMS_PER_DAY = 1.0  # of all checks together whose probability can be chosen
+_LARGEST_P_FA = 0.5  # of one test, however many alarms a day a user allows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +80,7 @@ def false_alarm_budget(
     level: int,
     cadence: Cadence,
     *,
-    alarms_a_day: float = ALARMS_A_DAY,
+    alarms_per_day: float | None = None,
     kappa: float = KAPPA,
     pd: float = MIN_PD,
     bank_p_fa: float = 0.0,
@@ -70,47 +88,111 @@ def false_alarm_budget(
 ) -> dict[CheckName | str, AlarmShare]:
     """Return the share of each check of a level, by name.
 
-    `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
-    detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `bank_p_fa` is the probability that noise exceeds
-    the detection threshold in any correlator of the bank. `further` are checks that a user wrote.
+    Parameters
+    ----------
+    level, cadence
+        Mitigation level, and how often it tests.
+    alarms_per_day
+        False alarms a day of the whole level. None: `ALARMS_PER_DAY` for all checks together whose probability can be
+        chosen, and the others bring their own.
+    kappa
+        Factor of the range check; without `alarms_per_day` only.
+    pd
+        Mean probability that E6 is detected where a miss is an alarm; without `alarms_per_day` only.
+    bank_p_fa
+        Probability that noise exceeds the detection threshold in any correlator of the bank.
+    further
+        Checks that a user wrote.
+
+    Raises
+    ------
+    VestigeError
+        If `alarms_per_day` is no more than what no threshold changes.
+
+    Examples
+    --------
+    >>> shares = false_alarm_budget(1, Cadence(satellites=8), alarms_per_day=1.0)
+    >>> f"{shares['E6 power'].p_fa:.2g}, {sum(share.alarms_a_day for share in shares.values()):.3g} a day"
+    '2.2e-05, 1 a day'
     """
     assumed = DetectionAssumptions(kappa=kappa, pd=pd, bank_p_fa=bank_p_fa)
-    free = sum(row.own_p_fa is None for row in LEVELS[level])
-    shares: dict[CheckName | str, AlarmShare] = {}
-    for row in (*LEVELS[level], *further):
-        tests = cadence.tests_a_day(row)
-        p_fa = alarms_a_day / max(free, 1) / tests if row.own_p_fa is None else row.own_p_fa(assumed)
-        shares[row.name] = AlarmShare(
-            p_fa=p_fa,
-            alarms_a_day=p_fa**row.confirm * tests,
-            chosen=row.own_p_fa is None,
-            exact=row.exact,
+    if alarms_per_day is None:
+        share = ALARMS_PER_DAY / max(sum(row.own_p_fa is None for row in LEVELS[level]), 1)
+        found = {row.name: _with_own(row, share / cadence.tests_a_day(row), assumed) for row in LEVELS[level]}
+    else:
+        share = _set_share(LEVELS[level], cadence, alarms_per_day, assumed)
+        found = {row.name: _set(row, share / cadence.tests_a_day(row), assumed) for row in LEVELS[level]}
+    found |= {row.name: _with_own(row, 0.0, assumed) for row in further}
+    rows = (*LEVELS[level], *further)
+    return {
+        row.name: replace(one, alarms_a_day=one.confirmed_p_fa * cadence.tests_a_day(row))
+        for row, one in zip(rows, found.values(), strict=True)
+    }
+
+
+def _set_share(
+    rows: Sequence[CheckSpec], cadence: Cadence, alarms_per_day: float, assumed: DetectionAssumptions
+) -> float:
+    """Return the alarms a day that each check may raise, after what no threshold changes."""
+    fixed = sum(_fixed_p_fa(row, assumed) * cadence.tests_a_day(row) for row in rows)
+    if alarms_per_day <= fixed:
+        raise VestigeError(
+            f"alarms_per_day: found {alarms_per_day:g}, expected more than {fixed:.2g}, which noise in the correlators "
+            "brings with so many satellites and RECS; set more alarms a day, or a smaller p_fa of a correlator"
         )
-    return shares
+    return (alarms_per_day - fixed) / sum(row.settable for row in rows)
 
 
-def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor, for the satellites that a block shows."""
-    return false_alarm_budget(
-        processor.level,
-        processor.monitoring.cadence,
-        alarms_a_day=processor.monitoring.alarms_a_day,
-        kappa=processor.kappa,
-        pd=_mean_pd(processor, block),
-        bank_p_fa=processor.p_fa * processor.offsets_m.size,
-        further=[one.spec for one in processor.own_of_level],
+def _fixed_p_fa(row: CheckSpec, assumed: DetectionAssumptions) -> float:
+    """Return the false-alarm probability of a check that no threshold of it changes."""
+    fixed = row.fixed_p_fa if row.settable else row.own_p_fa
+    return 0.0 if fixed is None else fixed(assumed)
+
+
+def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
+    """Return the share of a check of a level whose alarms a day are set; `p_fa` is what a test of it may have."""
+    if not row.settable:
+        return _with_own(row, p_fa, assumed)
+    p_fa = min(p_fa, _LARGEST_P_FA)
+    if row.confirm > 1 and row.own_p_fa is not None:
+        own = row.own_p_fa(assumed)
+        confirm = max(1, ceil(log(p_fa) / log(own)))
+        return AlarmShare(p_fa=own, confirm=confirm, alarms_a_day=nan, chosen=False)
+    fixed = _fixed_p_fa(row, assumed)
+    return AlarmShare(p_fa=p_fa + fixed, confirm=row.confirm, alarms_a_day=nan, chosen=True, exact=row.exact)
+
+
+def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
+    """Return the share of a check that may bring its own probability in place of `p_fa`."""
+    return AlarmShare(
+        p_fa=p_fa if row.own_p_fa is None else row.own_p_fa(assumed),
+        confirm=row.confirm,
+        alarms_a_day=nan,
+        chosen=row.own_p_fa is None,
+        exact=row.exact,
     )
 
 
-def _mean_pd(processor: AcasProcessor, block: VerdictBlock) -> float:
-    """Return the mean probability that E6 is detected, at the C/N0 that the antenna has at each elevation."""
-    antenna, banks = processor.monitoring.levels.antenna, block.measured.banks
-    if antenna is None:
-        raise ValueError("the expected probability of detection needs an antenna whose C/N0 is known")
-    expected_dbhz = antenna.expected_dbhz(antenna.e6_dbhz, block.evidence.elevation_rad)
-    known = np.isfinite(banks.integration_s) & np.isfinite(expected_dbhz)
-    if not known.any():
-        return 1.0
-    levels_dbhz, counts = np.unique(np.round(expected_dbhz[known], 2), return_counts=True)
-    detection = probability_of_detection(levels_dbhz, float(banks.integration_s[known][0]), processor.p_fa)
-    return float(np.average(detection, weights=counts))
+def set_kappa(share: AlarmShare, bank_p_fa: float) -> float:
+    """Return κ of a range check from its share of a level whose alarms a day are set: √2 erfc⁻¹(P).
+
+    `bank_p_fa` is the part of the share that noise in the bank of correlators takes.
+    """
+    return sqrt(2) * float(erfcinv(share.p_fa - bank_p_fa))
+
+
+def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName | str, AlarmShare]:
+    """Return the share of each check of a processor, for the satellites that a block shows.
+
+    E6 power is expected to miss what the C/N0 on E1 says, averaged over the fading that the receiver is configured to
+    expect.
+    """
+    return false_alarm_budget(
+        processor.level,
+        processor.monitoring.cadence,
+        alarms_per_day=processor.monitoring.alarms_per_day,
+        kappa=processor.kappa,
+        pd=1 - expected_miss_rate(processor.miss_prediction, block.measured),
+        bank_p_fa=processor.bank_p_fa,
+        further=[one.spec for one in processor.own_of_level],
+    )

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from vestige.time import GalileoTime
 
 Vector = tuple[float, float, float]
+# −log₁₀ of the probability of the E6 misses in a row, by satellite; satellites without any are left out
+MissMemory = Mapping[int, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,12 +17,12 @@ from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.levels import LEVELS
-from vestige.acas_processor.monitoring.alarm_budget import ALARMS_A_DAY, Cadence, false_alarm_budget
+from vestige.acas_processor.monitoring.alarm_budget import Cadence, false_alarm_budget
 from vestige.acas_processor.monitoring.baseline import ReferenceLevels
 from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.searches.sampled_searches import E1VestigialSearch, E6ExhaustiveSearch
 from vestige.records import Band
-from vestige.records.checks import CheckName
+from vestige.records.checks import AlarmShare, CheckName
 from vestige.theory.search_budget import SEARCH_P_FA
 
 if TYPE_CHECKING:
@@ -35,8 +35,12 @@ class MonitoringSettings:
 
     Attributes
     ----------
-    cadence, alarms_a_day
-        How often epochs come, and how many false alarms a day they may bring: thresholds follow.
+    cadence
+        How often epochs come.
+    alarms_per_day
+        How many false alarms a day the whole level may raise: thresholds and confirmations of all its checks follow
+        (`alarm_budget.py`). None: one a day for all checks together whose probability can be chosen; range check and
+        E6 power bring their own.
     test_p_fa
         If given, the false-alarm probability of one test of every check, of the three of the clock together, in place
         of the shares of the budget: to measure detection curves.
@@ -59,7 +63,7 @@ class MonitoringSettings:
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
-    alarms_a_day: float = ALARMS_A_DAY
+    alarms_per_day: float | None = None
     test_p_fa: float | None = None
     levels: ReferenceLevels = field(default_factory=ReferenceLevels)
     fix: FixSettings = field(default_factory=FixSettings)
@@ -87,9 +91,21 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
     if settings.test_p_fa is not None:
         shared = {spec.name: settings.test_p_fa / spec.one_of for spec in LEVELS[processor.level]}
         return shared | {one.spec.name: one.p_fa for one in processor.own_of_level}
-    further = [one.spec for one in processor.own_of_level]
-    shares = false_alarm_budget(processor.level, settings.cadence, alarms_a_day=settings.alarms_a_day, further=further)
-    return {name: share.p_fa for name, share in shares.items()}
+    return {name: share.p_fa for name, share in set_shares(processor).items()}
+
+
+def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
+    """Return the share of each check of a processor's level, before anything was measured.
+
+    Raises `VestigeError` if the false alarms a day that are set are too few.
+    """
+    return false_alarm_budget(
+        processor.level,
+        processor.monitoring.cadence,
+        alarms_per_day=processor.monitoring.alarms_per_day,
+        bank_p_fa=processor.bank_p_fa,
+        further=[one.spec for one in processor.own_of_level],
+    )
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:

@@ -56,7 +56,7 @@ def ranges_in_use(
     authentic = POSITION[Status.AUTHENTIC]
     e1_in_use = (block.status == authentic) & (block.state == authentic)
     offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
-    in_bank_m, limit_m = _earlier_in_bank_m(block, processor), processor.budget.limit_m(processor.kappa)
+    in_bank_m, limit_m = _earlier_in_bank_m(block, processor), processor.range_limit_m
     e1_in_use |= np.abs(in_bank_m) <= limit_m
     offset_m = np.where(np.isnan(offset_m) & (in_bank_m < -limit_m), in_bank_m, offset_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]

@@ -59,7 +59,7 @@ def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBE
     settings = _settings(shown)
     parts = [f"Every scene with {', '.join(settings)}; what is expected is of the scenes without."] if settings else []
     parts += [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
-    parts += [_rendered(_false_alarms(quiet))] if quiet else []
+    parts += [_rendered(_false_alarms(quiet)), _rendered(_by_check(quiet))] if quiet else []
     parts += [
         f"{cell.case.threat} {cell.case.scene}, level {cell.level}: {cell.agreement.value.lower()}: {cell.note}"
         for cell in shown
@@ -161,6 +161,24 @@ def _false_alarms(cells: Sequence[SceneCell]) -> Table:
             f"[{_STYLES[cell.agreement]}]{cell.agreement.value}[/]" if cell.agreement in _STYLES else "",
             ", ".join(one.name for one in found.checks),
         )
+    return table
+
+
+def _by_check(cells: Sequence[SceneCell]) -> Table:
+    """Return how often each check failed without an attack, against the budget of that check."""
+    title = "Failures without an attack by check, and what the budget of each check allows; * exceeded"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for name in ("scene", "level", "days", "failures of budget"):
+        table.add_column(name)
+    for cell in cells:
+        found = cell.found
+        over = {one.name for one in found.exceeded}
+        text = "; ".join(
+            f"{one.name} {one.failures} of {one.budget:.2g}{' *' if one.name in over else ''}"
+            for one in found.budgets
+            if one.failures
+        )
+        table.add_row(cell.case.scene, str(cell.level), f"{found.duration_s / DAY_S:.2g}", text or "none failed")
     return table
 
 

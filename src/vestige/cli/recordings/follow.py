@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from vestige.cli.options import assistance_folder
 from vestige.cli.recordings.follow_input import STDIN, live_description, live_tracking, opened_live, stdin_description
@@ -56,6 +57,9 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
 
     if options["accelerations"] and options["level"] != "3":
         raise click.UsageError("--accelerations: for level 3")
+    stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
+    if options["alarms_per_day"] is not None and stated:
+        raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
     if options["follow"]:
         if unfit := given(FINISHED_ONLY):
             raise click.UsageError(f"{unfit}: for a recording that is finished, not with --follow")

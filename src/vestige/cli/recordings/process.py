@@ -334,6 +334,7 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
+        alarms_per_day=options["alarms_per_day"],
         levels=reference_levels(options),
         fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),

@@ -1,0 +1,148 @@
+"""How often E6 is missed in a row by chance: step 1 of a level whose false alarms a day are set [WFO, Sec. IV-A].
+
+`e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
+several times a day. A level that is to raise fewer alarms has to see more than one miss. How many follows from C/N0.
+
+Theory of operation
+-------------------
+E1's C/N0 predicts the probability q_k that RECS k of a satellite is missed without an attack, averaged over the fading
+by rays of the power that the receiver is configured to expect (`theory/fading.py`). Misses of different RECS are
+independent, so a run of misses has the probability ∏ q_k. The check fails where
+
+    ∏ q_k < p_fa,        over the misses since the last detection
+
+A test k can fail only if all misses of the shortest such run that ends with k happened. That run is fixed before its
+RECS arrive, and has a probability below p_fa. So no test fails more often than p_fa, whatever the satellites' C/N0 is.
+For a constant q this is "M of M RECS" with
+
+    M = ⌈ln p_fa / ln q⌉
+
+At p_fa = 2·10⁻⁵, 16 ms and rays of −15.8 dB: 1 RECS at 38 dBHz, 2 at 35, 4 at 33, 5 at 32. M of N RECS with N > M would
+need a larger M for the same p_fa, and so more time to detect a signal that is gone.
+
+Rays that stay the same from one RECS to the next break the independence. So do satellites that are weaker on E6 than E1
+says: the configured `e6_over_e1_db` must be right.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.checks.check import Monitor, series_of
+from vestige.acas_processor.checks.power.e6_power import MIN_PD
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Availability, MeasurementBlock
+from vestige.acas_processor.monitoring.memory import MissMemory
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.theory.fading import faded_miss_probability
+
+_CN0_DECIMALS = 2  # as for the predicted probability of detection
+_LEAST = 1e-300  # a run of misses stays a number that JSON can hold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissPrediction:
+    """With what probability a RECS is missed without an attack, as far as the receiver can know."""
+
+    min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
+    detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
+    ray_power_db: float = -15.8  # mean power of all rays over the direct signal
+    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over that of E1
+
+    def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
+        """Return where a miss would mean something."""
+        correlated = measured.availability == Availability.CORRELATED
+        return correlated & (measured.predicted_pd >= self.min_pd)
+
+    def probability(self, measured: MeasurementBlock, where: Bool[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """Return the probability of a miss where it is asked for, averaged over fading; NaN elsewhere."""
+        found = np.full(where.shape, np.nan)
+        expected_dbhz = np.asarray(measured.snapshots.e1.cn0_dbhz, np.float64) + self.e6_over_e1_db
+        for length_s in np.unique(measured.banks.integration_s[where]).tolist():
+            here = where & (measured.banks.integration_s == length_s)
+            levels, place = np.unique(np.round(expected_dbhz[here], _CN0_DECIMALS), return_inverse=True)
+            found[here] = faded_miss_probability(levels, length_s, self.detection_p_fa, self.ray_power_db)[place]
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6MissesCheck(Monitor):
+    """Whether more RECS in a row are missed than happens by chance.
+
+    The statistic is −log₁₀ of the probability of the misses in a row, 0 after a detection. It is not run where a miss
+    is too probable to mean anything yet.
+    """
+
+    name: ClassVar = CheckName.E6_POWER
+    unit: ClassVar = "decades"
+    p_fa: float = 1e-5  # false-alarm probability of one test, an upper limit
+    prediction: MissPrediction = MissPrediction()
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        measured = evidence.measured
+        correlated = measured.availability == Availability.CORRELATED
+        detected = correlated & (measured.detected.tap >= 0)
+        decades, _ = self._runs(evidence)
+        limit = -math.log10(self.p_fa)
+        statistic = np.where(detected, 0.0, np.where(decades > limit, decades, np.nan))
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if not correlated[here]:
+                return measured.why_unavailable(epoch, satellite)
+            missed = "no encrypted signal where E1 predicts it"
+            if statistic[here] > limit:
+                chance = 10 ** -decades[here]
+                return f"{missed}; so many misses in a row have a probability of {chance:.1g} without an attack"
+            if np.isfinite(decades[here]):
+                return (
+                    f"{missed}, which has a probability of {10 ** -decades[here]:.1g} without an attack: "
+                    f"an alarm follows below {self.p_fa:.1g}"
+                )
+            predicted = measured.predicted_pd[here]
+            if np.isnan(predicted):
+                return "C/N0 on E1 is not known, so nothing follows from a missing signal"
+            return f"E1 predicts a detection probability of {predicted:.2g} only, below {self.prediction.min_pd:g}"
+
+        return series_of(self, statistic, np.full(evidence.shape, limit), explain)
+
+    def remembered(self, evidence: Evidence) -> MissMemory:
+        """Return the run of misses of every satellite after a block."""
+        return self._runs(evidence)[1]
+
+    def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], MissMemory]:
+        """Return −log₁₀ of the probability of each run of misses (NaN where none is), and the runs after the block.
+
+        The sum goes from RECS to RECS in order, so the cut into blocks changes no bit.
+        """
+        measured = evidence.measured
+        detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)
+        missed = self.prediction.counting(measured) & ~detected
+        decades = -np.log10(np.maximum(self.prediction.probability(measured, missed), _LEAST))
+        after: dict[int, float] = dict(evidence.misses)
+        for column, svid in enumerate(measured.snapshots.svids):
+            run = after.pop(svid, 0.0)
+            for row in np.flatnonzero(missed[:, column] | detected[:, column]).tolist():
+                run = 0.0 if detected[row, column] else min(run + float(decades[row, column]), -math.log10(_LEAST))
+                if missed[row, column]:
+                    decades[row, column] = run
+            if run:
+                after[svid] = run
+        return decades, after
+
+
+def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
+    """Return how often a test of `E6PowerCheck` fails without an attack: the mean over its tests in a block.
+
+    A test in which a miss would mean nothing never fails. 0 without tests.
+    """
+    counting = prediction.counting(measured)
+    detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)
+    tests = np.count_nonzero(counting | detected)
+    return float(np.sum(prediction.probability(measured, counting)[counting])) / tests if tests else 0.0
