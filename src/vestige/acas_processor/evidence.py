@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Quantity, Reference
-from vestige.acas_processor.monitoring.memory import ClockMemory, RateMemory
+from vestige.acas_processor.monitoring.memory import CarrierMemory, ClockMemory, RateMemory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class Evidence:
         What was measured of each quantity, and what is usual of it.
     subframes
         OSNMA of the subframes that ended in the block.
-    clock, rates
+    clock, rates, carrier
         What is remembered of the epochs before the block.
     """
 
@@ -42,6 +42,7 @@ class Evidence:
     subframes: Subframes
     clock: ClockMemory
     rates: RateMemory | None
+    carrier: CarrierMemory = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:

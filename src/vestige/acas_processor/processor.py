@@ -19,7 +19,7 @@ from vestige.acas_processor.assess import assess
 from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
-from vestige.acas_processor.levels import LEVELS, CheckSpec
+from vestige.acas_processor.levels import LEVELS, OPTIONAL, STEADY_P_FA, CheckSpec
 from vestige.acas_processor.measure import detect, measure
 from vestige.acas_processor.measurement import DetectedBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.alarm import StateChange
@@ -144,9 +144,19 @@ class AcasProcessor:
         return tuple(one for one in self.own_checks if one.level <= self.level)
 
     @property
+    def optional(self) -> tuple[CheckSpec, ...]:
+        """The optional checks that are turned on."""
+        return tuple(spec for spec in OPTIONAL if spec.make is not None and spec.make(self, STEADY_P_FA) is not None)
+
+    @property
+    def further(self) -> tuple[CheckSpec, ...]:
+        """The checks that the level has after its own: optional ones, those of the user's last."""
+        return (*self.optional, *(one.spec for one in self.own_of_level))
+
+    @property
     def specs(self) -> tuple[CheckSpec, ...]:
         """All checks of the level, those of the user's last."""
-        return (*LEVELS[self.level], *(one.spec for one in self.own_of_level))
+        return (*LEVELS[self.level], *self.further)
 
     @property
     def offsets_m(self) -> Float[np.ndarray, " n_taps"]:

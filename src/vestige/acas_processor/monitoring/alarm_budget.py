@@ -72,7 +72,7 @@ def false_alarm_budget(
 
     `alarms_a_day` is for all checks together whose probability can be chosen. `pd` is the probability that E6 is
     detected at the C/N0 in view: below `MIN_PD` a miss is no alarm. `bank_p_fa` is the probability that noise exceeds
-    the detection threshold in any correlator of the bank. `further` are checks that a user wrote.
+    the detection threshold in any correlator of the bank. `further` are optional checks, and those that a user wrote.
     """
     assumed = DetectionAssumptions(kappa=kappa, pd=pd, bank_p_fa=bank_p_fa)
     free = sum(row.own_p_fa is None for row in LEVELS[level])
@@ -98,7 +98,7 @@ def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName |
         kappa=processor.kappa,
         pd=_mean_pd(processor, block),
         bank_p_fa=processor.p_fa * processor.offsets_m.size,
-        further=[one.spec for one in processor.own_of_level],
+        further=processor.further,
     )
 
 
