@@ -62,6 +62,9 @@ class HeavyTailedIonosphere:
         Cut the core at ±u, so that P(|e| > u) is exactly p. Otherwise the core reaches beyond u too.
     correlation, tau_s
         Memory, and its correlation time τ in s.
+    code_only
+        Whether the residual delays the codes and leaves the carriers alone. An ionosphere advances the carriers; but
+        with `iid`, draws that stand for other times, these would jump by whole cycles from epoch to epoch.
     """
 
     core_sigma_m: float
@@ -72,6 +75,7 @@ class HeavyTailedIonosphere:
     truncated: bool = False
     correlation: Correlation = "iid"
     tau_s: float = PASS_TAU_S
+    code_only: bool = False
     kind: Literal["heavy-tailed"] = "heavy-tailed"
 
     def __post_init__(self) -> None:
