@@ -75,7 +75,7 @@ class CarrierEpoch(NamedTuple):
     phase_rad: float  # of the detecting correlator minus the phase that E1 predicts, a constant apart; NaN without
     magnitude_sigma: float  # of the detecting correlator in standard deviations of the noise per dimension
     cn0_e1_dbhz: float
-    extrapolated_s: float  # for how long the Doppler of E1 carried its phase on
+    extrapolated_s: float  # for how long the Doppler of E1 carried its phase on, to the middle of the RECS
 
 
 CarrierMemory = Mapping[

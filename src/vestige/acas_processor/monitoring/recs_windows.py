@@ -48,7 +48,8 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
     measured, snapshots = evidence.measured, evidence.measured.snapshots
     detected = measured.detected
     phase_rad = detected.phase_rad - measured.predicted_phase_rad
-    of_recs = (phase_rad, detected.magnitude_sigma, snapshots.e1.cn0_dbhz, measured.extrapolated_s)
+    extrapolated_s = np.abs(measured.extrapolated_s) + measured.banks.integration_s / 2
+    of_recs = (phase_rad, detected.magnitude_sigma, snapshots.e1.cn0_dbhz, extrapolated_s)
     lost = np.cumsum(~snapshots.e1.seen, axis=0)
     for column, svid in enumerate(snapshots.svids):
         before = np.array(evidence.carrier.get(svid, ()), np.float64).reshape(-1, len(CarrierEpoch._fields)).T
