@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.memory import CarrierEpoch, CarrierMemory
@@ -67,25 +67,23 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
 
 
 def remembered_carrier(evidence: Evidence, most: int) -> CarrierMemory:
-    """Return what the next block needs: at most the last `most` RECS of each satellite that E1 still tracks."""
+    """Return what the next block needs: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):
-        last = np.flatnonzero(recs.stretch == lost[column])[-most:] if most else []
-        if len(last):
+        last = np.flatnonzero(recs.stretch == lost[column])[-most:]
+        if last.size:
             found[evidence.measured.snapshots.svids[column]] = tuple(
                 CarrierEpoch(*values) for values in np.stack(recs[2:])[:, last].T.tolist()
             )
     return found
 
 
-def last_of(values: Float[np.ndarray, " k"], n: int) -> Float[np.ndarray, "tests n"]:
+def last_of(values: Shaped[np.ndarray, " k"], n: int) -> Shaped[np.ndarray, "tests n"]:
     """Return the last n values at each of them from the n-th on."""
-    return (
-        np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, n))
-        if values.size >= n
-        else (np.zeros((0, n), values.dtype))
-    )
+    if values.size < n:
+        return np.zeros((0, n), values.dtype)
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, n))
 
 
 def scatter(

@@ -94,8 +94,8 @@ class HeavyTailedIonosphere:
     @classmethod
     def solar_maximum_2014_late(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
         """Return that of 2014 without its early tail: the right flank of the paper's histogram is the higher one."""
-        one_tail = {"tail_probability": 0.05, "late_tail_share": 1.0}
-        return replace(cls.solar_maximum_2014(correlation=correlation), **one_tail)
+        both = cls.solar_maximum_2014(correlation=correlation)
+        return replace(both, tail_probability=0.05, late_tail_share=1.0)
 
     @classmethod
     def average_2017(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
