@@ -18,7 +18,7 @@ Between two RECS the phase is known up to whole turns. It is continued by the sm
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
 with v the fastest change of E6 − E1 by the ionosphere. Where that does not hold for all of the N RECS, the check is not
-run. Neither is it over more than five minutes, in which the ionosphere does not change along a straight line. At
+run. Neither is it over more than 120 s, in which the ionosphere may not change along a straight line. At
 35 dBHz and v = 3 mm/s the phase can be continued over 27 s: with one RECS each 30 s there is no such check.
 """
 
@@ -45,7 +45,7 @@ from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.thermal_noise import fll_variance_hz2, pll_variance_rad2
 
-STRAIGHT_S = 300.0  # in which a straight line is good for the ionosphere
+STRAIGHT_S = 120.0  # in which a straight line is good for the ionosphere
 _SURE = 4.0  # standard deviations of a step that is continued by the smaller way round
 
 

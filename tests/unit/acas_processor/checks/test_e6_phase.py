@@ -92,7 +92,7 @@ def test_e1_makes_its_own_noise() -> None:
     ("given", "reason"),
     [
         ({"interval_s": 30.0}, "RECS are too far apart: the phase may turn by more than half a turn"),
-        ({"interval_s": 10.5}, "the last 30 RECS take more than 300 s"),
+        ({"interval_s": 4.2}, "the last 30 RECS take more than 120 s"),
         ({"predicted_rad": np.nan}, "E1 has no carrier phase"),
         ({"magnitude_sigma": np.nan}, "nothing was detected on E6"),
         ({"seen": np.arange(40)[:, None] != 20}, "fewer than 30 RECS in a row with a carrier phase of E1"),
