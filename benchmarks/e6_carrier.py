@@ -119,16 +119,17 @@ def main() -> None:
             made = partial(results, interval_s=1, power_db=-7.0, recs=3 * window, quiet=window)
             table(SLIPS_HZ, [row(seeds, window, partial(made, slip_hz=one)) for one in SLIPS_HZ], "slip (Hz)")
     if options.part in (None, "honest"):
-        for interval_s in INTERVALS_S:
-            made = results(9, interval_s=interval_s, power_db=-inf, slip_hz=0.1, recs=20_000, quiet=10)
-            for life_s, window in CASES:
-                found = judged_by(made, partial(with_monitors, life_s=life_s, window=window))
-                for name in ("E6 phase", "E6 fading"):
-                    check = found.checks[name]
-                    largest = np.nanmax(check.statistic / check.threshold, initial=0.0)
-                    what = f"RECS each {interval_s} s, {window} RECS, reflections last {life_s:g} s: {name}"
-                    counts = f"{np.count_nonzero(check.failed)} of {np.count_nonzero(check.run)}"
-                    print(f"honest, {what} failed {counts}, largest {largest:.2f} of the threshold", flush=True)
+        print("| RECS | check | failed, new reflections | failed, lasting | tests |\n" + "|---" * 5 + "|")
+        for interval_s, window in RATES:
+            made = partial(results, interval_s=interval_s, power_db=-inf, slip_hz=0.1, recs=20_000, quiet=10)
+            runs = [made(seed) for seed in (9, 10, 11)]
+            for name in ("E6 phase", "E6 fading"):
+                lives = [life_s for life_s, n in CASES if n == window]
+                changes = [partial(with_monitors, life_s=life_s, window=window) for life_s in lives]
+                new, lasting = ([judged_by(one, change).checks[name] for one in runs] for change in changes)
+                counts = [sum(int(np.count_nonzero(one.failed)) for one in found) for found in (new, lasting)]
+                tests = sum(int(np.count_nonzero(one.run)) for one in new)
+                print(f"| {window}, each {interval_s} s | {name} | {counts[0]} | {counts[1]} | {tests} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,8 @@ which are missing. Between two RECS only the monitors speak.
 
 A row says everything that the processor needs to know of a check: how it is made from the settings, whether it compares
 with reference levels, and where its false-alarm probability comes from. So a new check is a file in `checks/`, a row
-here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`.
+here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`. Checks of `OPTIONAL`
+are for every level, if their settings turn them on.
 
 A check that is known to err by itself now and then (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in
 a row. What a receiver shows its user is steadier still: `alarm.py`.
