@@ -130,7 +130,8 @@ def test_nothing_pulls_where_it_turns(detector: int) -> None:
 def test_the_range_is_captured_as_the_power_rises(detector: int) -> None:
     """The paper: "when the spoofer turns up the power, it captures the range estimate at the beginning in both cases".
 
-    At 750 s it is 11 m late and at +2.3 dB, at 800 s 18 m: offsets follow by 1.5 to 5.5 m before and by 8 to 15 m after it.
+    At 750 s it is 11 m late and at +2.3 dB, at 800 s 18 m: offsets follow by 1.5 to 5.5 m before that and by 8 to 15 m
+    after it.
     """
     assert np.all((rise_m(detector, 700, 750) > 1.5) & (rise_m(detector, 700, 750) < 5.5))
     assert np.all((rise_m(detector, 750, 800) > 8.0) & (rise_m(detector, 750, 800) < 15.0))
