@@ -104,6 +104,8 @@ def evidence(
         predicted_pd=full(predicted_pd),
         expected_s=nothing,
         doppler_e6_hz=nothing,
+        predicted_phase_rad=nothing,
+        extrapolated_s=nothing,
         fixes=None if fix is None else SimpleNamespace(block=fix),
     )
 

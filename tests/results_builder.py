@@ -63,7 +63,7 @@ def campaign_results(
         power_db = 20 * np.log10(amplitude)
         truth = {
             "truth_prediction_error_m": (("epoch", "satellite"), delay_m),
-            "truth_phase_rad": (("epoch", "satellite"), phase_rad),
+            "predicted_phase_rad": (("epoch", "satellite"), phase_rad),
             "truth_spoofer_offset_m": (("epoch", "satellite", "attack"), _everywhere(later_m, len(svids))),
             "truth_spoofer_power_db": (("epoch", "satellite", "attack"), _everywhere(power_db, len(svids))),
         }

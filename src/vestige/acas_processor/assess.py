@@ -33,6 +33,7 @@ from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.memory import MissMemory
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
+from vestige.acas_processor.monitoring.recs_windows import remembered_carrier
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
@@ -143,6 +144,7 @@ class _Assessment:
             clock=self._state.clock,
             rates=self._state.rates,
             misses=self._state.misses,
+            carrier=self._state.carrier,
         )
 
     def _settle(self) -> None:
@@ -202,9 +204,7 @@ class _Assessment:
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
         """Return what follows from failures: the guess that would have been right, and status and cause."""
         available = self._fixed[CheckName.E6_POWER].run
-        status, cause = combine(
-            self._processor.level, failed, available, [one.spec for one in self._processor.own_of_level]
-        )
+        status, cause = combine(self._processor.level, failed, available, self._processor.further)
         due = self._seen | self._lost
         status = np.where(due, status, POSITION[Status.NOT_AVAILABLE]).astype(np.int8)
         quiet = ~np.any(is_alarm(status), axis=1)
@@ -317,6 +317,7 @@ class _Assessment:
         evidence = self._evidence({})
         further = len(self._specs) > len(MINIMUM)
         remembers_rates = any(spec.remembers_rates for spec in self._specs.values())
+        asked = [spec.remembered_recs for spec in self._specs.values() if spec.remembered_recs is not None]
         return replace(
             state,
             last=snapshots.time.at(len(snapshots.time) - 1),
@@ -327,6 +328,7 @@ class _Assessment:
             osnma=self._osnma,
             rates=remembered_rates(evidence) if remembers_rates else None,
             misses=self._misses_after(evidence),
+            carrier=remembered_carrier(evidence, max(one(self._processor) for one in asked)) if asked else {},
             search=self._search_after if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs else state.search,
             streaks=self._streaks(),
             alarm=self._alarm_after,

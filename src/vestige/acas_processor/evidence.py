@@ -11,7 +11,7 @@ from jaxtyping import Float
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Quantity, Reference
-from vestige.acas_processor.monitoring.memory import ClockMemory, MissMemory, RateMemory
+from vestige.acas_processor.monitoring.memory import CarrierMemory, ClockMemory, MissMemory, RateMemory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class Evidence:
         What was measured of each quantity, and what is usual of it.
     subframes
         OSNMA of the subframes that ended in the block.
-    clock, rates, misses
+    clock, rates, misses, carrier
         What is remembered of the epochs before the block.
     """
 
@@ -43,6 +43,7 @@ class Evidence:
     clock: ClockMemory
     rates: RateMemory | None
     misses: MissMemory = field(default_factory=dict)
+    carrier: CarrierMemory = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -22,7 +22,8 @@ which are missing. Between two RECS only the monitors speak.
 
 A row says everything that the processor needs to know of a check: how it is made from the settings, whether it compares
 with reference levels, and where its false-alarm probability comes from. So a new check is a file in `checks/`, a row
-here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`.
+here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`. Checks of `OPTIONAL`
+are for every level, if their settings turn them on.
 
 A check that is known to err by itself now and then (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in
 a row. What a receiver shows its user is steadier still: `alarm.py`.
@@ -41,7 +42,9 @@ from jaxtyping import Bool, Int, Int8, Int64
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck
 from vestige.acas_processor.checks.e1_e6_range import KAPPA, RangeCheck
+from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor
+from vestige.acas_processor.checks.power.e6_fading import E6FadingMonitor
 from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck
 from vestige.acas_processor.checks.power.e6_power import MIN_PD, E6PowerCheck
 from vestige.acas_processor.checks.raim import RaimMonitor
@@ -108,6 +111,7 @@ class CheckSpec:
     one_of: int = 1  # how many checks are the tests of one monitor, and share its probability
     needs_references: bool = False  # whether it compares with reference levels
     remembers_rates: bool = False  # whether it compares with the range rates of the RECS before
+    remembered_recs: Callable[[AcasProcessor], int] | None = None  # how many RECS before it looks at; None for none
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
@@ -295,6 +299,36 @@ LEVELS: dict[int, tuple[CheckSpec, ...]] = {
     3: (*_MINIMUM, *_POWER, *_HANDOVER_SEARCH, *_SECOND_CHANNEL, *_EXHAUSTIVE_SEARCH, *_FIX, *_BRIDGING),
 }
 MINIMUM = tuple(spec.name for spec in _MINIMUM)
+STEADY_P_FA = 1e-6  # of one test of E6 phase or E6 fading
+
+
+def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
+    """Return the row of a monitor of the carrier on E6, which `settings` finds if the processor has one."""
+
+    def make(processor: AcasProcessor, p_fa: float) -> Check | None:
+        monitor = settings(processor)
+        return None if monitor is None else replace(monitor, p_fa=p_fa)
+
+    def remembered_recs(processor: AcasProcessor) -> int:
+        monitor = settings(processor)
+        return 0 if monitor is None else monitor.window - 1
+
+    return CheckSpec(
+        step=8,  # after those of [WFO, Sec. IV]: the phase is in its Sec. VI-B
+        name=name,
+        failure=_SUSPECT,
+        make=make,
+        cadence=_RECS,
+        own_p_fa=lambda _: STEADY_P_FA,
+        remembered_recs=remembered_recs,
+    )
+
+
+# Checks that every level has if they are turned on. They have no share of the budget, so the others keep theirs.
+OPTIONAL = (
+    _steady(CheckName.E6_PHASE, lambda processor: processor.monitoring.e6_phase),
+    _steady(CheckName.E6_FADING, lambda processor: processor.monitoring.e6_fading),
+)
 
 # From what says least to what says most; alarms are those from SUSPECT on
 GRAVITY = (Status.NOT_AVAILABLE, Status.AUTHENTIC, Status.SUSPECT, Status.NOT_DETECTED, Status.SPOOFED)
@@ -320,8 +354,8 @@ def combine(
     """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
 
     `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
-    not looked at. `available` says whether steps 1 and 2 were run. `own` are the user's checks, which the level has
-    after those of vestige.
+    not looked at. `available` says whether steps 1 and 2 were run. `own` are the optional checks and those of the user,
+    which the level has after its own.
 
     Returns
     -------

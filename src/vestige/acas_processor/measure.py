@@ -26,7 +26,7 @@ from vestige.acas_processor.measurement import (
     spread_over_block,
 )
 from vestige.acas_processor.position.fix_measurement import LazyFix
-from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over
+from vestige.acas_processor.searches.handover import assisted_delay_m, hand_over, predicted_phase_rad, reception_s
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
 from vestige.crypto.recs.recs_segment import decrypt
@@ -54,6 +54,9 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
     availability[asked & (banks.noise_power <= 0)] = Availability.ZERO
     correlated = availability == Availability.CORRELATED
     expected_dbhz = snapshots.e1.cn0_dbhz + processor.e6_over_e1_db
+    # a model of E6 asks for no hand-over, and its RECS is sent at the time of the snapshot
+    after_s = np.where(np.isnan(handovers.expected_s), reception_s(snapshots.e1), handovers.expected_s)
+    phase_rad = np.where(correlated, predicted_phase_rad(snapshots.e1, after_s), np.nan)
     return MeasurementBlock(
         snapshots=snapshots,
         recs=lookup.block,
@@ -63,6 +66,8 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
         predicted_pd=_predicted_pd(expected_dbhz, correlated, banks.integration_s, processor.p_fa),
         expected_s=handovers.expected_s,
         doppler_e6_hz=handovers.doppler_e6_hz,
+        predicted_phase_rad=phase_rad,
+        extrapolated_s=np.where(np.isnan(phase_rad), np.nan, after_s),
         fixes=LazyFix(settings=processor.monitoring.fix, time=snapshots.time, svids=snapshots.svids, e1=snapshots.e1),
     )
 

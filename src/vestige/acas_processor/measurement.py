@@ -102,6 +102,11 @@ class MeasurementBlock:
     # handed over one by one.
     expected_s: Float[np.ndarray, "n m"]
     doppler_e6_hz: Float[np.ndarray, "n m"]
+    # phase of the correlators that the carrier phase of E1 predicts, but for a constant of the satellite; NaN if E1
+    # has no carrier phase or nothing was correlated
+    predicted_phase_rad: Float[np.ndarray, "n m"]
+    # for how long the Doppler of E1 carried that phase on, in s; NaN as above
+    extrapolated_s: Float[np.ndarray, "n m"]
     fixes: Fixes | None = None  # makes the position fix
 
     @property
@@ -134,6 +139,8 @@ class MeasurementBlock:
                 range_offset_m=_single(detected.range_offset_m),
             ),
             predicted_pd=_single(self.predicted_pd),
+            predicted_phase_rad=_single(self.predicted_phase_rad),
+            extrapolated_s=_single(self.extrapolated_s),
         )
 
     def why_unavailable(self, epoch: int, satellite: int) -> str:

@@ -20,7 +20,7 @@ from vestige.acas_processor.checks.e1_e6_range import KAPPA
 from vestige.acas_processor.checks.power.e6_misses import MissPrediction
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
-from vestige.acas_processor.levels import LEVELS, CheckSpec
+from vestige.acas_processor.levels import LEVELS, OPTIONAL, STEADY_P_FA, CheckSpec
 from vestige.acas_processor.measure import detect, measure
 from vestige.acas_processor.measurement import DetectedBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.alarm import StateChange
@@ -147,13 +147,23 @@ class AcasProcessor:
         return tuple(one for one in self.own_checks if one.level <= self.level)
 
     @property
+    def optional(self) -> tuple[CheckSpec, ...]:
+        """The optional checks that are turned on."""
+        return tuple(spec for spec in OPTIONAL if spec.make is not None and spec.make(self, STEADY_P_FA) is not None)
+
+    @property
+    def further(self) -> tuple[CheckSpec, ...]:
+        """The checks that the level has after its own: optional ones, those of the user's last."""
+        return (*self.optional, *(one.spec for one in self.own_of_level))
+
+    @property
     def specs(self) -> tuple[CheckSpec, ...]:
         """All checks of the level, those of the user's last."""
         rows = LEVELS[self.level]
         if self.monitoring.alarms_per_day is not None:
             shares = set_shares(self)
             rows = tuple(replace(row, confirm=shares[row.name].confirm) for row in rows)
-        return (*rows, *(one.spec for one in self.own_of_level))
+        return (*rows, *self.further)
 
     @property
     def bank_p_fa(self) -> float:

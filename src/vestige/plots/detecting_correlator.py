@@ -36,8 +36,9 @@ def detecting_correlator(
 ) -> Axes:
     """Return axes with magnitude (orange), phase (blue, right axis) and detection (red dots at 1 or 0) against time.
 
-    The phase is that against the true signal if the results say it. Where nothing is detected, magnitude and phase are
-    not defined and the curves have a gap. Flags and magnitude share the left axis: a magnitude lies above the
+    The phase is that against the carrier phase of E1, which the receiver knows, but for a constant; results of older
+    versions hold the absolute phase only. Where nothing is detected, magnitude and phase are not defined and the curves
+    have a gap. Flags and magnitude share the left axis: a magnitude lies above the
     threshold, so the flags stand free below it.
 
     Raises `VestigeError` if the results lack the detector or the satellite.

@@ -92,14 +92,15 @@ def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_
 
 
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
-    """Return the phase of the detecting correlator, against that of the true signal if it is known; then it says so.
+    """Return the phase of the detecting correlator, against that which E1 predicts if it is stored; then it says so.
 
-    From one epoch to the next the carrier itself makes thousands of turns. Under attack its phase is in the results.
+    From one epoch to the next the carrier itself makes thousands of turns. A receiver knows them from E1.
     """
     phase = column(selected, "phase_rad")
-    if "truth_phase_rad" not in selected.variables:
+    if "predicted_phase_rad" not in selected.variables:
         return phase, ""
-    return np.angle(np.exp(1j * (phase - column(selected, "truth_phase_rad")))), "phase against the true signal"
+    against = phase - column(selected, "predicted_phase_rad")
+    return np.angle(np.exp(1j * against)), "phase against the carrier phase of E1"
 
 
 def is_attacked(results: xarray.Dataset) -> bool:

@@ -66,6 +66,7 @@ class TruthBlock:
     clock_drift_mps: Float[np.ndarray, " n"]
     iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
+    iono_on_carrier: Float[np.ndarray, " n"]  # 1 where the ionosphere advances the carriers, 0 where it is code only
     bias_m: Float[np.ndarray, " n"]  # by how much the code of E6 is later than that of E1 beyond iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
     e1_phase_noise_m: Float[np.ndarray, " n"]  # of the carrier phase, times the wavelength
@@ -77,8 +78,12 @@ class TruthBlock:
     geometry: SatelliteGeometry
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the ionosphere's residual on a band in m: the code is later by it, the carrier earlier."""
+        """Return the ionosphere's residual on a band in m: the code is later by it."""
         return self.ionosphere_e1_m if band is Band.E1 else self.ionosphere_e1_m + self.iono_diff_m
+
+    def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return by how much the ionosphere's residual makes the carrier of a band earlier, in m."""
+        return self.ionosphere_m(band) * self.iono_on_carrier
 
 
 class TruthProcess:
@@ -137,6 +142,7 @@ class TruthProcess:
             clock_drift_mps=drift_mps,
             iono_diff_m=iono_diff_m,
             ionosphere_e1_m=iono_diff_m / (GAMMA_E1_E6 - 1) if elevation else np.zeros(count),
+            iono_on_carrier=np.full(count, 0.0 if getattr(models.ionosphere, "code_only", False) else 1.0),
             bias_m=_advanced(models.bias, self._bias, times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,
             e1_phase_noise_m=carrier_m * noisier,

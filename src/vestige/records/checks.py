@@ -35,6 +35,8 @@ class CheckName(StrEnum):
     SOLUTION_SEPARATION = "solution separation"
     POWER_DISTORTION = "power-distortion"
     INERTIAL_RANGE_RATE = "inertial range rate"
+    E6_PHASE = "E6 phase"
+    E6_FADING = "E6 fading"
 
 
 class SignalClass(IntEnum):

@@ -23,14 +23,15 @@ class EmpiricalIonosphereTable(Section):
     ----------
     path
         The file; a relative path starts at the scenario file.
-    correlation, tau_s
-        Memory, and its correlation time in s.
+    correlation, tau_s, code_only
+        Memory, its correlation time in s, and whether the residual leaves the carriers alone.
     """
 
     kind: Literal["empirical"]
     path: Annotated[str, Field(min_length=1)]
     correlation: Correlation = "iid"
     tau_s: Annotated[float, Field(ge=0, le=1e9)] = PASS_TAU_S
+    code_only: bool = False
 
     _samples_m: Float[np.ndarray, " n"] = PrivateAttr()
 
@@ -47,4 +48,6 @@ class EmpiricalIonosphereTable(Section):
 
     def model(self) -> EmpiricalIonosphere:
         """Return the model."""
-        return EmpiricalIonosphere(samples_m=self._samples_m, correlation=self.correlation, tau_s=self.tau_s)
+        return EmpiricalIonosphere(
+            samples_m=self._samples_m, correlation=self.correlation, tau_s=self.tau_s, code_only=self.code_only
+        )

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, WithJsonSchema, model_validator
 
+from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.own_check import OwnCheck
@@ -37,6 +38,19 @@ class InertialTable(Section):
     walk_mps_per_sqrt_s: Annotated[float, Field(ge=0, le=10)] = Accelerometers().walk_mps_per_sqrt_s
 
 
+class E6CarrierTable(Section):
+    """Turns the monitors of the phase and of the fading of E6 on, at every level.
+
+    Both look at the last `window` RECS of a satellite. `ray_life_s` is how long a reflection lasts: 0 if each RECS has
+    other ones; left out, nothing is known of it, and the thresholds allow for one that lasts. `change_mps` is the
+    fastest change of E6 − E1 by the ionosphere.
+    """
+
+    window: Annotated[int, Field(ge=4, le=1000)] = E6PhaseMonitor().window
+    ray_life_s: Annotated[float, Field(ge=0, le=1e9)] | None = None
+    change_mps: Annotated[float, Field(ge=0, le=1)] = E6PhaseMonitor().change_mps
+
+
 class ProcessorTable(Section):
     """The processing; both detectors are evaluated, `detector` gives the status.
 
@@ -59,6 +73,8 @@ class ProcessorTable(Section):
     they are those of `[receiver]`, since a receiver knows its antenna. `e6_over_e1_db` is the C/N0 of E6-C over that of
     E1-C that it expects of each satellite; left out it is the difference of those two. `expected_satellites` is the
     number of satellites that it expects in view; left out it is the number above the mask at the first epoch.
+
+    `e6_carrier` turns the monitors of the phase and of the fading of E6 on; left out there are none.
     """
 
     level: Literal[1, 2, 3] = 1
@@ -80,6 +96,7 @@ class ProcessorTable(Section):
     e6_over_e1_db: Annotated[float, Field(ge=-40, le=40)] | None = None
     oscillator: OscillatorTable = OscillatorTable()
     inertial: InertialTable = InertialTable()
+    e6_carrier: E6CarrierTable | None = None
     checks: tuple[str, ...] = ()
     _own_detector: Any = PrivateAttr(None)
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())

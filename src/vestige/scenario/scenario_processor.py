@@ -13,13 +13,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from vestige.acas_processor.checks.clock import ClockDriftMonitor
+from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.checks.inertial import InertialMonitor
 from vestige.acas_processor.checks.power.decision_map import Hypotheses, PowerDistortionMonitor
+from vestige.acas_processor.checks.power.e6_fading import E6FadingMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
 from vestige.acas_processor.monitoring.alarm_budget import Cadence
@@ -106,6 +108,7 @@ def receiver_processor(
             clock_walk_hz=oscillator.walk_hz,
         ),
         exhaustive_period_s=table.search_s,
+        **_e6_carrier(scenario),
     )
     stated_db = table.e6_over_e1_db
     return replace(
@@ -113,6 +116,27 @@ def receiver_processor(
         e6_over_e1_db=antenna.e6_dbhz - antenna.e1_dbhz if stated_db is None else stated_db,
         cipher_mode=CipherMode(scenario.recs.cipher_mode),
     )
+
+
+def _e6_carrier(scenario: CampaignScenario | StoredScenario) -> dict[str, Any]:
+    """Return the monitors of the carrier on E6 that are turned on, with the receiver's own loops."""
+    table = scenario.processor.e6_carrier
+    if table is None:
+        return {}
+    shared: dict[str, Any] = {"window": table.window, "ray_power_db": scenario.processor.ray_power_db}
+    if table.ray_life_s is not None:
+        shared["ray_life_s"] = table.ray_life_s
+    loops = scenario.receiver.e1_tracking
+    of_loops = {
+        "pll_bandwidth_hz": "pll_bandwidth_hz",
+        "fll_bandwidth_hz": "fll_bandwidth_hz",
+        "loop_integration_s": "integration_s",
+    }
+    known = {ours: getattr(loops, theirs) for ours, theirs in of_loops.items() if hasattr(loops, theirs)}
+    return {
+        "e6_phase": E6PhaseMonitor(change_mps=table.change_mps, **shared, **known),
+        "e6_fading": E6FadingMonitor(**shared),
+    }
 
 
 def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:

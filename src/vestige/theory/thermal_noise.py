@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C, E6C
@@ -66,3 +67,18 @@ def snapshot_noise_bound_m(cn0_dbhz: float, integration_s: float, bandwidth_hz: 
     second_moment = gabor_bandwidth_hz(E6C.pulse, **band) ** 2 * passed
     snr = 10.0 ** (cn0_dbhz / 10.0) * integration_s
     return SPEED_OF_LIGHT_MPS / float(np.sqrt(8 * np.pi**2 * snr * second_moment))
+
+
+def pll_variance_rad2(
+    cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
+) -> Float[np.ndarray, "*n"]:
+    """Return the variance of a phase lock loop's phase in rad² [KAPLAN06, 5.6.1]; C/N0 in Hz, one-sided bandwidth."""
+    return bandwidth_hz / cn0_hz * (1 + 1 / (2 * integration_s * cn0_hz))
+
+
+def fll_variance_hz2(
+    cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
+) -> Float[np.ndarray, "*n"]:
+    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2]; arguments as of the phase."""
+    spread = 4 * bandwidth_hz / cn0_hz * (1 + 1 / (integration_s * cn0_hz))
+    return spread / (2 * np.pi * integration_s) ** 2

@@ -71,11 +71,11 @@ def test_a_campaign_without_an_attack_is_refused() -> None:
         attack_comparison(campaign_results(5))
 
 
-def test_the_phase_is_against_the_true_signal_if_it_is_known() -> None:
+def test_the_phase_is_against_that_of_e1_if_it_is_stored() -> None:
     known = campaign_results(60, cn0_dbhz=50.0, spoofer=lambda t: (np.zeros(t.shape), np.full(t.shape, 1e-6)))
     right = figure_of(plots.detecting_correlator(known)).axes[1]
     assert np.max(np.abs(right.lines[0].get_ydata())) < 0.5
-    assert [text.get_text() for text in right.texts] == ["phase against the true signal"]
+    assert [text.get_text() for text in right.texts] == ["phase against the carrier phase of E1"]
     plain = campaign_results(60, cn0_dbhz=50.0)
     right = figure_of(plots.detecting_correlator(plain)).axes[1]
     np.testing.assert_array_equal(right.lines[0].get_ydata(), plain["phase_rad"].values[0, :, 0])

@@ -102,7 +102,7 @@ def false_alarm_budget(
     bank_p_fa
         Probability that noise exceeds the detection threshold in any correlator of the bank.
     further
-        Checks that a user wrote.
+        Optional checks that are turned on, and checks that a user wrote.
 
     Raises
     ------
@@ -194,5 +194,5 @@ def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName |
         kappa=processor.kappa,
         pd=1 - expected_miss_rate(processor.miss_prediction, block.measured),
         bank_p_fa=processor.bank_p_fa,
-        further=[one.spec for one in processor.own_of_level],
+        further=processor.further,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from vestige.time import GalileoTime
 
@@ -67,3 +68,18 @@ class RateMemory:
     # end times and velocity increments (east, north, up, m/s) since
     increments: tuple[tuple[GalileoTime, Vector], ...] = ()
     covered: bool = True  # whether the increments leave no gap
+
+
+class CarrierEpoch(NamedTuple):
+    """What one RECS of a satellite said of its carrier on E6."""
+
+    time_s: float  # after the first epoch that the receiver ever processed
+    phase_rad: float  # of the detecting correlator minus the phase that E1 predicts, a constant apart; NaN without
+    magnitude_sigma: float  # of the detecting correlator in standard deviations of the noise per dimension
+    cn0_e1_dbhz: float
+    extrapolated_s: float  # for how long the Doppler of E1 carried its phase on, to the middle of the RECS
+
+
+CarrierMemory = Mapping[
+    int, tuple[CarrierEpoch, ...]
+]  # by satellite, since E1 tracks it without a gap; the latest last

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockDriftMonitor
+from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.checks.inertial import InertialMonitor
 from vestige.acas_processor.checks.osnma import OsnmaAvailabilityMonitor, OsnmaReceptionMonitor
 from vestige.acas_processor.checks.power.cn0 import Cn0Monitor
 from vestige.acas_processor.checks.power.decision_map import PowerDistortionMonitor
 from vestige.acas_processor.checks.power.e6_cn0 import E6StrengthMonitor
+from vestige.acas_processor.checks.power.e6_fading import E6FadingMonitor
 from vestige.acas_processor.checks.power.noise_floor import NoiseFloorMonitor
 from vestige.acas_processor.checks.power.received_power import ReceivedPowerMonitor
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor
@@ -50,6 +52,8 @@ class MonitoringSettings:
         Orbits, and what is assumed of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
         As below.
+    e6_phase, e6_fading
+        The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
         The checks with their settings; their false-alarm probability is replaced by that of the level's budget.
     second_signal_filtered
@@ -77,6 +81,8 @@ class MonitoringSettings:
     clock: ClockDriftMonitor = field(default_factory=ClockDriftMonitor)
     power_distortion: PowerDistortionMonitor = field(default_factory=PowerDistortionMonitor)
     inertial: InertialMonitor = field(default_factory=InertialMonitor)
+    e6_phase: E6PhaseMonitor | None = None
+    e6_fading: E6FadingMonitor | None = None
     osnma_availability: OsnmaAvailabilityMonitor = field(default_factory=OsnmaAvailabilityMonitor)
     osnma_reception: OsnmaReceptionMonitor = field(default_factory=OsnmaReceptionMonitor)
     e1_search: E1VestigialSearch = field(default_factory=E1VestigialSearch)
@@ -89,7 +95,8 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
     """Return the false-alarm probability of one test of each check of a processor's level."""
     settings = processor.monitoring
     if settings.test_p_fa is not None:
-        shared = {spec.name: settings.test_p_fa / spec.one_of for spec in LEVELS[processor.level]}
+        ours = (*LEVELS[processor.level], *processor.optional)
+        shared = {spec.name: settings.test_p_fa / spec.one_of for spec in ours}
         return shared | {one.spec.name: one.p_fa for one in processor.own_of_level}
     return {name: share.p_fa for name, share in set_shares(processor).items()}
 
@@ -104,7 +111,7 @@ def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
         processor.monitoring.cadence,
         alarms_per_day=processor.monitoring.alarms_per_day,
         bank_p_fa=processor.bank_p_fa,
-        further=[one.spec for one in processor.own_of_level],
+        further=processor.further,
     )
 
 
@@ -114,7 +121,9 @@ def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -
     `p_fa` is the false-alarm probability of one test of each check of the level.
     """
     made = {
-        spec.name: spec.make(processor, p_fa[spec.name]) for spec in LEVELS[processor.level] if spec.make is not None
+        spec.name: spec.make(processor, p_fa[spec.name])
+        for spec in (*LEVELS[processor.level], *processor.optional)
+        if spec.make is not None
     }
     ours: dict[CheckName | str, Check] = {name: check for name, check in made.items() if check is not None}
     return ours | {one.spec.name: one for one in processor.own_of_level}

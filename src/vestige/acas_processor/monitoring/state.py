@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline
-from vestige.acas_processor.monitoring.memory import ClockMemory, MissMemory, OsnmaMemory, RateMemory, Vector
+from vestige.acas_processor.monitoring.memory import (
+    CarrierMemory,
+    ClockMemory,
+    MissMemory,
+    OsnmaMemory,
+    RateMemory,
+    Vector,
+)
 from vestige.records.checks import CheckName
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.time import GalileoTime
@@ -36,6 +43,7 @@ class ReceiverState:
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     rates: RateMemory | None = None
     misses: MissMemory = field(default_factory=dict)
+    carrier: CarrierMemory = field(default_factory=dict)
     search: SearchMemory = field(default_factory=SearchMemory)
     # how many of its last tests a check that has to be confirmed failed in a row, by satellite
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)

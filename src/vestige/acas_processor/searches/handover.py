@@ -8,9 +8,17 @@ Everything that moves both bands alike (geometry, clocks, troposphere) is in the
 The RECS epoch is a time of transmission on the satellite's clock, so the expected reception solves t = t_tx + P6(t)/c
 with P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²) around the time of the observation. The satellite clock needs no
 correction.
+
+The carrier phase of E6 follows that of E1 but for the ionosphere and a constant, because one oscillator drives both
+front ends. With φ1 the carrier phase of E1 in cycles, growing with the range, the E6 correlator has the phase
+
+    −2π (f6/f1) (φ1 − f_d1 Δt − ½ ḟ_d1 Δt²) + constant + slow change of the ionosphere
 """
 
 from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
 
 from vestige.constants import (
     E1_CARRIER_HZ,
@@ -22,6 +30,7 @@ from vestige.constants import (
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
 from vestige.records import ChipSequence, E1Observation, Handover
 from vestige.records.recs_block import Corrections
+from vestige.records.snapshot_block import E1Block
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
@@ -87,3 +96,23 @@ def hand_over(
         doppler_rate_hz_per_s=scale * observation.doppler_rate_hz_per_s,
         expected_cn0_dbhz=observation.cn0_dbhz + e6_over_e1_db,
     )
+
+
+def reception_s(e1: E1Block) -> Float[np.ndarray, "n m"]:
+    """Return how long after the snapshot a RECS arrives that is sent at the time of the snapshot, in s."""
+    wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
+    dt = np.zeros(e1.pseudorange_m.shape)
+    for _ in range(_LIGHT_TIME_STEPS):
+        change_m = wavelength_m * (e1.doppler_hz * dt + 0.5 * e1.doppler_rate_hz_per_s * dt**2)
+        dt = (e1.pseudorange_m - change_m) / SPEED_OF_LIGHT_MPS
+    return dt
+
+
+def predicted_phase_rad(e1: E1Block, after_s: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    """Return the phase of the E6 correlators that the carrier phase of E1 predicts, but for a constant, from −π to π.
+
+    `after_s` is when the RECS begins, in s after the snapshot. NaN where E1 has no carrier phase.
+    """
+    cycles = e1.carrier_phase_cycles - (e1.doppler_hz * after_s + 0.5 * e1.doppler_rate_hz_per_s * after_s**2)
+    cycles = cycles * (E6_CARRIER_HZ / E1_CARRIER_HZ)
+    return -2 * np.pi * (cycles - np.round(cycles))

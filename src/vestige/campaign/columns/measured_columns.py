@@ -52,6 +52,8 @@ MEASURED_COLUMNS = column_table(
     ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
     ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
     ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
+    ("predicted_phase_rad", _SATELLITE, "float32", "rad", "phase of correlators that E1 predicts, but for a constant"),
+    ("e1_extrapolated_s", _SATELLITE, "float32", "s", "how long the Doppler of E1 carried that phase on"),
     attrs=_AVAILABILITY,
 )
 
@@ -102,6 +104,8 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
         "predicted_pd": measured.predicted_pd,
         "e1_pseudorange_m": snapshots.e1.pseudorange_m,
         "e1_cn0_dbhz": snapshots.e1.cn0_dbhz,
+        "predicted_phase_rad": measured.predicted_phase_rad,
+        "e1_extrapolated_s": measured.extrapolated_s,
     }
 
 
@@ -185,6 +189,8 @@ def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns)
         predicted_pd=_double(columns["predicted_pd"]),
         expected_s=_known(columns, "e6_expected_s", shape),
         doppler_e6_hz=_known(columns, "e6_expected_doppler_hz", shape),
+        predicted_phase_rad=_known(columns, "predicted_phase_rad", shape),
+        extrapolated_s=_known(columns, "e1_extrapolated_s", shape),
         fixes=LazyFix(settings=processor.monitoring.fix, time=time, svids=of.svids, e1=e1),
     )
 

@@ -31,13 +31,14 @@ class EmpiricalIonosphere:
     ----------
     samples_m
         Differential residuals E6 − E1 in m, in any order.
-    correlation, tau_s
-        Memory, and its correlation time τ in s.
+    correlation, tau_s, code_only
+        As of a `HeavyTailedIonosphere`.
     """
 
     samples_m: Float[np.ndarray, " n"]
     correlation: Correlation = "iid"
     tau_s: float = PASS_TAU_S
+    code_only: bool = False
     kind: Literal["empirical"] = "empirical"
 
     def __post_init__(self) -> None:

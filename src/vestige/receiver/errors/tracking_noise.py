@@ -31,7 +31,7 @@ from vestige.receiver.errors.error_process import Streams, TrackingModel
 from vestige.receiver.errors.gauss_markov import GaussMarkovProcess
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, BPSK, Pulse
-from vestige.theory.thermal_noise import MBOC, dll_noise_m
+from vestige.theory.thermal_noise import MBOC, dll_noise_m, pll_variance_rad2
 
 PulseName = Literal["BOC(1,1)", "MBOC", "BPSK"]
 SHARES: Mapping[PulseName, Mapping[Pulse, float]] = MappingProxyType(
@@ -111,7 +111,7 @@ class BetzTrackingNoise:
 
     def phase_variance_rad2(self, cn0_hz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Return the variance of the carrier loop's phase in rad² at C/N0 in Hz."""
-        return self.pll_bandwidth_hz / cn0_hz * (1 + 1 / (2 * self.integration_s * cn0_hz))
+        return pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, integration_s=self.integration_s)
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of the Doppler in Hz at C/N0 in dBHz."""

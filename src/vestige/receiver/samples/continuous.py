@@ -82,11 +82,17 @@ class ContinuousTruth:
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the ionosphere on a band at the epochs, later on the code, earlier on the carrier.
+        """Return by how much the ionosphere makes the code of a band later at the epochs.
 
         It is the residual, and the broadcast model of it if there is one.
         """
-        residual_m = self.truth.ionosphere_m(band)
+        return self._with_model(self.truth.ionosphere_m(band), band)
+
+    def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        """Return by how much it makes the carrier earlier."""
+        return self._with_model(self.truth.carrier_advance_m(band), band)
+
+    def _with_model(self, residual_m: Float[np.ndarray, " n"], band: Band) -> Float[np.ndarray, " n"]:
         if self.modelled_ionosphere_e1_m is None:
             return residual_m
         return residual_m + self.modelled_ionosphere_e1_m * (1.0 if band is Band.E1 else GAMMA_E1_E6)
@@ -145,8 +151,8 @@ class ContinuousPropagation:
         def between(values: Float[np.ndarray, "n ..."]) -> Any:
             return values[left] + share * (values[left + 1] - values[left])
 
-        delay_m, ionosphere_m = self.truth.delay_m(self.band), self.truth.ionosphere_m(self.band)
-        earlier_m = between(ionosphere_m)
+        delay_m, advance_m = self.truth.delay_m(self.band), self.truth.carrier_advance_m(self.band)
+        earlier_m = between(advance_m)
         return Propagation(
             delay_m=float(between(delay_m)),
             delay_rate_mps=float(slope * (delay_m[left + 1] - delay_m[left])),
@@ -154,7 +160,7 @@ class ContinuousPropagation:
             amplitude=complex(
                 between(self.truth.truth.geometry.amplitude) * np.exp(2j * np.pi * ((earlier_m * to_cycles) % 1.0))
             ),
-            doppler_hz=float(to_cycles * slope * (ionosphere_m[left + 1] - ionosphere_m[left])),
+            doppler_hz=float(to_cycles * slope * (advance_m[left + 1] - advance_m[left])),
             **self._rays(left, u, place - u, span_s, share),
         )
 

@@ -5,8 +5,8 @@ The server sends at `sent`. The line of sight arrives dt later, the solution of
     dt = P6(sent + dt)/c
 
 with the Doppler and its rate of that moment. P6 is the range of the code. The carrier phase is −f6 L6/c, where L6 lacks
-the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.ionosphere_m`). A recording
-has the same phase in the middle of each RECS (`continuous`).
+the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.carrier_advance_m`). A
+recording has the same phase in the middle of each RECS (`continuous`).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
     return Arrival(
         dt_s=dt_s,
-        carrier_range_m=pseudorange_m - code_only_m - truth.ionosphere_m(Band.E6)[rows],
+        carrier_range_m=pseudorange_m - code_only_m - truth.carrier_advance_m(Band.E6)[rows],
         rate_mps=line_of_sight.rate_mps(sent_s + dt_s - ahead_s) + drift_mps,
         acceleration_mps2=line_of_sight.acceleration_mps2(sent_s + dt_s - ahead_s),
     )

@@ -25,6 +25,7 @@ from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.truth import TruthBlock
+from vestige.records import Band
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
 
 _LEAST_POWER = 1e-6  # of a prompt correlator in a deep fade
@@ -92,7 +93,7 @@ def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
 
 def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
     error_m = truth.e1.error_m - clock_follows_m(simulation, truth) + truth.e1_phase_noise_m
-    return truth.range_m + truth.clock_m - truth.ionosphere_e1_m + error_m
+    return truth.range_m + truth.clock_m - truth.carrier_advance_m(Band.E1) + error_m
 
 
 def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)

@@ -1,0 +1,157 @@
+"""Whether the carrier phase of E6 follows that of E1 from RECS to RECS [WFO, Sec. VI-B, figures 12 and 13].
+
+Theory of operation
+-------------------
+One oscillator drives both front ends, and geometry, troposphere and clocks move both carriers alike. So the phase φ of
+the detecting correlator, minus that which the carrier phase of E1 predicts (`searches/handover.py`), is a constant that
+changes with the ionosphere only. A second signal of amplitude a on E6 that comes nearer turns against the true one, a
+turn for each 23.4 cm, and adds the variance a²/2. The statistic is the scatter of φ about a straight line over the last
+N RECS against the noise, T of `monitoring/recs_windows.py`, as √(T/(N − 2)), with the variance of each RECS
+
+    σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
+
+m is the magnitude of the correlator in standard deviations of the noise per dimension, σ_PLL and σ_FLL the noise of the
+loops of E1 at its C/N0, and Δt for how long its Doppler carried its phase on, to the middle of the RECS.
+
+Between two RECS the phase is known up to whole turns. It is continued by the smaller way round, which is right if
+
+    (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
+
+with v the fastest change of E6 − E1 by the ionosphere. Where that does not hold for all of the N RECS, the check is not
+run. Neither is it over more than 120 s, in which the ionosphere may not change along a straight line. At
+35 dBHz and v = 3 mm/s the phase can be continued over 27 s: with one RECS each 30 s there is no such check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from vestige.acas_processor.checks.check import Monitor, series_of
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.recs_windows import (
+    Recs,
+    last_of,
+    recs_of_satellites,
+    scatter,
+    scatter_threshold,
+)
+from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.elevation_model import relative_ray_amplitude
+from vestige.records.checks import CheckName, CheckSeries
+from vestige.theory.thermal_noise import fll_variance_hz2, pll_variance_rad2
+
+STRAIGHT_S = 120.0  # in which a straight line is good for the ionosphere
+_SURE = 4.0  # standard deviations of a step that is continued by the smaller way round
+
+
+class _Tested(NamedTuple):
+    """Windows of RECS that were tested."""
+
+    scatter: Float[np.ndarray, " tests"]  # T
+    limit: Float[np.ndarray, " tests"]  # its threshold
+    whole: Bool[np.ndarray, " tests"]  # whether each RECS has a phase, and E1 tracked all the time
+    continued: Bool[np.ndarray, " tests"]  # whether the phase is known from each RECS to the next
+    straight: Bool[np.ndarray, " tests"]  # whether a straight line is good for the ionosphere
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6PhaseMonitor(Monitor):
+    """Whether the phase of E6 scatters more about that of E1 than noise and multipath do.
+
+    Attributes
+    ----------
+    window
+        N, number of RECS.
+    ray_power_db
+        P, mean power of all rays over the direct signal in dB, at 16° of elevation.
+    ray_life_s
+        L, how long a ray lasts, in s: 0 if each RECS has other rays, infinite if nothing is known of it.
+    change_mps
+        v, fastest change of E6 − E1 by the ionosphere, in m/s.
+    pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s
+        One-sided bandwidths of the phase and the frequency loop of E1, and their integration time.
+    p_fa
+        False-alarm probability of one test of one satellite, an upper limit.
+    """
+
+    name: ClassVar = CheckName.E6_PHASE
+    unit: ClassVar = "sigma"
+    window: int = 30
+    ray_power_db: float = -15.8
+    ray_life_s: float = inf
+    change_mps: float = 0.003
+    pll_bandwidth_hz: float = 18.0
+    fll_bandwidth_hz: float = 5.0
+    loop_integration_s: float = 20e-3
+    p_fa: float = 1e-6
+
+    def variance_rad2(
+        self,
+        magnitude_sigma: Float[np.ndarray, "*n"],
+        cn0_e1_dbhz: Float[np.ndarray, "*n"],
+        extrapolated_s: Float[np.ndarray, "*n"],
+    ) -> Float[np.ndarray, "*n"]:
+        """Return σ², what noise does to the phase of each RECS."""
+        cn0_hz = 10 ** (cn0_e1_dbhz / 10)
+        loops = {"integration_s": self.loop_integration_s}
+        of_phase = pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, **loops)
+        of_doppler = fll_variance_hz2(cn0_hz, bandwidth_hz=self.fll_bandwidth_hz, **loops)
+        of_e1 = of_phase + of_doppler * (2 * pi * extrapolated_s) ** 2
+        return 1 / magnitude_sigma**2 + (E6_CARRIER_HZ / E1_CARRIER_HZ) ** 2 * of_e1
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block: at every RECS, of the last N RECS of each satellite."""
+        statistic, threshold = np.full((2, *evidence.shape), np.nan)
+        far, long = np.zeros((2, *evidence.shape), np.bool_)
+        relative = relative_ray_amplitude(evidence.elevation_rad)
+        for column, recs in enumerate(recs_of_satellites(evidence)):
+            ends_here = recs.row[self.window - 1 :] >= 0
+            rows = recs.row[self.window - 1 :][ends_here]
+            power = 10 ** (self.ray_power_db / 10) * relative[rows, column] ** 2
+            found = self._tested(recs, ends_here, power)
+            far[rows, column], long[rows, column] = found.whole & ~found.continued, found.whole & ~found.straight
+            tested = found.whole & found.continued & found.straight
+            statistic[rows, column] = np.where(tested, np.sqrt(found.scatter / (self.window - 2)), np.nan)
+            threshold[rows, column] = np.where(tested, np.sqrt(found.limit / (self.window - 2)), np.nan)
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            measured = evidence.measured
+            if measured.detected.tap[here] < 0:
+                return "nothing was detected on E6"
+            if np.isnan(measured.predicted_phase_rad[here]):
+                return "E1 has no carrier phase"
+            if far[here]:
+                return "RECS are too far apart: the phase may turn by more than half a turn from one to the next"
+            if long[here]:
+                return f"the last {self.window} RECS take more than {STRAIGHT_S:g} s"
+            if np.isnan(statistic[here]):
+                return f"fewer than {self.window} RECS in a row with a carrier phase of E1 without a gap"
+            return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as widely as noise does"
+
+        return series_of(self, statistic, threshold, explain)
+
+    def _tested(self, recs: Recs, ends_here: Bool[np.ndarray, " k"], power: Float[np.ndarray, " tests"]) -> _Tested:
+        """Return what is said of each window; `ends_here` says which of them end in the block."""
+        n = self.window
+        variance = self.variance_rad2(recs.magnitude_sigma, recs.cn0_e1_dbhz, recs.extrapolated_s)
+        time_s, phase_rad, variance, stretch = (
+            last_of(values, n)[ends_here] for values in (recs.time_s, recs.phase_rad, variance, recs.stretch)
+        )
+        whole = (stretch[:, 0] == stretch[:, -1]) & np.all(np.isfinite(phase_rad + variance), axis=1)
+        apart_s = np.diff(time_s, axis=1)
+        steps = np.diff(phase_rad, axis=1)
+        steps -= 2 * pi * np.round(steps / (2 * pi))
+        spread = np.sqrt(variance[:, 1:] + variance[:, :-1] + power[:, None])
+        moved = 2 * pi * E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.change_mps * apart_s
+        continued = np.all(moved + _SURE * spread < pi, axis=1) & np.all(apart_s > 0, axis=1)
+        values = np.cumsum(np.concatenate([np.zeros((len(steps), 1)), steps], axis=1), axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            t = scatter(time_s, values, 1 / variance)
+        limit = scatter_threshold(time_s, 1 / variance, power / 2, ray_life_s=self.ray_life_s, p_fa=self.p_fa)
+        return _Tested(t, limit, whole, continued, time_s[:, -1] - time_s[:, 0] <= STRAIGHT_S)

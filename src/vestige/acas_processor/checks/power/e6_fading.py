@@ -1,0 +1,89 @@
+"""Whether E6 fades from RECS to RECS more than noise and multipath allow [WFO, Sec. VI-B, figures 12 and 13].
+
+Theory of operation
+-------------------
+A second signal of amplitude a that turns against the true one adds to it in one RECS and takes from it in another, with
+the variance a²/2 relative to the power of the true one. The statistic is the scatter of the magnitude m of the
+detecting correlator about a straight line over the last N RECS against the noise, T of `monitoring/recs_windows.py`, as
+√(T/(N − 2)). m is in standard deviations of the noise per dimension, so with m̄ its mean the variance is
+
+    σ² = 1 + (ρ m̄)²
+
+and that of the rays m̄² P/2. ρ is the change from RECS to RECS by the place of the signal between two correlators and by
+the gain of the antenna.
+
+Phase and carrier of E1 are not needed, so the check runs with any interval between RECS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import ClassVar
+
+import numpy as np
+
+from vestige.acas_processor.checks.check import Monitor, series_of
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.recs_windows import last_of, recs_of_satellites, scatter, scatter_threshold
+from vestige.navigation.elevation_model import relative_ray_amplitude
+from vestige.records.checks import CheckName, CheckSeries
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class E6FadingMonitor(Monitor):
+    """Whether the magnitude of E6 scatters more than noise and multipath do.
+
+    Attributes
+    ----------
+    window
+        N, number of RECS.
+    ray_power_db
+        P, mean power of all rays over the direct signal in dB, at 16° of elevation.
+    ray_life_s
+        L, how long a ray lasts, in s: 0 if each RECS has other rays, infinite if nothing is known of it.
+    gain_sigma_db
+        ρ in dB: 1σ of all that changes the magnitude from RECS to RECS beside noise and rays.
+    p_fa
+        False-alarm probability of one test of one satellite, an upper limit.
+    """
+
+    name: ClassVar = CheckName.E6_FADING
+    unit: ClassVar = "sigma"
+    window: int = 30
+    ray_power_db: float = -15.8
+    ray_life_s: float = inf
+    gain_sigma_db: float = 0.3
+    p_fa: float = 1e-6
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block: at every RECS, of the last N RECS of each satellite."""
+        n = self.window
+        statistic, threshold = np.full((2, *evidence.shape), np.nan)
+        relative = relative_ray_amplitude(evidence.elevation_rad)
+        for column, recs in enumerate(recs_of_satellites(evidence)):
+            ends_here = recs.row[n - 1 :] >= 0
+            rows = recs.row[n - 1 :][ends_here]
+            time_s, magnitude, stretch = (
+                last_of(values, n)[ends_here] for values in (recs.time_s, recs.magnitude_sigma, recs.stretch)
+            )
+            whole = (stretch[:, 0] == stretch[:, -1]) & np.all(np.diff(time_s, axis=1) > 0, axis=1)
+            level = np.mean(magnitude, axis=1)[:, None]
+            variance = 1 + (level * (10 ** (self.gain_sigma_db / 20) - 1)) ** 2
+            power = 10 ** (self.ray_power_db / 10) * relative[rows, column] ** 2
+            with np.errstate(invalid="ignore", divide="ignore"):
+                t = scatter(time_s, magnitude, np.broadcast_to(1 / variance, magnitude.shape))
+            weights = np.broadcast_to(level**2 / variance, magnitude.shape)
+            limit = scatter_threshold(time_s, weights, power / 2, ray_life_s=self.ray_life_s, p_fa=self.p_fa)
+            statistic[rows, column] = np.where(whole, np.sqrt(t / (n - 2)), np.nan)
+            threshold[rows, column] = np.where(whole, np.sqrt(limit / (n - 2)), np.nan)
+
+        def explain(epoch: int, satellite: int) -> str:
+            here = (epoch, satellite)
+            if evidence.measured.detected.tap[here] < 0:
+                return "nothing was detected on E6"
+            if np.isnan(statistic[here]):
+                return f"fewer than {n} RECS in a row since E1 tracks the satellite"
+            return f"the magnitude of E6 scatters {statistic[here]:.1f} times as widely as noise does"
+
+        return series_of(self, statistic, threshold, explain)

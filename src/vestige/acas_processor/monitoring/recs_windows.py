@@ -1,0 +1,115 @@
+"""The last N RECS of a satellite, at every RECS: what the monitors of its carrier on E6 look at.
+
+Theory of operation
+-------------------
+A window holds N RECS in a row with the values y, their times t and their weights w = 1/variance. A straight line stands
+for what is not known or changes slowly (a constant, the ionosphere, the elevation). It is fitted and taken away:
+
+    T = Σ w (y − a − b t)²        ~ χ²(N − 2) if nothing but noise scatters
+
+Reflections scatter too. Their part of y in phase or in quadrature is normal with the variance P/2, P their mean power
+over the direct signal. If they are new with every RECS, all N − 2 degrees of freedom have the variance
+k = 1 + w P N/(2 (N − 2)). If they live for a time L, d/2 of them follow each other in a window, and each makes
+two degrees of freedom wide, for it may turn as it likes but keeps its amplitude:
+
+    d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
+
+The window begins anew where E1 loses the satellite, because the constant is then another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.memory import CarrierEpoch, CarrierMemory
+from vestige.theory.variance_test import variance_threshold
+
+
+class Recs(NamedTuple):
+    """RECS in order of time, those before the block first."""
+
+    row: Int[np.ndarray, " k"]  # epoch of the block; −1 for those before it
+    stretch: Int[np.ndarray, " k"]  # how often E1 lost the satellite before, since the block began
+    # as in `CarrierEpoch`
+    time_s: Float[np.ndarray, " k"]
+    phase_rad: Float[np.ndarray, " k"]
+    magnitude_sigma: Float[np.ndarray, " k"]
+    cn0_e1_dbhz: Float[np.ndarray, " k"]
+    extrapolated_s: Float[np.ndarray, " k"]
+
+
+def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
+    """Yield the RECS of each satellite of a block that were detected, in the order of its columns."""
+    measured, snapshots = evidence.measured, evidence.measured.snapshots
+    detected = measured.detected
+    phase_rad = detected.phase_rad - measured.predicted_phase_rad
+    extrapolated_s = np.abs(measured.extrapolated_s) + measured.banks.integration_s / 2
+    of_recs = (phase_rad, detected.magnitude_sigma, snapshots.e1.cn0_dbhz, extrapolated_s)
+    lost = np.cumsum(~snapshots.e1.seen, axis=0)
+    for column, svid in enumerate(snapshots.svids):
+        before = np.array(evidence.carrier.get(svid, ()), np.float64).reshape(-1, len(CarrierEpoch._fields)).T
+        rows = np.flatnonzero(detected.tap[:, column] >= 0)
+        now = [
+            evidence.time_s[rows],
+            *(values[rows, column] for values in of_recs),
+        ]
+        old = np.full(before.shape[1], -1)
+        yield Recs(
+            np.concatenate([old, rows]),
+            np.concatenate([old + 1, lost[rows, column]]),
+            *(np.concatenate(pair) for pair in zip(before, now, strict=True)),
+        )
+
+
+def remembered_carrier(evidence: Evidence, most: int) -> CarrierMemory:
+    """Return what the next block needs: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
+    lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
+    found = {}
+    for column, recs in enumerate(recs_of_satellites(evidence)):
+        last = np.flatnonzero(recs.stretch == lost[column])[-most:]
+        if last.size:
+            found[evidence.measured.snapshots.svids[column]] = tuple(
+                CarrierEpoch(*values) for values in np.stack(recs[2:])[:, last].T.tolist()
+            )
+    return found
+
+
+def last_of(values: Shaped[np.ndarray, " k"], n: int) -> Shaped[np.ndarray, "tests n"]:
+    """Return the last n values at each of them from the n-th on."""
+    if values.size < n:
+        return np.zeros((0, n), values.dtype)
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, n))
+
+
+def scatter(
+    time_s: Float[np.ndarray, "tests n"], values: Float[np.ndarray, "tests n"], weights: Float[np.ndarray, "tests n"]
+) -> Float[np.ndarray, " tests"]:
+    """Return T, the weighted sum of squares about a straight line."""
+    total = np.sum(weights, axis=1)
+    t = time_s - time_s[:, -1:]
+    t = t - (np.sum(weights * t, axis=1) / total)[:, None]
+    y = values - (np.sum(weights * values, axis=1) / total)[:, None]
+    slope = np.sum(weights * t * y, axis=1) / np.sum(weights * t**2, axis=1)
+    return np.sum(weights * (y - slope[:, None] * t) ** 2, axis=1)
+
+
+def scatter_threshold(
+    time_s: Float[np.ndarray, "tests n"],
+    weights: Float[np.ndarray, "tests n"],
+    ray_variance: Float[np.ndarray, " tests"],
+    *,
+    ray_life_s: float,
+    p_fa: float,
+) -> Float[np.ndarray, " tests"]:
+    """Return the largest T that passes; `ray_variance` is P/2 and `ray_life_s` L."""
+    n = time_s.shape[1]
+    span_s = time_s[:, -1] - time_s[:, 0]
+    lives = np.floor(span_s / ray_life_s) if ray_life_s > 0 else np.full(span_s.shape, np.inf)
+    wide = np.minimum(2 * np.maximum(lives, 1), n - 2).astype(np.int64)
+    ratio = 1 + np.mean(weights, axis=1) * ray_variance * n / wide
+    return variance_threshold(n - 2, wide, ratio, p_fa)

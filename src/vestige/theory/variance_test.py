@@ -1,0 +1,68 @@
+"""Threshold of a test of variance, where some degrees of freedom may scatter more than the others.
+
+Theory of operation
+-------------------
+n residuals of variance 1 have a sum of squares T ~ χ²(n). If d of the n degrees of freedom have the variance k ≥ 1,
+
+    T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
+
+which is k χ²(n) for d = n. The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %, so the threshold is
+an upper limit, by at most 2 % of the part that k makes.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import brentq
+from scipy.special import chdtrc, chdtri
+
+_STEP = 0.02  # of ln k
+_TAILS = (np.arange(600) + 0.5) / 10  # v
+
+
+def variance_threshold(
+    freedom: int, wide: Int[np.ndarray, "*n"], ratio: Float[np.ndarray, "*n"], p_fa: float
+) -> Float[np.ndarray, "*n"]:
+    """Return the t with P(T > t) ≤ p_fa.
+
+    Parameters
+    ----------
+    freedom
+        n, all degrees of freedom.
+    wide
+        d of each test, from 0 to n: those with the larger variance.
+    ratio
+        k of each test, 1 or more; NaN gives NaN.
+    p_fa
+        False-alarm probability of one test.
+
+    Examples
+    --------
+    >>> float(variance_threshold(10, np.array([0]), np.array([1.0]), 0.01)[0])  # that of χ²(10)
+    23.209...
+    """
+    found = np.full(np.shape(ratio), np.nan)
+    known = np.isfinite(ratio)
+    steps = np.ceil(np.log(np.maximum(ratio[known], 1.0)) / _STEP - 1e-9).astype(np.int64)
+    pairs, place = np.unique(np.stack([np.asarray(wide)[known], steps]), axis=1, return_inverse=True)
+    limits = [_threshold(freedom, d, k, p_fa) for d, k in pairs.T.tolist()]
+    found[known] = np.array(limits, np.float64)[place.ravel()]
+    return found
+
+
+@lru_cache(maxsize=10_000)
+def _threshold(freedom: int, wide: int, steps: int, p_fa: float) -> float:
+    ratio, alone = math.exp(_STEP * steps), float(chdtri(freedom, p_fa))
+    if wide in (0, freedom) or steps == 0:
+        return alone * (ratio if wide else 1.0)
+    quantile = ratio * chdtri(wide, np.exp(-_TAILS))
+    weight = np.exp(-_TAILS) * (_TAILS[1] - _TAILS[0])
+
+    def excess(t: float) -> float:
+        return float(np.sum(weight * chdtrc(freedom - wide, np.maximum(t - quantile, 0.0)))) - p_fa
+
+    return float(brentq(excess, alone, ratio * alone, rtol=1e-6))
