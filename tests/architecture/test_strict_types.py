@@ -106,6 +106,21 @@ def test_the_first_calls_and_ever_fewer_later_ones_are_checked_in_each_test() ->
     assert refused()
 
 
+def test_a_function_that_is_made_anew_for_each_call_is_counted_as_one() -> None:
+    def made(lengths: tuple[int, int]) -> bool:
+        @check
+        def inner(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> bool:
+            return True
+
+        try:
+            return not inner(*map(np.ones, lengths))
+        except BeartypeCallHintViolation:
+            return True
+
+    begin_test()
+    assert [made((3, 4)) for _ in range(CALLS + 1)] == [True] * CALLS + [False]
+
+
 def test_the_modules_of_vestige_are_checked() -> None:
     with pytest.raises(BeartypeCallHintViolation):
         range_offset_m(np.ones((2, 3)), np.zeros(3, int), 1, np.arange(3.0))
