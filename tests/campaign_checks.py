@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import xarray
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.campaign.check_detection import P_FA, with_p_fa
 from vestige.campaign.execution.direct import direct_results

@@ -36,7 +36,9 @@ def _once(search: Callable[..., tuple[Acquisition, ...]]) -> Callable[..., tuple
 def e1_acquired_once() -> Iterator[None]:
     """Let every user of the acquisition and of the search of E1 have what was found in equal samples before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vestige.recording.observations.e1_observation.acquire", _once(acquire))
+        kept = _once(acquire)
+        patch.setattr("vestige.recording.observations.e1_observation.acquire", kept)
+        patch.setattr("vestige.recording.doctor.e1_signals.acquire", kept)
         kept_search = _once(search_e1)
         patch.setattr("vestige.recording.observations.time_tag_search.search_e1", kept_search)
         patch.setattr("vestige.acas_processor.searches.sampled_searches.search_e1", kept_search)

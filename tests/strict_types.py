@@ -2,8 +2,8 @@
 
 The import hook writes a decorator above every function and dataclass of a module. The decorator of jaxtyping
 takes more time than the sample pipeline, so this module has another one. It leaves functions without arrays as they
-are: mypy checks them. It makes a check when its function is first called, checks the arrays alone, and stops after 50
-calls of a function in a test.
+are: mypy checks them. It makes a check when its function is first called, and checks the arrays alone. Of the calls of
+a function in one test it checks the first eight, and then those whose number is a power of two.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import re
 import types
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -23,8 +24,9 @@ from jaxtyping import config
 _beartype = beartype(conf=BeartypeConf(is_pep484_tower=True))
 
 
-# How many calls of a function are checked in each test. A campaign makes thousands of calls that are alike.
-CALLS = 50
+# So many first calls of a function are checked in each test, then call 16, 32, 64 … A campaign makes thousands of calls
+# that are alike, and what changes with time comes late: the last call that is checked is never before half of all.
+CALLS = 8
 _tests = 0
 
 
@@ -66,18 +68,35 @@ def _is_array(function: Callable[..., Any], name: str) -> bool:
     )
 
 
+@dataclasses.dataclass
+class _Calls:
+    """How often the code of a function was called in the present test."""
+
+    test: int = 0
+    number: int = 0
+
+    def is_checked(self) -> bool:
+        """Count a call, and tell whether it is one that is checked."""
+        if self.test != _tests:
+            self.test, self.number = _tests, 0
+        self.number += 1
+        return self.number <= CALLS or self.number & (self.number - 1) == 0
+
+
+# By code, not by function: a function within a function is a new one at each call of the outer one, and to make the
+# check of one takes a millisecond.
+_CALLS: defaultdict[types.CodeType, _Calls] = defaultdict(_Calls)
+
+
 def _checked(function: Callable[..., Any], arrays: Sequence[str]) -> Callable[..., Any]:
     strict: Callable[..., Any] | None = None
-    seen, left = _tests, CALLS
+    calls = _CALLS[function.__code__]
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **named: Any) -> Any:
-        nonlocal strict, seen, left
-        if seen != _tests:
-            seen, left = _tests, CALLS
-        if left == 0 or config.jaxtyping_disable:
+        nonlocal strict
+        if not calls.is_checked() or config.jaxtyping_disable:
             return function(*arguments, **named)
-        left -= 1
         if strict is None:
             strict = _beartype(_with_arrays_alone(function, arrays))
         with _CONTEXT:  # an axis "n" has one length in all arguments and in the result

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 import xarray
 from scipy.special import chdtri
-from tests.night import invoke
-from tests.real_ephemerides import ECCENTRIC, recorded_ephemerides
-from tests.sky_builder import CLEAN, SCENARIO, sky_scenario
 
 from exact_sky import geometry_of_sky
+from night import invoke
+from real_ephemerides import ECCENTRIC, recorded_ephemerides
+from sky_builder import CLEAN, SCENARIO, sky_scenario
 from vestige.campaign.rinex_export import COMMAND
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

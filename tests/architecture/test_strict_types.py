@@ -91,13 +91,34 @@ def test_without_arrays_nothing_is_wrapped() -> None:
     assert check(plain) is plain
 
 
-def test_so_many_calls_are_checked_in_each_test() -> None:
-    for _ in range(CALLS):
-        total((np.ones(3), np.ones(3)))
-    assert total((np.ones(3), np.ones(4))) == 7.0
+def test_the_first_calls_and_ever_fewer_later_ones_are_checked_in_each_test() -> None:
+    def refused() -> bool:
+        try:
+            assert total((np.ones(3), np.ones(4))) == 7.0
+        except BeartypeCallHintViolation:
+            return True
+        return False
+
     begin_test()
-    with pytest.raises(BeartypeCallHintViolation):
-        total((np.ones(3), np.ones(4)))
+    checked = [number for number in range(1, 301) if refused()]
+    assert checked == [*range(1, CALLS + 1), 16, 32, 64, 128, 256]
+    begin_test()
+    assert refused()
+
+
+def test_a_function_that_is_made_anew_for_each_call_is_counted_as_one() -> None:
+    def made(lengths: tuple[int, int]) -> bool:
+        @check
+        def inner(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> bool:
+            return True
+
+        try:
+            return not inner(*map(np.ones, lengths))
+        except BeartypeCallHintViolation:
+            return True
+
+    begin_test()
+    assert [made((3, 4)) for _ in range(CALLS + 1)] == [True] * CALLS + [False]
 
 
 def test_the_modules_of_vestige_are_checked() -> None:

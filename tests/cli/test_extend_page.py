@@ -31,7 +31,12 @@ def test_a_file_is_complete_and_short(section: Section) -> None:
     compile(section.source, section.module, "exec")
 
 
-@pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
+@pytest.mark.parametrize(
+    "section",
+    # the commands of the detector measure a table of threats
+    [pytest.param(one, marks=[pytest.mark.slow] if name == "my_detector" else []) for name, one in SECTIONS.items()],
+    ids=SECTIONS,
+)
 def test_the_commands_run(section: Section, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_page(tmp_path)
     (tmp_path / f"{section.module}.toml").rename(tmp_path / "own.toml")

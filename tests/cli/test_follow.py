@@ -44,6 +44,7 @@ UNSURE = ("--time-uncertainty", "0.2", "--search-window", "2e-4")  # the searche
 GROWING = ("e1.sigmf-data", "e6.sigmf-data", "observations.csv")
 FAST = ("--follow", "--poll-s", "0.02")
 AGREEMENTS = ["PASS"] + ["NOT_RUN"] * (N_EPOCHS - 1)  # a subframe is compared once; all RECS are of one subframe
+SEARCH_1_MS = ("--search-ms", "1")  # where the searches are not what is tested
 ONCE = (*FAST, "--idle-s", "0.3", "--json")
 
 
@@ -156,7 +157,7 @@ def test_keys_of_a_second_channel_are_waited_for(night: Path, tmp_path: Path) ->
     second = _second_channel(night, tmp_path / "second", ("public_key.pem",))
     later = threading.Timer(1.0, _second_channel, (night, second, ("keys.csv",)))
     later.start()
-    arguments = (night, "--level", "3", *UNSURE, "--second-channel", second)
+    arguments = (night, "--level", "3", *UNSURE, *SEARCH_1_MS, "--second-channel", second)
     followed = invoke(process, *arguments, *FAST, "--idle-s", "1.5", "--json")
     later.join()
     assert followed.exception is None
@@ -167,14 +168,16 @@ def test_keys_of_a_second_channel_are_waited_for(night: Path, tmp_path: Path) ->
 
 def test_a_second_channel_that_stays_silent_is_not_waited_for_for_ever(night: Path, tmp_path: Path) -> None:
     second = _second_channel(night, tmp_path / "second", ("public_key.pem",))
-    result = invoke(process, night, "--level", "3", *UNSURE, "--second-channel", second, *ONCE, "--wait-s", "0.05")
+    result = invoke(
+        process, night, "--level", "3", *UNSURE, *SEARCH_1_MS, "--second-channel", second, *ONCE, "--wait-s", "0.05"
+    )
     assert result.exception is None
     assert _agreements(_objects(result.stdout)) == ["NOT_RUN"] * N_EPOCHS
 
 
 def test_a_second_channel_without_a_validated_key_is_one_line(night: Path, tmp_path: Path) -> None:
     second = _second_channel(night, tmp_path / "second", ("keys.csv",))
-    arguments = (night, "--level", "3", *UNSURE, "--second-channel", second, "--json")
+    arguments = (night, "--level", "3", *UNSURE, *SEARCH_1_MS, "--second-channel", second, "--json")
     refused = invoke(process, *arguments)
     assert "second channel: found no validated OSNMA key" in str(refused.exception)
     assert "keys.csv" in refused.stderr

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.night import invoke
-from tests.sky_builder import SCENARIO, sky_scenario
 
+from night import invoke
+from sky_builder import SCENARIO, sky_scenario
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.store.store import open_store

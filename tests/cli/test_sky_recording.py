@@ -153,8 +153,8 @@ def test_a_recording_of_one_epoch_has_a_verdict(tmp_path: Path) -> None:
     assert text.count("    merkle_tree.xml: the key of public_key.pem") == 1
 
 
-def test_a_sky_gives_a_position_and_a_message(tmp_path: Path) -> None:
-    folder = recorded(tmp_path, "[]")
+def test_a_sky_gives_a_position_and_a_message(folders: Callable[[str], Path]) -> None:
+    folder = folders("honest")
     orbits = folder / "rinex" / "navigation.rnx"
     (position,) = json.loads(written(process, folder, "--level", 2, "--navigation", orbits, "--json"))["positions"]
     assert position["latitude_deg"] == pytest.approx(48.1, abs=5e-4)

@@ -58,6 +58,7 @@ def test_expectations_can_be_read_without_a_measurement(level: int) -> None:
     assert "[WFO, Sec. VI-B]" in result.stdout
 
 
+@pytest.mark.slow
 def test_one_json_object(tmp_path: Path) -> None:
     found = json.loads(measured("--only", "A1", "--seeds", 1, "-o", tmp_path / "out", "--json"))
     assert found["threats"][0]["expected"] == {"1": "detect", "2": "detect", "3": "detect"}
@@ -140,6 +141,7 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     assert list((tmp_path / "out").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_detector_and_a_check_of_the_users_are_measured_against_the_table(tmp_path: Path) -> None:
     """They enter the digest of the runs, and what is printed says which settings these were."""
     write_page(tmp_path)

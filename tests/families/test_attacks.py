@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.simulated_banks import Banks
-from tests.simulated_banks import banks as banks_of
 
 from extend_page import page_part
+from simulated_banks import Banks
+from simulated_banks import banks as banks_of
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band

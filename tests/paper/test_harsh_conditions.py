@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 import xarray
 from scipy import stats
-from tests.simulated_banks import banks as banks_of
 
+from simulated_banks import banks as banks_of
 from vestige.acas_processor.detectors import EarlyDetector
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

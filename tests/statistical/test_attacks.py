@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
-from tests.simulated_banks import Banks
-from tests.simulated_banks import banks as banks_of
 
+from simulated_banks import Banks
+from simulated_banks import banks as banks_of
 from vestige.receiver.simulation import Fidelity
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from tests.campaign_checks import checks_of
-from tests.sky_builder import CLEAN, sky_scenario
-
+from campaign_checks import checks_of
+from sky_builder import CLEAN, sky_scenario
 from vestige.campaign.check_detection import check_detection
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.special import kolmogorov
-from tests.sky_builder import CLEAN, e1_of, sky_scenario
 
+from sky_builder import CLEAN, e1_of, sky_scenario
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 
 EPOCHS = 120

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, sky_scenario
 
+from sky_builder import CLEAN, sky_scenario
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -7,8 +7,8 @@ once in a thousand seeds. `benchmarks/false_alarms.py` makes the longer table of
 from __future__ import annotations
 
 import pytest
-from tests.campaign_checks import chance, checks_of, results_of
 
+from campaign_checks import chance, checks_of, results_of
 from vestige.campaign.levels import failures
 
 NO_RAYS = ("receiver.multipath=none", "receiver.e1_multipath=false", "position.multipath_sigma_m=0.0")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from tests.one_processor import assert_says, blocks, said_of, short_scene, threat_scenes
 
+from one_processor import assert_says, blocks, said_of, short_scene, threat_scenes
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 

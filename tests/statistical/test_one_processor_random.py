@@ -7,9 +7,9 @@ from typing import Any
 
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from tests.one_processor import SVIDS, assert_says, blocks, said_of, threat_scenes
-from tests.sky_builder import sky_scenario
 
+from one_processor import SVIDS, assert_says, blocks, said_of, threat_scenes
+from sky_builder import sky_scenario
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.scenario.campaign import CampaignScenario

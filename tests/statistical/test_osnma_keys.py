@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.sky_builder import CLEAN, columns_of, sky_scenario
 
+from sky_builder import CLEAN, columns_of, sky_scenario
 from vestige.campaign.statistics import binomial_test
 from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.osnma_reception import page_loss

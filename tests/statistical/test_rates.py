@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.simulated_banks import banks as banks_of
 
+from simulated_banks import banks as banks_of
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.measure import detect_block
 from vestige.campaign.statistics import binomial_test

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import xarray
 from scipy.special import erfcinv
-from tests import campaign_checks
-from tests.campaign_checks import chance, checks_of
-from tests.sky_builder import CLEAN
 
+import campaign_checks
+from campaign_checks import chance, checks_of
+from sky_builder import CLEAN
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity
 from vestige.campaign.levels import failures, measured_of
 from vestige.campaign.statistics import binomial_test

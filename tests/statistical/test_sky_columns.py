@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.special import chdtri
-from tests.sky_builder import CLEAN, columns_of, sky_scenario
 
+from sky_builder import CLEAN, columns_of, sky_scenario
 from vestige.acas_processor.processor import AcasProcessor
 
 

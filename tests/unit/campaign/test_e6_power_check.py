@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.campaign_checks import checks_of, results_of
-from tests.sky_builder import CLEAN
 
+from campaign_checks import checks_of, results_of
+from sky_builder import CLEAN
 from vestige.records.checks import CheckName, CheckSeries
 
 

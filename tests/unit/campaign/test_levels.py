@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, sky_scenario
 
+from sky_builder import CLEAN, sky_scenario
 from vestige.acas_processor.levels import LEVELS
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import LevelVerdicts, level_verdicts

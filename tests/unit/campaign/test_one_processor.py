@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.one_processor import assert_says, blocks, said_of, short_scene, threat_scenes
-from tests.sky_builder import sky_scenario
 
 import vestige as vs
+from one_processor import assert_says, blocks, said_of, short_scene, threat_scenes
+from sky_builder import sky_scenario
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.run import run

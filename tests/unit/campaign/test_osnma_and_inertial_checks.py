@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 import xarray
-from tests.campaign_checks import checks_of
-from tests.sky_builder import CLEAN, sky_scenario
 
+from campaign_checks import checks_of
+from sky_builder import CLEAN, sky_scenario
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.one_processor import assert_says, said_of, short_scene, threat_scenes
 
 import vestige as vs
 from extend_page import no_parts
+from one_processor import assert_says, said_of, short_scene, threat_scenes
 from own_check_probe import all_fields, documented_fields, write_probes
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
 from vestige.campaign.execution.direct import direct_results

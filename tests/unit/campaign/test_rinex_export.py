@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from tests.sky_builder import CLEAN, SCENARIO, sky_scenario
 
+from sky_builder import CLEAN, SCENARIO, sky_scenario
 from vestige.campaign.rinex_export import export_rinex
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray
 from scipy.special import erfcinv
-from tests.campaign_checks import checks_of, results_of
-from tests.sky_builder import CLEAN
 
+from campaign_checks import checks_of, results_of
+from sky_builder import CLEAN
 from vestige.campaign.levels import judged_by
 from vestige.errors import VestigeError
 

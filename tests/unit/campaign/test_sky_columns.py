@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, SCENARIO, columns_of, sky_scenario
 
+from sky_builder import CLEAN, SCENARIO, columns_of, sky_scenario
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import SPEED_OF_LIGHT_MPS

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige.campaign.run import RunProgress, run
 from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan

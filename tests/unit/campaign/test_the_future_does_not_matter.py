@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import columns_of, sky_scenario
 
+from sky_builder import columns_of, sky_scenario
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName
 

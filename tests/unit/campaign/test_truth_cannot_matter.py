@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.one_processor import blocks, short_scene, threat_scenes
 
 import vestige as vs
+from one_processor import blocks, short_scene, threat_scenes
 from truth_noise import ask_all, make_noise_of_the_truth, noise_like
 from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.real_ephemerides import recorded_ephemerides
 
+from real_ephemerides import recorded_ephemerides
 from vestige.navigation.orbit import satellite_state
 from vestige.navigation.reissue import issues, reissued
 from vestige.receiver.sky.constellation import walker_ephemerides

@@ -83,11 +83,11 @@ def test_the_phase_is_against_that_of_e1_if_it_is_stored() -> None:
 
 
 def test_a_detector_of_the_users_is_drawn_too(tmp_path: Path) -> None:
-    results = campaign_results(60, spoofer=lift_off)
+    results = campaign_results(12, spoofer=lift_off)
     own = results.isel(detector=[0]).assign_coords(detector=["my_detector:First"])
     of_detector = [name for name in results.data_vars if "detector" in results[name].dims]
     three = results.drop_dims("detector").merge(xarray.concat([results[of_detector], own[of_detector]], "detector"))
     three.attrs = results.attrs
     titles = [ax.get_title() for ax in figure_of(attack_comparison(three)).axes[1:]]
     assert titles == ["early detector", "maximum detector", "my_detector:First detector"]
-    assert plots.write_animation(three, tmp_path / "three.gif") == 60
+    assert plots.write_animation(three, tmp_path / "three.gif") == 12

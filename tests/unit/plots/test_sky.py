@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray
 from click.testing import CliRunner
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige import plots
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

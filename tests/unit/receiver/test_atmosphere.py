@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige.constants import GAMMA_E1_E6
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.troposphere import SaastamoinenTroposphere

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.simulated_banks import OFFSETS_M, banks, handover_of
 
+from simulated_banks import OFFSETS_M, banks, handover_of
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.draws import rows_of
 from vestige.records import Band

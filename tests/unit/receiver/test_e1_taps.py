@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, e1_of, sky_scenario
 
+from sky_builder import CLEAN, e1_of, sky_scenario
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 
 PROMPT = TAP_CHIPS.index(0.0)

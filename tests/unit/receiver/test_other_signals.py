@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, sky_scenario, whole_block
 
+from sky_builder import CLEAN, sky_scenario, whole_block
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.receiver.correlators.other_signals import other_signals_density

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
-from tests.simulated_banks import OFFSETS_M, PROCESSOR, banks, receiver_of, snapshots
 
+from simulated_banks import OFFSETS_M, PROCESSOR, banks, receiver_of, snapshots
 from vestige.acas_processor.measurement import Availability
 from vestige.receiver.draws import rows_of
 from vestige.receiver.samples.front_end_correlation import range_offset_scale

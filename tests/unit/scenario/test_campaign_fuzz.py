@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.simulated_banks import banks as banks_of
-from tests.simulated_banks import snapshots
 
+from simulated_banks import banks as banks_of
+from simulated_banks import snapshots
 from vestige.errors import InputFileError, VestigeError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario, scenario_schema

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige.acas_processor.monitoring.alarm_budget import Cadence
 from vestige.acas_processor.monitoring.baseline import Antenna
 from vestige.errors import InputFileError, VestigeError

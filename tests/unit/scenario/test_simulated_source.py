@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario
 
 import vestige
+from sky_builder import sky_scenario
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import VestigeError
 from vestige.records import Status

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.sky_builder import SCENARIO, sky_scenario
 
+from sky_builder import SCENARIO, sky_scenario
 from vestige.errors import VestigeError
 from vestige.receiver.sky.constellation import walker_ephemerides
 from vestige.receiver.sky.trajectory import WaypointTrajectory

@@ -27,14 +27,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import jsonschema
 import sigmf
+from jsonschema.exceptions import best_match
+from jsonschema.validators import validator_for
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vestige.crypto.file_bytes import read_bytes
@@ -148,13 +150,23 @@ def _json(path: Path) -> Any:
         raise InputFileError(path, "content", str(error), "JSON") from error
 
 
+@cache
+def _specification() -> Any:
+    """Return the validator of the specification's schema, made once.
+
+    `sigmf.validate` checks the schema itself at every call, which takes longer than to check the metadata. It also
+    warns of namespaces that are not declared; those of others need not be declared for our sake.
+    """
+    schema = sigmf.schema.get_schema()
+    return validator_for(schema)(schema)
+
+
 def _metadata(path: Path) -> dict[str, Any]:
     """Return the metadata of one recording, checked against the specification's schema."""
     content = _json(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # namespaces of others need not be declared for our sake
-            sigmf.validate.validate(content, sigmf.schema.get_schema())
+        if (wrong := best_match(_specification().iter_errors(content))) is not None:
+            raise wrong
     except jsonschema.ValidationError as error:
         place = ".".join(map(str, error.absolute_path)) or "content"
         if error.validator == "required":

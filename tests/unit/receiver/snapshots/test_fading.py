@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario, whole_block
 
+from sky_builder import sky_scenario, whole_block
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import power_with_rays
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS

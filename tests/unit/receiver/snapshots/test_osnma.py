@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.sky_builder import sky_scenario
 
+from sky_builder import sky_scenario
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.monitoring.memory import OsnmaMemory
 from vestige.constants import PAGES_A_SUBFRAME

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.sky_builder import CLEAN, sky_scenario
 
+from sky_builder import CLEAN, sky_scenario
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
