@@ -155,7 +155,8 @@ class Following:
         if sent is None:
             return None
         if not finished:
-            overdue = time.monotonic() - complete_since.get(sent, math.inf) >= self.patience.wait_s
+            waited_s = time.monotonic() - complete_since.get(sent, math.inf)
+            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # its key may be in what waits
             if not self._is_ready(sent):
                 if not (overdue or self._is_passed(sent)):
                     return None
