@@ -14,8 +14,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # Folders of tests that many random epochs, real data or other programs make slow, and files with single slow tests.
 SLOW   := $(addprefix tests/,agreement browser golden paper statistical)
 MARKED := $(shell grep -rl --include='test_*.py' 'mark\.slow' tests)
-# A worker takes whole files, so that what the tests of a file share is computed once.
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+# A worker takes whole files, so that what the tests of a file share is computed once; long ones come first.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # An independent program in Python that judges I/NAV and OSNMA in tests/agreement. Its own dependencies (notebook, cartopy and more)
 # are left out, because the parts that the tests import do not need them.

@@ -117,13 +117,27 @@ def fixes_of(printed: str) -> Fixes:
     return Fixes(at_s=table[:, 0], used=table[:, 1], position_m=position_m)
 
 
+def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, least: int) -> Fixes:
+    """Return what gnss-sdr makes of E1; the samples stay.
+
+    Its scheduler decides at which sample a channel begins, and now and then one is not pulled in and found again half a
+    minute later. So it is started again on the same samples, twice at most, if it has less than `least` fixes.
+    """
+    printed = gnss_sdr(folder, case, Band.E1, timeout_s, keep=True)
+    for _ in range(2):
+        if len(_LINE.findall(printed)) >= least:
+            break
+        printed = run_gnss_sdr(folder, "e1", timeout_s)
+    return fixes_of(printed)
+
+
 def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     """Six satellites or more, a first fix within a minute of signal, mean and every epoch near the truth.
 
     Our tracking loops on the same samples say the same as gnss-sdr's.
     """
     case = case_of(85, "receiver.sample_rate_hz=6.2e6")  # docs/test_cases.md has 150 s at 12.5 MHz
-    found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 500, keep=True))
+    found = fixes_by_gnss_sdr(tmp_path, case, 500, least=41)
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
     mean_m = error_m.mean(axis=0)
     assert found.at_s[0] < 60
@@ -196,11 +210,12 @@ def test_the_fix_of_a_receiver_on_a_circle(tmp_path: Path) -> None:
     place = "latitude_deg=48.1, longitude_deg=11.6, height_m=500.0"
     circle = f'trajectory={{kind="circle", {place}, radius_m=400.0, speed_mps=20.0}}'
     case = case_of(60, circle, FEWER, "receiver.sample_rate_hz=6.2e6")
-    found = fixes_of(gnss_sdr(tmp_path, case, Band.E1, 300))
+    found = fixes_by_gnss_sdr(tmp_path, case, 300, least=16)
+    (tmp_path / "e1.sigmf-data").unlink()
     path = case.satellites[0].simulation.elevation.path.trajectory
     there_m = path.motion(found.at_s).position_m
     error_m = np.linalg.norm(found.position_m - there_m, axis=1)
-    assert found.at_s.size > 15
+    assert found.at_s.size >= 16
     assert np.quantile(error_m, 0.95) < 10.0
 
 
@@ -211,7 +226,9 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
         'attack=[{kind="meaconing", start_s=0, power_db=20, delay_s=1e-6, reception_gain_db=30, antenna='
         "{latitude_deg=48.11, longitude_deg=11.62, height_m=520.0}}]"
     )
-    found = fixes_of(gnss_sdr(tmp_path, case_of(48, attack, FEWER, "receiver.sample_rate_hz=5e6"), Band.E1, 300))
+    case = case_of(48, attack, FEWER, "receiver.sample_rate_hz=5e6")
+    found = fixes_by_gnss_sdr(tmp_path, case, 300, least=5)
+    (tmp_path / "e1.sigmf-data").unlink()
     error_m = found.east_north_up_m(*antenna).mean(axis=0)
     assert np.linalg.norm(found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M).mean(axis=0)) > 1500
     assert np.hypot(*error_m[:2]) < 5.0

@@ -148,7 +148,7 @@ def test_a_detector_and_a_check_of_the_users_are_measured_against_the_table(tmp_
     check = tmp_path / "my_check.py"
     check.write_text(check.read_text().replace("p_fa = 1e-6", "p_fa = 0.5"))  # fails in every other test
     out, parts = tmp_path / "out", ("--parts", tmp_path)
-    words = ("--only", "A3", "--seeds", 1, "-o", out, "--json")
+    words = ("--only", "A14", "--seeds", 1, "-o", out, "--json")
     own = ("processor.detector=my_detector:RelativePeak", 'processor.checks=["my_check:EarlyPower"]')
     measured(*words)
     plain = set(read_runs(out / RUNS))
