@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+import pynmea2
 import pytest
 
 from vestige.navigation.nmea import NmeaFix, _sentence, sentences
@@ -51,7 +52,6 @@ def test_angles(latitude_deg: float, longitude_deg: float, found: list[str]) -> 
 
 @pytest.mark.parametrize("fix", [MUNICH, None])
 def test_pynmea2_reads_it(fix: NmeaFix | None) -> None:
-    pynmea2 = pytest.importorskip("pynmea2")
     gga, rmc = (pynmea2.parse(line, check=True) for line in sentences(NOON, fix))
     assert gga.gps_qual == (1 if fix else 0)
     assert rmc.status == ("A" if fix else "V")
