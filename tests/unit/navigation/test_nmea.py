@@ -1,4 +1,4 @@
-"""NMEA 0183: fields and checksums by hand, and by pynmea2 where it is installed."""
+"""NMEA 0183: fields and checksums by hand, and by pynmea2."""
 
 from __future__ import annotations
 
