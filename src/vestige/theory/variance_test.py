@@ -17,7 +17,6 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import brentq
 from scipy.special import chdtrc, chdtri
 
 _STEP = 0.02  # of ln k
@@ -64,5 +63,7 @@ def _threshold(freedom: int, wide: int, steps: int, p_fa: float) -> float:
 
     def excess(t: float) -> float:
         return float(np.sum(weight * chdtrc(freedom - wide, np.maximum(t - quantile, 0.0)))) - p_fa
+
+    from scipy.optimize import brentq  # noqa: PLC0415  (loads for 0.2 s, and most runs never come here)
 
     return float(brentq(excess, alone, ratio * alone, rtol=1e-6))

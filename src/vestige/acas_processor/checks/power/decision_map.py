@@ -25,7 +25,6 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Int64
-from scipy.ndimage import gaussian_filter
 
 from vestige.acas_processor.checks.check import series_of
 from vestige.acas_processor.checks.power.power_distortion import distortion_variance, mean_distortion, power_rise_db
@@ -122,6 +121,8 @@ def simulated_decision_map(
     Calling clean or multipath an attack costs `alarm_cost`, every other error 1. The same seed gives the same map, from
     so many draws for each hypothesis.
     """
+    from scipy.ndimage import gaussian_filter  # noqa: PLC0415  (loads slowly, and few runs make a map)
+
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
     )
