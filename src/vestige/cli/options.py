@@ -86,12 +86,16 @@ detector_option = click.option(
     show_default=True,
     metavar="NAME",
     callback=detector_name,
-    help="early, maximum, or `module:Name` of your own.",
+    help="Detector on E6: early, maximum, or `module:Name` of your own.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 recording_argument = click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
-workers_option = click.option("-j", "--workers", type=click.IntRange(1, 1024), help="Workers on this machine.  [1]")
-scheduler_option = click.option("--scheduler", metavar="tcp://…", help="Run on a dask.distributed cluster.")
+workers_option = click.option(
+    "-j", "--workers", type=click.IntRange(1, 1024), help="Number of workers on this machine. [default: 1]"
+)
+scheduler_option = click.option(
+    "--scheduler", metavar="tcp://…", help="Run on the dask.distributed cluster with this scheduler."
+)
 
 
 def trust_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -100,7 +104,7 @@ def trust_options(command: Callable[..., Any]) -> Callable[..., Any]:
         command = click.option(
             f"--{name.lower().replace(' ', '-')}",
             type=click.Path(path_type=Path),
-            help=f"OSNMA {name}, if not in the assistance folder.",
+            help=f"File of the OSNMA {name}, if it is not in the assistance folder.",
         )(command)
     return command
 
@@ -122,7 +126,7 @@ def time_option(_context: click.Context, _parameter: click.Parameter, text: str 
 
 
 start_option = click.option(
-    "--start", callback=time_option, help="Time of the first sample, in place of the recording's own label."
+    "--start", callback=time_option, help="Time of the first sample, used in place of the recording's own time tag."
 )
 
 
@@ -158,14 +162,14 @@ cipher_mode_option = click.option(
     type=click.Choice(["cbc", "ctr"]),
     default="cbc",
     show_default=True,
-    help="AES mode of the RECS.",
+    help="AES mode with which the RECS are encrypted.",
 )
 group_delay_option = click.option(
     "--bgd",
     type=click.Choice(["os-icd", "file-value", "minus-os-icd", "minus-file-value"]),
     default="os-icd",
     show_default=True,
-    help="E6 is later than E1 by (γ − 1)·BGD, or by BGD itself; or earlier.",
+    help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value); minus: earlier.",
 )
 
 

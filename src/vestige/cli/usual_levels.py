@@ -22,34 +22,64 @@ _POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0
 def usual_level_options(command: Any) -> Any:
     """Add the options that state what the checks compare with, and how often they may fail without an attack."""
     options = (
-        click.option("--usual-e1-power-db", type=_POWER, help="Power of E1 without interference. [learned]"),
-        click.option("--usual-e6-power-db", type=_POWER, help="Power of E6 without interference. [learned]"),
-        click.option("--usual-e1-cn0-dbhz", type=_CN0, help="C/N0 of E1-C, with --usual-e6-cn0-dbhz. [learned]"),
-        click.option("--usual-e6-cn0-dbhz", type=_CN0, help="C/N0 of E6-C, with --usual-e1-cn0-dbhz. [learned]"),
+        click.option(
+            "--usual-e1-power-db",
+            type=_POWER,
+            help="Power of the E1 samples in dB without interference. [default: learned]",
+        ),
+        click.option(
+            "--usual-e6-power-db",
+            type=_POWER,
+            help="Power of the E6 samples in dB without interference. [default: learned]",
+        ),
+        click.option(
+            "--usual-e1-cn0-dbhz",
+            type=_CN0,
+            help="Usual C/N0 of E1-C in dBHz; needs --usual-e6-cn0-dbhz. [default: learned]",
+        ),
+        click.option(
+            "--usual-e6-cn0-dbhz",
+            type=_CN0,
+            help="Usual C/N0 of E6-C in dBHz; needs --usual-e1-cn0-dbhz. [default: learned]",
+        ),
         click.option(
             "--e6-over-e1-db",
             type=FiniteRange(-40, 40),
-            help="C/N0 of E6-C over that of E1-C, from which follows whether E6 should be seen. "
-            f"[the difference of the two above, or {NOMINAL_E6_OVER_E1_DB:g}]",
+            help="Expected C/N0 of E6-C minus that of E1-C in dB. It decides whether E6 should have been detected. "
+            f"[default: difference of the two options above, or {NOMINAL_E6_OVER_E1_DB:g}]",
         ),
         click.option(
             "--cn0-fall-db",
             type=FiniteRange(0, 40),
             default=0.0,
             show_default=True,
-            help="By how much the usual C/N0, that of the zenith, is lower at the horizon.",
+            help="How much lower the usual C/N0 is at the horizon than at the zenith, in dB.",
         ),
         click.option(
-            "--floor-sigma-m", type=_SIGMA, default=5.0, show_default=True, help="Of each E1 range, for RAIM."
+            "--floor-sigma-m",
+            type=_SIGMA,
+            default=5.0,
+            show_default=True,
+            help="Standard deviation of each E1 range in m, for RAIM and clock checks.",
         ),
         click.option(
-            "--ionosphere-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="On E1 at 17.5° elevation."
+            "--ionosphere-sigma-m",
+            type=_SIGMA,
+            default=0.0,
+            show_default=True,
+            help="Standard deviation of the ionospheric error of E1 ranges at 17.5° elevation, in m.",
         ),
-        click.option("--multipath-sigma-m", type=_SIGMA, default=0.0, show_default=True, help="At 16° elevation."),
+        click.option(
+            "--multipath-sigma-m",
+            type=_SIGMA,
+            default=0.0,
+            show_default=True,
+            help="Standard deviation of the multipath error of E1 ranges at 16° elevation, in m.",
+        ),
         click.option(
             "--alarms-per-day",
             type=FiniteRange(1e-6, 1000),
-            help="False alarms of the level in a day of ten satellites and a RECS each 30 s; kappa follows.",
+            help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
         ),
     )
     for option in reversed(options):

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     type=click.IntRange(1, 1_000_000),
     help="Epochs in a chunk.  [2000; 10000 of a single line of sight without samples]",
 )
-@click.option("--fidelity", type=click.Choice(["samples", "correlators"]), help="In place of the scenario's own.")
+@click.option(
+    "--fidelity", type=click.Choice(["samples", "correlators"]), help="Fidelity, used in place of the scenario's own."
+)
 @click.option(
     "--set",
     "settings",

@@ -37,8 +37,16 @@ FIGURE = "threats.png"
     is_flag=True,
     help=f"{QUICK_SEEDS} runs of each scene in place of {SEEDS}: 80 s with -j 2 on two idle cores.",
 )
-@click.option("--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Runs of each scene.")
-@click.option("--only", "ids", multiple=True, metavar="ID", help="Rows to measure: A5. Several times for several.")
+@click.option(
+    "--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Number of runs of each scene. [default: 100]"
+)
+@click.option(
+    "--only",
+    "ids",
+    multiple=True,
+    metavar="ID",
+    help="Measure this attack only, for example A5. May be given several times.",
+)
 @click.option(
     "--attack",
     "files",

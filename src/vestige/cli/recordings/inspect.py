@@ -27,7 +27,9 @@ _path = click.Path(path_type=Path)
 @click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
 @click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
 @trust_options
-@click.option("--check-hash", is_flag=True, help="Compare samples with the hash in their description (reads them all).")
+@click.option(
+    "--check-hash", is_flag=True, help="Compare the samples with the hash in their description, which reads them all."
+)
 @click.option("--quick", is_flag=True, help="Do not look for signals, which takes 10 s, or 40 s where none are found.")
 @json_option
 def command(path: Path, **options: Any) -> None:

@@ -40,15 +40,24 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
-_assistance = click.option("--assistance", type=_path, help="Assistance folder [RECORDING/assistance].")
-_svids = click.option("--svids", default="1-36", show_default=True, help="Satellites, for example 2,3,7-9.")
+_assistance = click.option(
+    "--assistance", type=_path, help="Folder with RECS, group delays and OSNMA keys. [default: RECORDING/assistance]"
+)
+_svids = click.option("--svids", default="1-36", show_default=True, help="Satellites to search, for example 2,3,7-9.")
 _p_fa = click.option(
-    "--p-fa-overall", type=FiniteRange(1e-15, 0.5), default=1e-3, show_default=True, help="Of the whole search."
+    "--p-fa-overall",
+    type=FiniteRange(1e-15, 0.5),
+    default=1e-3,
+    show_default=True,
+    help="False-alarm probability of the whole search.",
 )
 _uncertainty = click.option(
-    "--uncertainty-s", type=FiniteRange(1e-6, 1e5), help="Time uncertainty ± around the expected arrival [recording]."
+    "--uncertainty-s",
+    type=FiniteRange(1e-6, 1e5),
+    metavar="SECONDS",
+    help="Search within ± SECONDS of the expected arrival. [default: all samples]",
 )
-_plot = click.option("--plot", type=_path, help="Draw the search of one satellite: .png, .pdf, .svg.")
+_plot = click.option("--plot", type=_path, help="Draw the search of one satellite into this file (.png, .pdf, .svg).")
 _IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
@@ -63,8 +72,20 @@ def command() -> None:
 @_svids
 @start_option
 @_p_fa
-@click.option("--periods", type=click.IntRange(1, 24), default=24, show_default=True, help="Code periods added.")
-@click.option("--doppler-span-hz", type=FiniteRange(100, 20_000), default=5000.0, show_default=True, help="±.")
+@click.option(
+    "--periods",
+    type=click.IntRange(1, 24),
+    default=24,
+    show_default=True,
+    help="Number of code periods of 4 ms whose powers are added.",
+)
+@click.option(
+    "--doppler-span-hz",
+    type=FiniteRange(100, 20_000),
+    default=5000.0,
+    show_default=True,
+    help="Search Dopplers within ± this many Hz.",
+)
 @_plot
 @json_option
 def e1(
@@ -126,9 +147,17 @@ def e1(
 @cipher_mode_option
 @group_delay_option
 @click.option(
-    "--taps", type=click.Choice(["1", "3", "5", "7", "9"]), default="5", show_default=True, help="Half chips."
+    "--taps",
+    type=click.Choice(["1", "3", "5", "7", "9"]),
+    default="5",
+    show_default=True,
+    help="Number of E6 correlators at each possible arrival, half a chip apart.",
 )
-@click.option("--every-4-ms", is_flag=True, help="Do not use the phase of the secondary code: places 4 ms apart.")
+@click.option(
+    "--every-4-ms",
+    is_flag=True,
+    help="Search every 4 ms, without the phase of the secondary code that leaves one arrival in 100 ms.",
+)
 @_plot
 @json_option
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
@@ -190,17 +219,27 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @_uncertainty
 @cipher_mode_option
 @click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
-@click.option("--doppler-span-hz", type=FiniteRange(100, 50_000), default=5000.0, show_default=True, help="±.")
+@click.option(
+    "--doppler-span-hz",
+    type=FiniteRange(100, 50_000),
+    default=5000.0,
+    show_default=True,
+    help="Search Dopplers within ± this many Hz.",
+)
 @click.option(
     "--engine",
     type=click.Choice(["auto", "cuda", "segment", "fft"]),
     default="auto",
     show_default=True,
-    help="What computes the screen; auto: the fastest that this machine runs.",
+    help="Program that computes the correlations; auto takes the fastest that this machine runs.",
 )
-@click.option("--workers", type=click.IntRange(1, 1024), help="Threads [all cores].")
-@click.option("--correlated-neighbours", is_flag=True, help="Threshold for the effective number of hypotheses.")
-@click.option("-o", "--output", type=_path, help="Keep in a file what was done and found; go on if it is there.")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Number of threads. [default: one for each core]")
+@click.option(
+    "--correlated-neighbours",
+    is_flag=True,
+    help="Set the threshold for the effective number of hypotheses, since neighbours are correlated.",
+)
+@click.option("-o", "--output", type=_path, help="Keep progress and results in this file; go on from it if it exists.")
 @_plot
 @json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:

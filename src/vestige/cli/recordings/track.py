@@ -20,15 +20,59 @@ _path = click.Path(path_type=Path)
 def tracking_options(command: Any) -> Any:
     """Add the options of the loops."""
     options = (
-        click.option("--pll-bandwidth-hz", type=FiniteRange(0.1, 100), default=15.0, show_default=True),
-        click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", show_default=True),
-        click.option("--fll-bandwidth-hz", type=FiniteRange(0.1, 60), default=10.0, show_default=True),
-        click.option("--dll-bandwidth-hz", type=FiniteRange(0.01, 20), default=1.0, show_default=True),
-        click.option("--integration-ms", type=click.Choice(["4", "20"]), default="4", show_default=True),
-        click.option("--early-late-chips", type=FiniteRange(0.01, 0.66), default=0.16, show_default=True),
-        click.option("--correlators", type=click.Choice(["5", "7", "9", "11"]), default="5", show_default=True),
-        click.option("--replica", type=click.Choice(["BOC(1,1)", "CBOC"]), default="BOC(1,1)", show_default=True),
-        threads_option("Threads that track E1."),
+        click.option(
+            "--pll-bandwidth-hz",
+            type=FiniteRange(0.1, 100),
+            default=15.0,
+            show_default=True,
+            help="One-sided noise bandwidth of the PLL.",
+        ),
+        click.option(
+            "--pll-order", type=click.Choice(["2", "3"]), default="3", show_default=True, help="Order of the PLL."
+        ),
+        click.option(
+            "--fll-bandwidth-hz",
+            type=FiniteRange(0.1, 60),
+            default=10.0,
+            show_default=True,
+            help="One-sided noise bandwidth of the FLL.",
+        ),
+        click.option(
+            "--dll-bandwidth-hz",
+            type=FiniteRange(0.01, 20),
+            default=1.0,
+            show_default=True,
+            help="One-sided noise bandwidth of the DLL.",
+        ),
+        click.option(
+            "--integration-ms",
+            type=click.Choice(["4", "20"]),
+            default="4",
+            show_default=True,
+            help="Coherent integration time in ms.",
+        ),
+        click.option(
+            "--early-late-chips",
+            type=FiniteRange(0.01, 0.66),
+            default=0.16,
+            show_default=True,
+            help="Early-to-late spacing of the DLL in chips.",
+        ),
+        click.option(
+            "--correlators",
+            type=click.Choice(["5", "7", "9", "11"]),
+            default="5",
+            show_default=True,
+            help="Number of correlators of each satellite.",
+        ),
+        click.option(
+            "--replica",
+            type=click.Choice(["BOC(1,1)", "CBOC"]),
+            default="BOC(1,1)",
+            show_default=True,
+            help="Subcarrier of the replica.",
+        ),
+        threads_option("Number of threads that track E1."),
     )
     for option in reversed(options):
         command = option(command)
@@ -54,7 +98,7 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
 
 @click.command()
 @recording_argument
-@click.option("-o", "--output", type=_path, required=True, help="Folder for the files; must not exist.")
+@click.option("-o", "--output", type=_path, required=True, help="Folder to write; must not exist.")
 @start_option
 @tracking_options
 def command(recording_path: Path, **options: Any) -> None:
