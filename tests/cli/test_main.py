@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import signal
 import subprocess
 import sys
@@ -31,6 +32,26 @@ def test_every_verb_has_help(capsys: pytest.CaptureFixture[str], verb: str) -> N
     code, out, _ = _exit(capsys, verb, "--help")
     assert code == 0
     assert "Usage: vestige " + verb in out
+
+
+@pytest.mark.parametrize("verb", ["process", "live"])
+def test_every_option_of_a_long_list_is_shown_once_in_a_group(capsys: pytest.CaptureFixture[str], verb: str) -> None:
+    """`GroupedCommand` leaves no option out, and only --help itself has no group."""
+    _, out, _ = _exit(capsys, verb, "--help")
+    command = importlib.import_module(f"vestige.cli.{VERBS[verb][0]}").command
+    shown = re.findall(r"^  (?:-\w, )?(--[a-z0-9-]+)", out, re.MULTILINE)
+    options = [one for one in command.params if isinstance(one, click.Option)]
+    names = [next(name for name in one.opts if name.startswith("--")) for one in options]
+    assert len(options) > 30
+    assert sorted(shown) == sorted([*names, "--help"])
+    assert out.split("\nOther options:\n")[1].split()[:2] == ["-h,", "--help"]
+
+
+def test_the_former_option_follow_is_the_verb_live(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = _exit(capsys, "process", "night", "--follow", "--calibrate")
+    assert code == 2
+    assert "vestige live" in err
+    assert "--calibrate" in err
 
 
 @pytest.mark.parametrize("arguments", [["nonsense"], ["theory", "--cn0", "many"], ["process"], ["check"]])

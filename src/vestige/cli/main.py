@@ -25,6 +25,7 @@ from vestige.own_parts import blamed_on_own_parts
 # verb: module of `command` within this room, one line of help
 VERBS = {
     "process": ("recordings.process", "Authenticate a recording: one verdict for each satellite and RECS."),
+    "live": ("live.live", "Authenticate a recording while it is being written, or samples out of a pipe."),
     "track": ("recordings.track", "Track E1 of a recording: RINEX, navigation pages, correlators."),
     "inspect": (
         "recordings.inspect",

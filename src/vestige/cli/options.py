@@ -31,6 +31,8 @@ class FiniteNumber(click.types.FloatParamType):
 class FiniteRange(FiniteNumber, click.FloatRange):
     """A number between two bounds; NaN, which compares with nothing, is refused."""
 
+    name = "number"
+
 
 class WidthType(click.ParamType[tuple[float, bool]]):
     """The width of an interval: `0.01`, or `20%` of what is estimated; gives (width, whether it is relative)."""
@@ -90,6 +92,12 @@ detector_option = click.option(
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 recording_argument = click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
+assistance_option = click.option(
+    "--assistance",
+    "assistance_path",
+    type=click.Path(path_type=Path),
+    help="Folder with RECS, group delays and OSNMA keys. [default: RECORDING/assistance]",
+)
 workers_option = click.option(
     "-j", "--workers", type=click.IntRange(1, 1024), help="Number of workers on this machine. [default: 1]"
 )

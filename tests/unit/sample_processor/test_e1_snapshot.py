@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from builders import START, batch_of, received_batch, satellite
-from vestige.cli.recordings.process import CN0_ESTIMATOR_NAMES
+from vestige.cli.recordings.process_options import CN0_ESTIMATOR_NAMES
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.sample_processor.acquisition import Acquisition, acquire

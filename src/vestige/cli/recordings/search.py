@@ -14,6 +14,7 @@ import click
 from vestige.cli.options import (
     FiniteRange,
     assistance_folder,
+    assistance_option,
     cipher_mode,
     cipher_mode_option,
     group_delay_convention,
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
-_assistance = click.option(
-    "--assistance", type=_path, help="Folder with RECS, group delays and OSNMA keys. [default: RECORDING/assistance]"
-)
 _svids = click.option("--svids", default="1-36", show_default=True, help="Satellites to search, for example 2,3,7-9.")
 _p_fa = click.option(
     "--p-fa-overall",
@@ -55,9 +53,18 @@ _uncertainty = click.option(
     "--uncertainty-s",
     type=FiniteRange(1e-6, 1e5),
     metavar="SECONDS",
-    help="Search within ± SECONDS of the expected arrival. [default: all samples]",
+    help="Search within ± SECONDS of the expected arrival. [default: time uncertainty of the recording]",
 )
 _plot = click.option("--plot", type=_path, help="Draw the search of one satellite into this file (.png, .pdf, .svg).")
+
+
+_doppler_span = click.option(
+    "--doppler-span-hz",
+    type=FiniteRange(100, 50_000),
+    default=5000.0,
+    show_default=True,
+    help="Search Dopplers within ± so many Hz.",
+)
 _IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
@@ -79,13 +86,7 @@ def command() -> None:
     show_default=True,
     help="Number of code periods of 4 ms whose powers are added.",
 )
-@click.option(
-    "--doppler-span-hz",
-    type=FiniteRange(100, 20_000),
-    default=5000.0,
-    show_default=True,
-    help="Search Dopplers within ± this many Hz.",
-)
+@_doppler_span
 @_plot
 @json_option
 def e1(
@@ -139,7 +140,7 @@ def e1(
 
 @command.command("handover")
 @recording_argument
-@_assistance
+@assistance_option
 @_svids
 @start_option
 @_p_fa
@@ -179,7 +180,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     recording = _open(recording_path, start)
     e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])
-    folder = assistance_folder(recording_path, options["assistance"])
+    folder = assistance_folder(recording_path, options["assistance_path"])
     codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
@@ -212,20 +213,14 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 
 @command.command("exhaustive")
 @recording_argument
-@_assistance
+@assistance_option
 @_svids
 @start_option
 @_p_fa
 @_uncertainty
 @cipher_mode_option
 @click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
-@click.option(
-    "--doppler-span-hz",
-    type=FiniteRange(100, 50_000),
-    default=5000.0,
-    show_default=True,
-    help="Search Dopplers within ± this many Hz.",
-)
+@_doppler_span
 @click.option(
     "--engine",
     type=click.Choice(["auto", "cuda", "segment", "fft"]),
@@ -258,7 +253,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.theory.search_budget import search_budget
 
     recording = _open(recording_path, start)
-    folder = assistance_folder(recording_path, options["assistance"])
+    folder = assistance_folder(recording_path, options["assistance_path"])
     check_output(options["output"], (recording_path, *recording.description.files, folder))
     e6 = _reader(recording, Band.E6)
     around_s = _around_s(recording, options["uncertainty_s"])

@@ -159,7 +159,7 @@ def open_samples(file: BandFile) -> SampleReader:
 def _size(file: BandFile) -> tuple[int, int, int]:
     """Return the bytes of a file, the whole samples in it, and the bytes beyond."""
     if file.path.is_fifo():
-        raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige process --follow")
+        raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige live")
     with open_file(file.path) as stream:
         size = os.fstat(stream.fileno()).st_size
     return size, *divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)

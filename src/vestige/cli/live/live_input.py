@@ -1,4 +1,4 @@
-"""What `vestige process --follow` reads: descriptions, growing files, pipes, and the tracking of E1."""
+"""What `vestige live` reads: descriptions, growing files, pipes, and the tracking of E1."""
 
 from __future__ import annotations
 

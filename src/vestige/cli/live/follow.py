@@ -1,4 +1,4 @@
-"""`vestige process --follow`: verdicts while the recording is being written."""
+"""What `vestige live` does: verdicts while the recording is being written."""
 
 from __future__ import annotations
 
@@ -10,31 +10,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
+from vestige.cli.live.live_input import STDIN, live_description, live_tracking, opened_live, stdin_description
+from vestige.cli.live.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.options import assistance_folder
-from vestige.cli.recordings.follow_input import STDIN, live_description, live_tracking, opened_live, stdin_description
-from vestige.cli.recordings.nmea_log import NMEA_STDOUT, nmea_log
+from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
-    from vestige.cli.recordings.nmea_log import NmeaLog
+    from vestige.cli.live.nmea_log import NmeaLog
     from vestige.cli.recordings.verdicts import Tally
     from vestige.recording.live.follow_journal import FollowJournal
     from vestige.recording.live.following import Following
     from vestige.recording.live.live_recording import LiveRecording
 
-FINISHED_ONLY = ("calibrate", "write_bias", "strict")
 STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz", "real_time")
-FOLLOW_ONLY = ("observations", "nmea", *STDIN_ONLY)
 # Options on which no verdict depends
 _HOW = {
     "workers",
     "nmea",
-    "follow",
     "as_json",
     "output",
     "poll_s",
@@ -45,35 +42,17 @@ _HOW = {
     "start",
     *STDIN_ONLY,
 }
-_READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerations", "description")
 _MOST_WARNINGS = 1000
 
 
 def check_usage(recording: Path, options: dict[str, Any]) -> None:
     """Raise a usage error for options that do not go together."""
-
-    def given(names: tuple[str, ...]) -> str:
-        return ", ".join(f"--{name.replace('_', '-')}" for name in names if options[name])
-
-    if options["accelerations"] and options["level"] != "3":
-        raise click.UsageError("--accelerations: for level 3")
-    stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
-    if options["alarms_per_day"] is not None and stated:
-        raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
-    if options["follow"]:
-        if unfit := given(FINISHED_ONLY):
-            raise click.UsageError(f"{unfit}: for a recording that is finished, not with --follow")
-        if recording != STDIN and (unfit := given(STDIN_ONLY).replace("sample-format", "format")):
-            raise click.UsageError(f"{unfit}: for samples on standard input, vestige process - --follow")
-    elif recording == STDIN:
-        raise click.UsageError("samples on standard input are read with --follow only")
-    elif unfit := given(FOLLOW_ONLY).replace("sample-format", "format"):
-        raise click.UsageError(f"{unfit}: only with --follow")
-
-
-def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
-    """Return the files and folders that the command line names to be read."""
-    return (recording, *(options[name] for name in _READ), *options["certificates"])
+    check_processor_usage(options)
+    given = ", ".join(f"--{name.replace('_', '-')}" for name in STDIN_ONLY if options[name])
+    if recording != STDIN and given:
+        raise click.UsageError(
+            f"{given.replace('sample-format', 'format')}: for samples on standard input, vestige live -"
+        )
 
 
 def follow_recording(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
@@ -85,7 +64,13 @@ def follow_recording(recording: Path, options: dict[str, Any], processor: AcasPr
     settings = _settings(recording, options, following.live)
     nmea: Path | None = options["nmea"]
     output, described = options["output"], following.live.description.files
-    read = (*inputs(recording, options), *described, following.folder.path, options["observations"])
+    read = (
+        *inputs(recording, options),
+        options["description"],
+        *described,
+        following.folder.path,
+        options["observations"],
+    )
     check_output(output, (one for one in read if one != STDIN), folder=True)
     if nmea is not None and nmea != NMEA_STDOUT:
         check_output(nmea, (one for one in read if one != STDIN))
@@ -280,13 +265,6 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         hardware_bias_s=None if bias_m is None else bias_m / SPEED_OF_LIGHT_MPS,
         patience=WaitLimits(poll_s=options["poll_s"], wait_s=options["wait_s"], idle_s=options["idle_s"]),
     )
-
-
-def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1; one that is asked for needs E1 to be measured in the samples."""
-    if options["cn0_estimator"] is not None and not measured:
-        raise click.UsageError("--cn0-estimator is for E1 out of samples; here a file of observations tells the C/N0")
-    return options["cn0_estimator"] or "noise-floor"
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:

@@ -1,0 +1,102 @@
+"""The processor that the options of `vestige process` and `vestige live` describe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vestige.cli.options import cipher_mode, group_delay_convention
+from vestige.cli.usual_levels import expected_e6_over_e1_db, pseudorange_errors, reference_levels
+
+if TYPE_CHECKING:
+    from vestige.acas_processor.detectors import Detector
+    from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.recording.tracked.track_recording import TrackedRecording
+
+
+def processor_from_options(options: dict[str, Any], tracked: TrackedRecording | None = None) -> AcasProcessor:
+    """Return the processor.
+
+    Parameters
+    ----------
+    options
+        Options of the command line, by the names of their parameters (`process_options`).
+    tracked
+        What tracking made of E1: its orbits and correlators are used; None if E1 was not tracked.
+
+    Raises
+    ------
+    click.UsageError
+        If options do not go together.
+    """
+    from vestige.acas_processor.own_check import OwnCheck
+    from vestige.acas_processor.position.error_budget import ErrorBudget
+    from vestige.acas_processor.processor import AcasProcessor
+
+    budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
+    checks = tuple(OwnCheck.named(kind) for kind in options["checks"])
+    if len({one.name for one in checks}) < len(checks):
+        raise click.UsageError("--check: two checks have one name, expected one of its own for each")
+    monitoring = _monitoring(options, tracked)
+    try:
+        return AcasProcessor(
+            level=int(options["level"]),
+            detector=_detector(options["detector"], options["spacing"]),
+            p_fa=options["p_fa"],
+            n_taps=options["taps"],
+            tap_spacing_m=options["tap_spacing_m"],
+            early_reach_m=options["early_reach_m"],
+            budget=budget(),
+            kappa=options["kappa"],
+            min_pd=options["min_pd"],
+            e6_over_e1_db=expected_e6_over_e1_db(options),
+            monitoring=monitoring,
+            cipher_mode=cipher_mode(options),
+            group_delay_convention=group_delay_convention(options),
+            own_checks=checks,
+        )
+    except ValueError as error:
+        raise click.UsageError(f"--taps, --tap-spacing-m, --early-reach-m, --spacing: {error}") from error
+
+
+def _detector(name: str, spacing: int) -> Detector:
+    from vestige.acas_processor.detectors import DETECTORS, OwnDetector
+    from vestige.own_parts import is_own, part
+
+    return (
+        OwnDetector.of(name, part(name, object), spacing=spacing) if is_own(name) else DETECTORS[name](spacing=spacing)
+    )
+
+
+def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> MonitoringSettings:
+    """Return the settings of levels 2 and 3, with the orbits of a file, or those of the message."""
+    from dataclasses import replace
+
+    from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+    from vestige.acas_processor.position.fix_measurement import FixSettings
+    from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
+    from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
+    from vestige.recording.tracked.message_navigation import ephemerides_in
+    from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+    from vestige.signals.pulse import BOC11
+
+    navigation, settings = options["navigation"], MonitoringSettings()
+    ephemerides = () if tracked is None else ephemerides_in(tracked.pages)
+    half = settings.power_distortion.hypotheses.half_spacing_chips
+    if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
+        half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
+    hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
+    orbits = ephemerides if navigation is None else read_rinex_navigation(navigation)
+    how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
+    return replace(
+        settings,
+        alarms_per_day=options["alarms_per_day"],
+        levels=reference_levels(options),
+        fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
+        exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
+        exhaustive_period_s=options["search_every"],
+        power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),
+        inertial=replace(settings.inertial, sigma_bias_mps2=options["acceleration_bias_mps2"]),
+    )
