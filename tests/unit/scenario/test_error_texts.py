@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,7 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
             "attack.0: found kind = osnma-denial, j_over_n_db = 10, svids = [6, 6], "
             "expected each satellite once in svids",
         ),
+        ('attack=[{knd="scer"}]', "attack.0: found an unknown key knd, expected kind"),
         ("receiver.cn0_dbhz=nan", "receiver.cn0_dbhz: found nan, expected a finite number"),
         ("receiver.cn0_dbhz=-1e16", "receiver.cn0_dbhz: found -1e+16, expected a number between -1e+15 and 1e+15"),
         (f"seed={'9' * 400}", f"seed: found {'9' * 79}…, expected a number between -1e+15 and 1e+15"),
@@ -109,3 +111,18 @@ def test_endless_nesting_is_one_line() -> None:
     settings = [f"{'a.' * 19}{name}={{{'a.' * 19}a=1}}" for name in "ab"]
     with pytest.raises(InputFileError, match=r"expected at most 20$"):
         load_scenario(QUICK, settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[recevier]", "kind: found nothing, expected 'campaign', 'recording'"),
+        ("knd = 'campaign'", "top level: found an unknown key knd, expected kind"),
+        ("kind = 'campaign'\n[recevier]", "recevier: found an unknown key recevier, expected receiver"),
+    ],
+)
+def test_a_missing_key_does_not_hide_a_misspelt_one(tmp_path: Path, text: str, line: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text)
+    with pytest.raises(InputFileError, match=re.escape(line)):
+        load_scenario(path)

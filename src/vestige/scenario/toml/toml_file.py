@@ -134,8 +134,11 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
-    """Return the first thing that is wrong with tables, in our words."""
-    first = error.errors()[0]
+    """Return the first thing that is wrong with tables, in our words.
+
+    A misspelt key is unknown and missing at once; that it is unknown says more, so unknown keys go first.
+    """
+    first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InconsistentSettingsError):
@@ -143,12 +146,20 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
             ".".join(part for part in (place, cause.place) if part), cause.found, cause.expected
         )
     if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
-        place, kinds = ".".join(part for part in (place, "kind") if part), first["ctx"].get("expected_tags")
+        if near := difflib.get_close_matches("kind", set(_table_of(raw, first["loc"])) - {"kind"}):
+            return InconsistentSettingsError(place or "top level", f"an unknown key {near[0]}", "kind")
+        kinds = first["ctx"].get("expected_tags")
+        if kinds is None and not place:
+            kinds = " or ".join(
+                repr(kind) for kind in adapter.json_schema().get("discriminator", {}).get("mapping", ())
+            )
+        place = ".".join(filter(None, (place, "kind")))
         return InconsistentSettingsError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
     found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
     return InconsistentSettingsError(place, found, expected)
 
 
+_UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
 # type of an error of pydantic: what was expected, in our words
 _EXPECTED = {
@@ -177,7 +188,7 @@ _EXPECTED = {
 
 def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: Mapping[str, Any]) -> tuple[object, str]:
     """Return what stands at the place of an error, in a table, and what should."""
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    if first["type"] in _UNKNOWN_KEY:
         unknown = str(first["loc"][-1])
         near = difflib.get_close_matches(unknown, _keys(adapter.json_schema()), n=1)
         if near == [unknown]:  # a key of another table, or of another kind of this one
