@@ -116,7 +116,7 @@ def test_endless_nesting_is_one_line() -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("[recevier]", "kind: found nothing, expected 'campaign', 'recording'"),
+        ("[recevier]", "kind: found nothing, expected 'campaign' or 'recording'"),
         ("knd = 'campaign'", "top level: found an unknown key knd, expected kind"),
         ("kind = 'campaign'\n[recevier]", "recevier: found an unknown key recevier, expected receiver"),
     ],
