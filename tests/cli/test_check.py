@@ -34,6 +34,20 @@ def test_text(tmp_path: Path) -> None:
     assert "satellites" in result.stdout
 
 
+def test_a_campaign_is_printed_with_the_keys_of_its_file_and_not_as_python() -> None:
+    """Every value can be typed into a scenario, and `--set` replaces one."""
+    liftoff = next(path for path in SCENARIOS if path.stem == "liftoff")
+    arguments = [str(liftoff), "--set", "processor.detector=maximum"]
+    result = CliRunner().invoke(command, arguments, standalone_mode=False)
+    assert result.exception is None
+    told = " ".join(result.stdout.split())
+    assert "attack.0: lift-off: start_s = 0, stop_s = inf, delay_m = {sine: first = 71.5, turn = 0" in told
+    assert "detector = maximum, spacing = 1, p_fa = 1e-07" in told
+    assert "receiver.bias: none" in told
+    assert not {"(", "None", "True", "False", "'"} & set(told.replace("BOC(1,1)", "").replace("(", " ( ").split())
+    assert max(map(len, result.stdout.splitlines()[1:])) <= 120
+
+
 @pytest.mark.parametrize("text", ["", "\x00", "seed = [", "a.b.c = 1"])
 def test_garbage(tmp_path: Path, text: str) -> None:
     bad = tmp_path / "bad.toml"

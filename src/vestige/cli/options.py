@@ -90,6 +90,13 @@ detector_option = click.option(
     callback=detector_name,
     help="Detector on E6: early, maximum, or `module:Name` of your own.",
 )
+set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace a value of the scenario, as in `receiver.cn0_dbhz=37`; `none` removes it.",
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 recording_argument = click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
 assistance_option = click.option(

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import parts_option
+from vestige.cli.options import parts_option, set_option
 from vestige.cli.terminal import echo, raise_last
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import Scenario
 
+_WIDTH = 120  # characters of a line
+_EQUALS = "\u00a0=\u00a0"  # a line does not end between a key and its value
+
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="One JSON object with the resolved scenarios.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object with the resolved scenarios.")
+@set_option
 @click.option("--schema", "as_schema", is_flag=True, help="Print the JSON schema of scenario files, for editors.")
 @parts_option
-def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
+def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print what each of them will do.
 
     Every file is checked; if one is bad, the exit code is 1 and its error is printed after the good ones.
@@ -40,7 +45,7 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
     errors: list[VestigeError | OSError] = []
     for path in files:
         try:
-            scenario = load_scenario(path)
+            scenario = load_scenario(path, settings)
         except (VestigeError, OSError) as error:
             errors.append(error)
             continue
@@ -57,38 +62,65 @@ def command(files: tuple[Path, ...], as_json: bool, as_schema: bool) -> None:
 def _lines(path: Path, scenario: Scenario) -> list[str]:
     from vestige.scenario.recording import RecordingScenario
 
-    receiver = scenario.receiver
     if isinstance(scenario, RecordingScenario):
         return [
             f"{path}: recording, {len(scenario.satellites)} satellites, {scenario.duration_s:g} s from "
-            f"{scenario.start_time}, E1 and E6 at {receiver.sample_rate_hz / 1e6:g} MHz, seed {scenario.seed}",
+            f"{scenario.start_time}, E1 and E6 at {scenario.receiver.sample_rate_hz / 1e6:g} MHz, seed {scenario.seed}",
             *(
                 f"  E{one.svid:02d}  range {one.range_m / 1e3:.3f} km  rate {one.range_rate_mps:+.1f} m/s  "
                 f"C/N0 E1-C {one.cn0_e1_dbhz:g}, E6-C {one.cn0_e6_dbhz:g} dBHz"
                 for one in scenario.satellites
             ),
         ]
-    front_end = scenario.receiver.front_end.front_end(receiver.sample_rate_hz)
+    receiver = scenario.receiver
+    described = scenario.model_dump(mode="json", by_alias=True)
+    front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
+    tables: dict[str, object] = {
+        name: described[name]
+        for name in ("constellation", "trajectory", "position", "atmosphere")
+        if scenario.constellation is not None
+    }
+    tables |= {"receiver.front_end": None if front_end.transparent else described["receiver"]["front_end"]}
     models = ("clock", "ionosphere", "multipath", "e1_tracking", "bias")
+    tables |= {f"receiver.{name}": described["receiver"][name] for name in models}
+    tables |= {"processor": described["processor"]}
+    tables |= {f"attack.{number}": attack for number, attack in enumerate(described["attack"])}
     return [
         f"{path}: campaign, {scenario.epochs} epochs of {scenario.interval_s:g} s from {scenario.start_time}, "
-        f"{scenario.recs.duration_ms} ms each, C/N0 {scenario.receiver.cn0_dbhz:g} dBHz, {scenario.fidelity}, "
+        f"{scenario.recs.duration_ms} ms each, C/N0 {receiver.cn0_dbhz:g} dBHz, {scenario.fidelity}, "
         f"seed {scenario.seed}",
-        f"  front_end: {'none' if front_end.transparent else front_end}",
-        *_sky_lines(scenario),
-        *(f"  {name}: {getattr(scenario.receiver, name) or 'none'}" for name in models),
-        f"  processing: {scenario.processor}",
-        *(f"  attack.{number}: {attack}" for number, attack in enumerate(scenario.attack)),
+        *_in_view(scenario),
+        *(line for name, table in tables.items() for line in _table_lines(name, table)),
     ]
 
 
-def _sky_lines(scenario: CampaignScenario) -> list[str]:
+def _in_view(scenario: CampaignScenario) -> list[str]:
     if scenario.constellation is None:
         return []
     svids = ", ".join(f"E{one.svid:02d}" for one in scenario.simulations)
-    return [
-        f"  constellation: {scenario.constellation}",
-        f"  in view at some time: {svids}; a RECS every {scenario.interval_s * scenario.recs.every:g} s",
-        f"  trajectory: {scenario.trajectory}",
-        f"  position: {scenario.position}",
-    ]
+    return [f"  in view at some time: {svids}; a RECS every {scenario.interval_s * scenario.recs.every:g} s"]
+
+
+def _table_lines(name: str, table: Any) -> list[str]:
+    """Return a table of a scenario as text, with the names of its keys, in lines of `_WIDTH` characters."""
+    text = f"  {name}: {_text_of(table) if table else 'none'}".replace(" = ", _EQUALS)
+    wrapped = textwrap.wrap(text, _WIDTH, subsequent_indent="      ", break_long_words=False, break_on_hyphens=False)
+    return [line.replace(_EQUALS, " = ") for line in wrapped]
+
+
+def _text_of(value: Any) -> str:
+    """Return a value as text: the kind of a table first, then its keys, without those that are not set."""
+    if isinstance(value, dict):
+        keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in (None, [])]
+        return ": ".join(filter(None, (value.get("kind"), ", ".join(keys))))
+    if isinstance(value, list):
+        return ", ".join(_inner(one) for one in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _inner(value: Any) -> str:
+    """Return a value inside a table: tables in braces, lists in brackets."""
+    text = _text_of(value)
+    return f"{{{text}}}" if isinstance(value, dict) else f"[{text}]" if isinstance(value, list) else text

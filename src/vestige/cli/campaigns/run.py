@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import WidthType, json_option, parts_option, scheduler_option, workers_option
+from vestige.cli.options import WidthType, json_option, parts_option, scheduler_option, set_option, workers_option
 from vestige.cli.pool import MAX_THREADS, pool
 from vestige.cli.terminal import echo
 from vestige.output import check_output
@@ -38,13 +38,7 @@ if TYPE_CHECKING:
 @click.option(
     "--fidelity", type=click.Choice(["samples", "correlators"]), help="Fidelity, used in place of the scenario's own."
 )
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Replace a value, `receiver.cn0_dbhz=37`; `none` removes.",
-)
+@set_option
 @click.option(
     "--sweep",
     "sweeps",

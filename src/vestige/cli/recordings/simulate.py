@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, parts_option, threads_option
+from vestige.cli.options import FiniteRange, parts_option, set_option, threads_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _path = click.Path(path_type=Path)
 )
 @click.option("--band", type=click.Choice(["e1", "e6"]), help="Band of which samples go to the pipe, with -o -.")
 @click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Replace a value, `receiver.cn0_dbhz=45`.")
+@set_option
 @click.option(
     "--format", "component", type=click.Choice(["int8", "int16", "float32"]), default="int8", show_default=True
 )
