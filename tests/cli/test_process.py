@@ -95,6 +95,20 @@ def test_recs_that_were_made_in_counter_mode(folder: Path, tmp_path: Path) -> No
         assert [(one["svid"], one["status"]) for one in found] == [(3, status)]
 
 
+@pytest.mark.parametrize(
+    ("limit", "of_authentic", "of_missed"), [("spoofed", 0, 0), ("alarm", 0, 3), ("unauthenticated", 0, 3)]
+)
+def test_the_exit_status_that_a_script_asks_for(
+    folder: Path, tmp_path: Path, limit: str, of_authentic: int, of_missed: int
+) -> None:
+    """E6 of all satellites is searched 18 m and 2 km from where it is; where nothing is found the user is advised."""
+    for bias_m, status in ((-18.0, of_authentic), (-2000.0, of_missed)):
+        result = invoke(process, folder, "--hardware-bias-m", bias_m, "--fail-on", limit)
+        assert result.exception is None
+        assert (result.return_value or 0) == status
+        assert ("--hardware-bias-m" in result.stdout) is (bias_m == -2000.0)
+
+
 def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_path: Path) -> None:
     bias = ("--hardware-bias-m", calibrated["hardware_bias_m"])
     result = invoke(process, folder, *bias, "-o", tmp_path / "verdicts.csv")

@@ -1,7 +1,7 @@
 """`vestige`: finds the verb, runs it, turns errors into exit codes. Nothing heavy is imported before a verb runs.
 
 Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 for usage; 130 after Ctrl-C or SIGTERM,
-with a line that says what is kept.
+with a line that says what is kept; 3 if the verdicts are what `--fail-on` of `process` and `live` names.
 """
 
 from __future__ import annotations

@@ -38,6 +38,7 @@ _HOW = {
     "idle_s",
     "wait_s",
     "buffer_mb",
+    "fail_on",
     "observations",
     "start",
     *STDIN_ONLY,
@@ -130,13 +131,24 @@ def _run(
         if journal is not None:
             stop.add_note(f"the same command goes on from {options['output']}")
         raise
-    _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
-    if tally.nothing and (tally.snapshots or state is None):
+    _end(tally, following, options, waited=bool(tally.snapshots or state is None))
+
+
+def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited: bool) -> None:
+    """Print what it all comes to, and end with the exit status that belongs to it."""
+    from vestige.cli.recordings.verdicts import exit_status
+
+    n_dropped = following.live.n_dropped
+    _print_end(tally, n_dropped, as_json=options["as_json"])
+    if tally.nothing and waited:
         echo(f"{tally.nothing}: {following.live.extent}", err=True)
-    echo(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}", err=True)
-    _check_nothing_dropped(following.live.n_dropped, tally)
+    elif tally.counts and tally.advice:
+        echo(tally.advice, err=True)
+    echo(f"{tally.snapshots} snapshots: {tally}{_dropped(n_dropped)}", err=True)
+    _check_nothing_dropped(n_dropped, tally)
+    exit_status(tally, options["fail_on"])
 
 
 def _with_orbits(

@@ -20,6 +20,7 @@ LIVE_GROUPS = {
         "output",
         "as_json",
         "nmea",
+        "fail_on",
     ),
     "Waiting for samples and keys": (
         "poll_s",

@@ -53,7 +53,7 @@ class _Process(GroupedCommand):
         return super().invoke(ctx) if ctx.command is self else ctx.command.invoke(ctx)
 
 
-@click.command(cls=_Process, groups={"Output": ("output", "as_json", "strict")} | PROCESSOR_GROUPS)
+@click.command(cls=_Process, groups={"Output": ("output", "as_json", "fail_on", "strict")} | PROCESSOR_GROUPS)
 @processor_options
 @click.option(
     "--calibrate", is_flag=True, help="Take the median E6 range offset of this recording as the hardware bias."
@@ -73,7 +73,7 @@ def command(recording_path: Path, **options: Any) -> None:
     from dataclasses import replace
 
     from vestige.cli.progress import progress
-    from vestige.cli.recordings.verdicts import csv_writer, print_json, print_table
+    from vestige.cli.recordings.verdicts import csv_writer, exit_status, print_json, print_table
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
 
@@ -96,9 +96,10 @@ def command(recording_path: Path, **options: Any) -> None:
             steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
         if options["as_json"]:
             remarks = {"calibrated_on_itself": options["calibrate"], "warnings": warnings}
-            print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
+            tally = print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
         else:
-            print_table(steps, hardware_bias_s=bias_s)
+            tally = print_table(steps, hardware_bias_s=bias_s)
+    exit_status(tally, options["fail_on"])
 
 
 def prepared(

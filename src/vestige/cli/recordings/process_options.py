@@ -131,6 +131,12 @@ def processor_options(command: Callable[..., Any]) -> Callable[..., Any]:
             type=click.Choice(CN0_ESTIMATOR_NAMES),
             help="Estimator of the C/N0 of E1 where it is measured in the samples. [default: noise-floor]",
         ),
+        click.option(
+            "--fail-on",
+            type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
+            help="End with exit status 3 if a verdict is SPOOFED, if there was an alarm (SPOOFED, SUSPECT or "
+            "NOT_DETECTED), or if not every verdict is AUTHENTIC.",
+        ),
         *_level_options(),
         *_e6_options(),
         usual_level_options,

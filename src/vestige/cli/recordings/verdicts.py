@@ -12,8 +12,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
+from vestige.acas_processor.levels import ALARMS
 from vestige.cli.terminal import echo
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
@@ -40,6 +42,7 @@ VERDICT_COLUMNS = (
     "available_at",
     "reason",
 )
+FAILED = 3  # exit status with --fail-on
 
 
 @dataclass(slots=True)
@@ -47,6 +50,7 @@ class Tally:
     """How many snapshots there were, how many verdicts by status, and the satellites with RECS that E1 never showed."""
 
     snapshots: int = 0
+    alarmed: bool = False  # whether a verdict or a state was one of alarm
     counts: Counter[str] = field(default_factory=Counter)
     missed: set[int] = field(default_factory=set)
     seen: set[int] = field(default_factory=set)
@@ -55,6 +59,7 @@ class Tally:
         """Count what follows from one snapshot."""
         self.snapshots += 1
         self.counts.update(verdict.status.name for verdict in step.verdicts)
+        self.alarmed |= any(one.alarm for one in step.changes) or any(one.status in ALARMS for one in step.verdicts)
         self.missed |= step.unseen
         self.seen |= step.state.on_e1.keys()
 
@@ -70,6 +75,24 @@ class Tally:
             return ""
         why = "no satellite of the RECS is seen on E1" if self.missed else "no RECS is of this recording's time"
         return f"no verdict: {why}"
+
+    @property
+    def advice(self) -> str:
+        """What to look into where no satellite was found on E6; "" if one was."""
+        if not self.counts:
+            return f"{self.nothing}; vestige inspect says what the recording holds"
+        if set(self.counts) != {Status.NOT_DETECTED.name}:
+            return ""
+        return (
+            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly, or "
+            "E6 may be later than the correlators reach (--hardware-bias-m); vestige inspect finds out"
+        )
+
+    def fails(self, limit: str | None) -> bool:
+        """Return whether the verdicts are what `--fail-on` names: `spoofed`, `alarm` or `unauthenticated`."""
+        if limit == "unauthenticated":
+            return set(self.counts) != {Status.AUTHENTIC.name}
+        return self.alarmed if limit == "alarm" else limit is not None and Status.SPOOFED.name in self.counts
 
     def __str__(self) -> str:
         return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
@@ -212,17 +235,18 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
         echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
-def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> None:
-    """Print the verdicts for a person as they come, and what they come to."""
+def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
+    """Print the verdicts for a person as they come, and what they come to, which is returned."""
     tally = Tally()
     for step in steps:
         print_snapshot(step)
         tally.add(step)
-    if tally.nothing:
-        echo(f"{tally.nothing}; vestige inspect says what is there")
+    if tally.advice:
+        echo("", tally.advice)
     echo("", f"hardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
     print_not_seen(tally)
     echo(f"result: {tally}")
+    return tally
 
 
 def print_not_seen(tally: Tally, *, err: bool = False) -> None:
@@ -231,8 +255,8 @@ def print_not_seen(tally: Tally, *, err: bool = False) -> None:
         echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
 
 
-def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
-    """Print the verdicts for a program as they come: one JSON object, numbers in full precision."""
+def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> Tally:
+    """Print the verdicts for a program as they come: one JSON object, numbers in full precision; return their tally."""
     tally, separator, found = Tally(), "", []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
     echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
@@ -243,6 +267,13 @@ def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mappin
         found += positions(step)
         tally.add(step)
     echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
+    return tally
+
+
+def exit_status(tally: Tally, limit: str | None) -> None:
+    """End with the exit status `FAILED` if the verdicts are what `--fail-on` names."""
+    if tally.fails(limit):
+        click.get_current_context().exit(FAILED)
 
 
 @contextmanager
