@@ -14,6 +14,7 @@ from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
+from vestige.receiver.snapshots.searches import DrawnSearches
 from vestige.records import Band, Status
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
@@ -107,3 +108,22 @@ def test_the_reason_names_the_time_and_the_disclosure() -> None:
     measured = AcasProcessor().measure(block, receiver.assistance)
     reason = measured.why_unavailable(0, 0)
     assert re.search(r"not provably received before.*16:00:45.* ± 1 s, key on air from .*16:00:22", reason), reason
+
+
+SECOND = (
+    'attack=[{kind="forgery-after-disclosure", delay_s=45.00137, power_db=3.0},'
+    '{kind="forgery-after-disclosure", delay_s=46.50237, power_db=1.0}]'
+)
+
+
+def test_the_searches_look_where_the_late_clock_has_the_recs() -> None:
+    """Two forgers within ±15 s of that clock are found, the true signal 45 s before them is not."""
+    receiver = _scenario(SECOND, "epochs=1").simulated_receiver
+    block = receiver.snapshots(0, tuple(one.advance(0, 1) for one in receiver.truth()))
+    assert isinstance(block.searches, DrawnSearches)
+    finds = block.searches.finds
+    assert np.all(finds.exhaustive_signals == 2)
+    assert np.all(np.abs(finds.exhaustive_earliest_m) < 100.0)  # of the forger whom E1 follows
+    received_s = block.received_at.since(receiver.simulations[0].start)
+    assert np.all((received_s > 0.08) & (received_s < 0.2))
+    assert finds.earliest_s == pytest.approx(received_s, abs=1e-6)
