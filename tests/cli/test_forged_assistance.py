@@ -204,6 +204,30 @@ def test_a_file_that_nobody_signed_is_named(recording: Path, assistance: Path) -
     assert "signatures: 3 files are not verified to be the server's" in found.stderr
 
 
+@pytest.mark.parametrize(
+    ("start", "time_uncertainty_s", "expected"),
+    [
+        ("2026-11-21T12:00:56 GST", 1.0, {}),  # the clock is right: no RECS was sent at that time
+        (
+            "2026-11-21T12:00:56 GST",
+            41.0,
+            {3: "NOT_AVAILABLE", 8: "NOT_AVAILABLE"},
+        ),  # it finds the 40 s, and that is all
+        ("2026-11-21T12:00:16 GST", 1.0, {3: "AUTHENTIC", 8: "AUTHENTIC"}),  # the clock is 40 s late: nothing tells
+    ],
+)
+def test_samples_of_40_s_ago_are_told_by_the_clock_alone(
+    recording: Path, assistance: Path, start: str, time_uncertainty_s: float, expected: dict[int, object]
+) -> None:
+    """A forger with the disclosed key sends the samples of 12:00:16 at 12:00:56; the key is on air from 12:00:22."""
+    found = verdicts(recording, assistance, "--start", start, "--time-uncertainty", time_uncertainty_s)
+    assert {svid: one["status"] for svid, one in found.items()} == expected
+    for one in found.values():
+        if one["status"] == "NOT_AVAILABLE":
+            assert "not provably received before the key's disclosure" in str(one["reason"])
+            assert "key on air from 2026-11-21T12:00:22.000 GST" in str(one["reason"])
+
+
 def forge_group_delays(assistance: Path, bgd_s: float, later_s: float = 0.0) -> None:
     (path,) = assistance.glob("*.BGD")
     delays = read_group_delay_file(path).delays
