@@ -18,6 +18,7 @@ from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
+from vestige.spoofer.after_disclosure import ForgeryAfterDisclosure
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam, OsnmaDenial
@@ -54,6 +55,7 @@ CASES: dict[str, tuple[Attack, dict[str, float]]] = {
     "nulling": (Nulling(), {"gain_db": -inf}),
     "nulling of both": (Nulling(bands=(Band.E1, Band.E6)), {"gain_db": -inf}),
     "forgery": (Forgery(power_db=20.0), OFF),
+    "forgery-after-disclosure": (ForgeryAfterDisclosure(delay_s=45.0, power_db=6.0), OFF),
     "jamming": (Jam(j_over_n_db=6.0), {"j_over_n_db": -inf}),
     "cw": (Jam(j_over_n_db=6.0, waveform=ContinuousWave(offset_hz=1e5)), {"j_over_n_db": -inf}),
     "chirp": (Jam(j_over_n_db=6.0, waveform=Chirp()), {"j_over_n_db": -inf}),

@@ -86,6 +86,8 @@ class Simulation:
     key_delay: int  # KDI
     cipher_mode: CipherMode = CipherMode.CBC  # in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
+    # constant error of the receiver's clock, which it does not know, beside that of the oscillator; only drawn banks
+    clock_offset_s: float = 0.0
     svid: int = SVID
     osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # what the OSNMA operator does and which keys it has
     # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
@@ -131,9 +133,14 @@ class Simulation:
         return truth.iono_diff_m + truth.bias_m - e1_error_m(truth, self.e1_multipath_m(truth))
 
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return by how much E1 is late where that is more than a travel time can be, times c; 0 elsewhere."""
-        error_m = truth.e1.error_m
+        """Return by how much E1 is late on the receiver's clock, times c; 0 where a travel time can be as long."""
+        error_m = truth.e1.error_m + self.clock_offset_m
         return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
+
+    @property
+    def clock_offset_m(self) -> float:
+        """Constant error of the receiver's clock, times c."""
+        return self.clock_offset_s * SPEED_OF_LIGHT_MPS
 
     @property
     def integration_s(self) -> float:
@@ -147,9 +154,9 @@ class Simulation:
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
         """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
 
-        Never before its time tag, which may be ahead of that clock.
+        That clock may be wrong by `clock_offset_s`. Never before its time tag, which may be ahead of that clock.
         """
-        expected_s = arrived.dt_s + truth.e1.error_m / SPEED_OF_LIGHT_MPS
+        expected_s = arrived.dt_s + (truth.e1.error_m + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
         return np.maximum(received_s, received_s - self.seconds_late_m(truth) / SPEED_OF_LIGHT_MPS)
 

@@ -35,9 +35,11 @@ from vestige.scenario.limits import (
     MAX_EPOCHS,
     check_attacks,
     check_clock,
+    check_disclosed,
     check_jammers,
     check_length,
     check_motion,
+    check_no_clock_offset,
     check_weak_signal,
     longest_delay_s,
 )
@@ -50,6 +52,7 @@ from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable,
 from vestige.scenario.toml.toml_file import OWN, InconsistentSettingsError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C
+from vestige.spoofer.after_disclosure import LONGEST_FORGERY_S
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.repeaters import Meaconing
 from vestige.spoofer.spoofer import Attacks, Spoofer
@@ -67,6 +70,7 @@ Tracking = Annotated[BetzTrackingNoise, OrOwn(TrackingModel)]
 Bias = Annotated[BiasResiduals, OrOwn(BiasModel)]
 
 
+_RECS_LOOKED_AT = 300  # intervals are tenths of a second, so their places in a subframe repeat after 300 at most
 _LAST_WEEK = 9999  # year 2191: no end of a run is beyond the calendar
 
 
@@ -95,6 +99,9 @@ class ReceiverTable(Section):
         Whether E6-C is on air at all; without it, neither line of sight nor rays, every detection is a false alarm.
     time_uncertainty_s
         What the receiver believes of its clock.
+    clock_offset_s
+        Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know it, and it
+        may be larger than `time_uncertainty_s` says. With `correlators` only.
     e1_multipath
         Whether the rays disturb E1 too.
     accelerometers
@@ -106,6 +113,7 @@ class ReceiverTable(Section):
     signal: bool = True
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
+    clock_offset_s: Annotated[float, Field(ge=-LONGEST_FORGERY_S, le=LONGEST_FORGERY_S)] = 0.0
     front_end: FrontEndTable = FrontEndTable()
     clock: Clock | None = None
     ionosphere: Ionosphere | None = None
@@ -211,6 +219,10 @@ class CampaignScenario(Section):
         else:
             check_motion(self.line_of_sight, duration_s)
             check_clock(self.receiver.clock, duration_s)
+            check_no_clock_offset(self.receiver.clock_offset_s)
+        numbers = range(min(_RECS_LOOKED_AT, -(-self.epochs // self.recs.every)))
+        sent_s = [self.start_time.second + number * self.interval_s * self.recs.every for number in numbers]
+        check_disclosed(self.attack, sent_s, self.recs.key_delay)
         return self
 
     @model_validator(mode="after")
@@ -337,6 +349,7 @@ class CampaignScenario(Section):
             cn0_e1_dbhz=receiver.cn0_e1_dbhz,
             front_end=receiver.front_end.front_end(receiver.sample_rate_hz),
             time_uncertainty_s=receiver.time_uncertainty_s,
+            clock_offset_s=receiver.clock_offset_s,
             n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
             cipher_mode=CipherMode(self.recs.cipher_mode),

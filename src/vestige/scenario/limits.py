@@ -7,15 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.errors.error_process import ClockModel
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.front_end_correlation import LARGEST_SIGNAL_DB
+from vestige.receiver.simulation import KEY_ON_AIR
 from vestige.records import Band
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E1C, E6C
+from vestige.spoofer.after_disclosure import ForgeryAfterDisclosure
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
@@ -120,6 +122,29 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
             cn0_dbhz,
             f'at most {largest_dbhz:.1f} dBHz behind a quantiser; fidelity = "samples" has no such limit',
         )
+
+
+def check_no_clock_offset(clock_offset_s: float) -> None:
+    """Raise if the receiver's clock is wrong by a constant where samples are made."""
+    if clock_offset_s:
+        raise InconsistentSettingsError(
+            "receiver.clock_offset_s", f"{clock_offset_s:g} with samples", '0, or fidelity = "correlators"'
+        )
+
+
+def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_delay: int) -> None:
+    """Raise if a forger would transmit the chips of a RECS before its key is complete.
+
+    `sent_s` are times of transmission of RECS in s after the start of a week, `key_delay` is KDI.
+    """
+    known_s = max(key_delay * SUBFRAME_S + KEY_ON_AIR.disclosure_end_s - one % SUBFRAME_S for one in sent_s)
+    for number, attack in enumerate(attacks):
+        if isinstance(attack, ForgeryAfterDisclosure) and attack.delay_s < known_s:
+            raise InconsistentSettingsError(
+                f"attack.{number}.delay_s",
+                f"{attack.delay_s:g} s",
+                f"at least {known_s:g} s: the key of a RECS is complete then, and nobody can make its chips before",
+            )
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:

@@ -52,6 +52,12 @@ class AcasTestCase:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: expected first:end within the scenario's 0:{self.scenario.epochs}"
             )
+        offset_s = self.scenario.receiver.clock_offset_s
+        if offset_s:
+            raise VestigeError(
+                f"receiver.clock_offset_s: found {offset_s:g}, expected 0 for a recording; make the recording without "
+                "it, and give `vestige process --start` the time that the wrong clock shows"
+            )
         for one in self.satellites:
             _check_motion(one, f"epochs {self.first}:{self.end}")
 

@@ -10,6 +10,7 @@
 | `BetweenRecs` | lift-off and return between two RECS | the same |
 | `Nulling` | opposite signal | outside Assumption 2 |
 | `Forgery` | – | chips of the attacker's own |
+| `ForgeryAfterDisclosure` | counterfeit, later than the key of its RECS | the same |
 | `Jam` | waveform | waveform |
 | `OsnmaDenial` | white noise, keys are lost | – |
 """
@@ -26,6 +27,7 @@ from jaxtyping import Bool, Complex128, Float
 from vestige.own_parts import require_numbers
 from vestige.records import Band
 from vestige.signals.definitions import E1C, E6C
+from vestige.spoofer.after_disclosure import ForgeryAfterDisclosure
 from vestige.spoofer.attack import Attack, Counterfeit, Jamming
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam, OsnmaDenial
@@ -53,6 +55,7 @@ Attacks = (
     | BetweenRecs
     | Nulling
     | Forgery
+    | ForgeryAfterDisclosure
     | Jam
     | OsnmaDenial
 )

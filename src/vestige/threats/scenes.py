@@ -1,4 +1,4 @@
-"""The threat table: attacks A0 to A16, what each mitigation level is expected to make of them, scenes to measure it.
+"""The threat table: attacks A0 to A17, what each mitigation level is expected to make of them, scenes to measure it.
 
 The table is data, `threats.toml` beside this file, which explains it. Its rows are the attacks that [WFO, Sec. IV] has
 its levels defend against, with the parameters of recorded attacks where there are some [TEXBAT].

@@ -144,10 +144,12 @@ def search_outcome(
     svid: int,
     first: int,
     p_fa: float = SEARCH_P_FA,
+    clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
     """Return what the searches find in the epochs from `first` on; independent of the cut.
 
     C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
+    `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -162,6 +164,7 @@ def search_outcome(
         integration_s=integration_s,
         e1_p_fa=p_fa,
         exhaustive_p_fa=p_fa,
+        clock_offset_s=clock_offset_s,
     )
 
 
@@ -176,16 +179,18 @@ def outcome(
     exhaustive_p_fa: float = SEARCH_P_FA,
     window_s: float = WINDOW_S,
     periods: int = MAX_STRETCHES,
+    clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
     """Return what the searches find.
 
     `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
-    satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way.
+    satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way
+    of where a clock that is wrong by `clock_offset_s` has the time of transmission.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
     tried = e1_count >= 2
-    near = np.abs(e6.delay_m) <= window_s * SPEED_OF_LIGHT_MPS
+    near = np.abs(e6.delay_m + clock_offset_s * SPEED_OF_LIGHT_MPS) <= window_s * SPEED_OF_LIGHT_MPS
     correlator_power = _correlator_power(e6, Band.E6, integration_s)
     strength = correlator_amplitude(e6.cn0_dbhz, integration_s)[:, None] * np.sqrt(correlator_power)
 

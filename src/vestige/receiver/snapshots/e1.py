@@ -46,6 +46,11 @@ def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarr
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
+def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return the constant error of the receiver's clock, times c, less what follows an attacker."""
+    return simulation.clock_offset_m - clock_follows_m(simulation, truth)
+
+
 def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:
     """Return whether E1 shows each satellite."""
     return of.in_view & (of.each(tracked_cn0_dbhz) > LOCK_DBHZ)
@@ -83,7 +88,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
 
 def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
     """Return the E1 pseudoranges."""
-    error_m = of.e1_error_m - of.each(clock_follows_m)
+    error_m = of.e1_error_m + of.each(_clock_error_m)
     return (
         of.each(lambda _, truth: truth.range_m + truth.clock_m)
         + of.each(lambda _, truth: truth.ionosphere_e1_m)
@@ -92,7 +97,7 @@ def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
 
 
 def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    error_m = truth.e1.error_m - clock_follows_m(simulation, truth) + truth.e1_phase_noise_m
+    error_m = truth.e1.error_m + _clock_error_m(simulation, truth) + truth.e1_phase_noise_m
     return truth.range_m + truth.clock_m - truth.carrier_advance_m(Band.E1) + error_m
 
 

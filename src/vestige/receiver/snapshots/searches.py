@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int8
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
-from vestige.receiver.correlators.search_outcome import search_outcome
+from vestige.receiver.correlators.search_outcome import WINDOW_S, search_outcome
 from vestige.receiver.snapshots.assistance import recs_block
 from vestige.receiver.snapshots.e1 import single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
@@ -132,6 +132,7 @@ class DrawnSearches:
                 svid=simulation.svid,
                 first=of.first_recs,
                 p_fa=SEARCH_P_FA,
+                clock_offset_s=simulation.clock_offset_s,
             )
             for simulation, truth in zip(of.simulations, of.of_recs, strict=True)
             if of.recs_rows.size
@@ -143,7 +144,15 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view, single(values), np.nan)
 
-        late_m = np.stack([one.e1.error_m for one in of.truth], axis=1)
+        # beyond the window there is no true signal for this receiver: the earliest is the one that E1 follows
+        window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
+        late_m = np.stack(
+            [
+                one.e1.error_m if abs(simulation.clock_offset_m) <= window_m else np.zeros(of.n)
+                for simulation, one in zip(of.simulations, of.truth, strict=True)
+            ],
+            axis=1,
+        )
         return SearchFinds(
             e1_signals=found("e1_signals"),
             handover_carrying=found("handover_carrying"),

@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from vestige.constants import DAY_S
 from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
@@ -35,6 +36,10 @@ from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
+
+# RECS are published up to a week ahead [WFO, Sec. II-A], and the group delays with them. Older ones are used, and it is
+# said: how long a file is valid is not public.
+OLDEST_GROUP_DELAY_S = 7 * DAY_S
 
 Message = tuple[Path, Callable[[Settings], Contents | None]]  # where it is from, and what it holds; None for nothing
 FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
@@ -320,6 +325,21 @@ def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problem
     return tuple(found[key][0] for key in sorted(found) if key not in contradicted)
 
 
+def _of_another_time(assistance: Assistance) -> Iterator[str]:
+    """Yield a line for each satellite whose group delays are not of the time of its RECS."""
+    last = {segment.svid: segment.transmit_time for segment in assistance.segments}  # in the order of time
+    for svid, sent in sorted(last.items()):
+        since = [delay.valid_from for delay in assistance.group_delays if delay.svid == svid]
+        ages_s = [sent - one for one in since if one <= sent]
+        if since and not ages_s:
+            yield f"group delays: those of E{svid:02d} begin at {min(since)}, after its RECS; taken as 0"
+        elif ages_s and min(ages_s) > OLDEST_GROUP_DELAY_S:
+            yield (
+                f"group delays: those of E{svid:02d} are {min(ages_s) / DAY_S:.0f} days older than its RECS, expected "
+                f"at most {OLDEST_GROUP_DELAY_S / DAY_S:g}; get the BGD file that belongs to them"
+            )
+
+
 def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
     """Return what the processor would want beside what there is, one line for each kind."""
     missing = []
@@ -336,6 +356,7 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Fil
     without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}
     if without:
         missing.append(f"group delays: none of {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
+    missing += _of_another_time(assistance)
     kinds = {file.kind for file in files}
     if FileKind.RECEIVER not in kinds:
         missing.append("receiver.toml: none, so the delay between the front ends is taken as 0")
