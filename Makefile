@@ -36,7 +36,8 @@ judges: $(READY)
 	@$(BIN)/python -c 'import cssrlib.osnma, cssrlib.rawnav'
 
 demo: $(READY)
-	@$(BIN)/python examples/demo.py
+	@rm -rf build/demo
+	@$(BIN)/vestige demo -o build/demo
 
 test: $(READY)
 	@$(PYTEST) -m 'not slow' $(addprefix --ignore=,$(SLOW))

@@ -24,6 +24,8 @@ from vestige.own_parts import blamed_on_own_parts
 
 # verb: module of `command` within this room, one line of help
 VERBS = {
+    "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
+    "init": ("start.init", "Write the scenario files that come with vestige into a folder."),
     "process": ("recordings.process", "Authenticate a recording: one verdict for each satellite and RECS."),
     "live": ("live.live", "Authenticate a recording while it is being written, or samples out of a pipe."),
     "track": ("recordings.track", "Track E1 of a recording: RINEX, navigation pages, correlators."),

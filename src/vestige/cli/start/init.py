@@ -1,0 +1,46 @@
+"""`vestige init`: write the scenario files that come with vestige into a folder, to run and to change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vestige.cli.terminal import echo
+
+
+@click.command()
+@click.argument("folder", default=".", type=click.Path(path_type=Path))
+def command(folder: Path) -> None:
+    """Write FOLDER/scenarios: the scenario files that come with vestige, to run and to change.
+
+    FOLDER is the current folder if it is left out, and is made if it does not exist.
+    """
+    written = write_scenarios(folder)
+    echo(f"wrote {written[0].parent}:")
+    for path in written:
+        echo(f"  {path.name:<22}{path.read_text(encoding='utf-8').splitlines()[0].removeprefix('# ')}")
+    scenarios = written[0].parent
+    echo("", "Next:")
+    for line, what in (
+        (f"vestige run {scenarios / 'quick.toml'} -o quick.zarr", "statistics of the paper's harsh conditions"),
+        (f"vestige simulate {scenarios / 'first_light.toml'} -o first_light", "a recording of both bands"),
+        ("vestige demo", "both, an attack, and what they show"),
+    ):
+        echo(f"  {line:<64}# {what}")
+
+
+def write_scenarios(folder: Path) -> list[Path]:
+    """Return the files that were written into the folder `scenarios` of a folder, which must not be there yet."""
+    from vestige.errors import InputFileError
+    from vestige.scenario.shipped import shipped_scenarios
+
+    target = folder / "scenarios"
+    if target.exists():
+        raise InputFileError(target, "folder", "something there already", "a name that is not taken")
+    target.mkdir(parents=True)
+    written = []
+    for path in shipped_scenarios():
+        written.append(target / path.name)
+        written[-1].write_bytes(path.read_bytes())
+    return written
