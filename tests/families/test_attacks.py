@@ -30,9 +30,9 @@ from vestige.spoofer.repeaters import (
     Meaconing,
     Nulling,
     PositionPush,
-    Scer,
     TimePush,
 )
+from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import ALL_ATTACKS, NO_SPOOFER, Spoofer
 
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
