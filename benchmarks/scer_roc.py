@@ -18,6 +18,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from vestige.campaign.statistics import proportion
@@ -51,9 +52,8 @@ RATE_HZ, SVID, START = 4.1e6, 11, GalileoTime(1400, 0)
 
 
 def chips_table() -> None:
-    print(
-        "| gain in dB | Ec/N0 in dB | wrong chips | matching: repeated, hard, soft in dB | N/N0: repeated, hard, soft in dB |"
-    )
+    names = "repeated, hard, soft, in dB"
+    print(f"| gain in dB | Ec/N0 in dB | wrong chips | matching power: {names} | N/N0: {names} |")
     print("|---|---|---|---|---|")
     for gain_db in (0.0, 10.0, 15.0, 20.0, 21.2, 25.0, 30.0):
         gamma = float(chip_energy_over_n0(45.0 + gain_db))
@@ -109,7 +109,7 @@ def sampled_prompts(gain_db: float | None, delay_us: float, seed: int) -> Partia
     window = replace(batch, samples=batch.samples[: int(0.1 * RATE_HZ)])
     (found,) = acquire(window, (SVID,))
     measured = measure_e1(window, found)
-    assert measured is not None  # noqa: S101
+    assert measured is not None
     return partial_prompts(batch, Channel(measured, window).run(batch.samples, 0), SVID)
 
 
@@ -131,14 +131,13 @@ def sampled_table(runs: int) -> None:
             )
             share = proportion(sum(tests), len(tests))
             gain = "authentic" if gain_db is None else f"{gain_db:g}"
-            print(f"| {gain} | {delay_us:g} | {n} | {p_fa:g} | {theory:.3f} | {share} of {len(tests)} |")
+            counted = f"{share.value:.3f} ({share.low:.3f}–{share.high:.3f})"
+            print(f"| {gain} | {delay_us:g} | {n} | {p_fa:g} | {theory:.3f} | {counted} |")
 
 
 def draw(path: Path) -> None:
-    import matplotlib.pyplot as plt
-
     p_fa = np.logspace(-8, 0, 60)[:-1]
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True, layout="constrained")
     for gain_db in GAINS_DB:
         found = [replay_detection_probability(CN0_DBHZ, gain_db, 480, one) for one in p_fa]
         axes[0].semilogx(p_fa, found, label=f"{gain_db:g} dB")
@@ -155,7 +154,7 @@ def draw(path: Path) -> None:
     figure.suptitle(
         f"Replayed E1-B symbols: 480 symbols, {CN0_DBHZ:g} dBHz, first part of {FIRST_CHIPS} chips", fontsize=10
     )
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, dpi=90)
 
 
 def main() -> None:
