@@ -53,6 +53,7 @@ def test_false_alarms(n: int, p_fa: float) -> None:
         (42.0, 10.0, 200, 0.0, "hard"),
         (42.0, 10.0, 200, 0.0, "soft"),
         (45.0, 3.0, 40, 0.0, "hard"),
+        (55.0, 0.0, 12, 0.0, "hard"),  # the spread of the estimates is a third of the scatter
         (42.0, 20.0, 100, -2.3, "hard"),
         (45.0, 10.0, 480, 1.5, "hard"),
     ],

@@ -2,6 +2,7 @@
 
 Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with an antenna
 of his own, estimates its signs as they arrive, and transmits the estimates. This module says how good these are.
+Decisions on chips of E6-C are those of [ANDERSON25], hard and soft.
 
 Theory of operation
 -------------------
