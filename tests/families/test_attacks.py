@@ -31,9 +31,9 @@ from vestige.spoofer.repeaters import (
     Meaconing,
     Nulling,
     PositionPush,
-    Scer,
     TimePush,
 )
+from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import ALL_ATTACKS, NO_SPOOFER, Spoofer
 
 QUICK = Path(__file__).resolve().parents[2] / "scenarios" / "quick.toml"
@@ -51,6 +51,7 @@ CASES: dict[str, tuple[Attack, dict[str, float]]] = {
     "meaconing": (Meaconing(delay_s=3e-7, power_db=6.0), OFF),
     "slow meaconing": (Meaconing(delay_s=2.0, power_db=6.0), OFF),
     "scer": (Scer(delay_m=PULL, power_db=3.0), OFF),
+    "scer with estimates": (Scer(delay_m=PULL, power_db=3.0, chips="soft", symbols="estimated"), OFF),
     "between-recs": (BetweenRecs(top_m=50.0, power_db=3.0, period_s=1.0, guard_s=0.2), OFF),
     "nulling": (Nulling(), {"gain_db": -inf}),
     "nulling of both": (Nulling(bands=(Band.E1, Band.E6)), {"gain_db": -inf}),

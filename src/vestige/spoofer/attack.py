@@ -23,6 +23,7 @@ from jaxtyping import Bool, Float
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
 from vestige.own_parts import kind_of
 from vestige.records import Band
+from vestige.signal_generator.waveform import Component
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.jammers import AnyJammer
 from vestige.spoofer.phase import Coherent, DelayedCarrier, Locked, Slipping
@@ -126,6 +127,10 @@ class Attack:
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
         """Return the jamming waveform that it adds to a band; None for none."""
         return None
+
+    def replayed(self, component: Component, svid: int, seed: int) -> Component:
+        """Return what the counterfeit of a recording carries in place of a component of the true signal."""
+        return component
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
         """Return whether it keeps an OSNMA key from the receiver that is sent between two times."""

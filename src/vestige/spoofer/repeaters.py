@@ -1,4 +1,4 @@
-"""Attacks that bring counterfeits of the navigation signals: the lift-off family, meaconing, SCER, forgery, nulling.
+"""Attacks that bring counterfeits of the navigation signals: the lift-off family, meaconing, forgery, nulling.
 
 E1 codes are public, so the attacker makes its E1 counterfeit itself. E6-C is encrypted, so its counterfeit is the true
 signal, received and sent again: with the noise of the attacker's own reception. If the counterfeit has η times the true
@@ -20,7 +20,6 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.signals.definitions import E6C
 from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, Counterfeit, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
@@ -223,57 +222,6 @@ class Meaconing(CheckedAttack):
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the repeated noise."""
         if band not in self.bands:
-            return np.zeros(times_s.shape)
-        return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scer(CheckedAttack):
-    """Security code estimation and replay: E1-B symbols guessed within a symbol, E6 meaconed.
-
-    The attacker learns each E1-B symbol from its first part and is on time with code and symbol; E6-C chips are under
-    the noise (−22 dB at 45 dBHz), so there it is a meaconer that comes `e6_lag_m` behind its own E1 counterfeit.
-
-    Attributes
-    ----------
-    delay_m, power_db, phase
-        Delay in m, power in dB and phase of the spoofing signal on E1.
-    e6_lag_m
-        How much later the E6 counterfeit is; at least one E6 chip, which the attacker cannot know sooner.
-    reception_gain_db
-        G in dB, C/N0 of the attacker's reception on E6 over the victim's.
-    """
-
-    delay_m: Profile
-    power_db: Profile
-    phase: Phase = COHERENT
-    e6_lag_m: float = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-    reception_gain_db: float = RECEPTION_GAIN_DB
-    kind: Literal["scer"] = "scer"
-
-    @property
-    def outside_assumption_2(self) -> str:
-        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
-        early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
-        return "the encrypted counterfeit arrives before the true signal" if early else ""
-
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
-        lag_m = self.e6_lag_m if band is Band.E6 else 0.0
-        on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
-        if not lag_m:
-            return on_time
-        return Counterfeit(
-            delay_m=on_time.delay_m + lag_m,
-            delay_rate_mps=on_time.delay_rate_mps,
-            power_db=on_time.power_db,
-            phase_rad=on_time.phase_rad,
-            doppler_hz=on_time.doppler_hz,
-        )
-
-    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the repeated noise, on E6."""
-        if band is Band.E1:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
 

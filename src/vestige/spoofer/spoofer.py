@@ -6,7 +6,7 @@
 | `LiftOff` | counterfeit | counterfeit, repeated noise |
 | `PositionPush`, `TimePush` | lift-off of some satellites, of all | the same |
 | `Meaconing` | counterfeit, repeated noise | the same |
-| `Scer` | counterfeit on time | counterfeit a chip later, repeated noise |
+| `Scer` | counterfeit on time, its symbols estimated | counterfeit a chip later, repeated noise or chip errors |
 | `BetweenRecs` | lift-off and return between two RECS | the same |
 | `Nulling` | opposite signal | outside Assumption 2 |
 | `Forgery` | – | chips of the attacker's own |
@@ -39,9 +39,9 @@ from vestige.spoofer.repeaters import (
     Meaconing,
     Nulling,
     PositionPush,
-    Scer,
     TimePush,
 )
+from vestige.spoofer.scer import Scer
 
 _OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `Counterfeit`
 

@@ -162,3 +162,18 @@ def test_a_window_is_a_part_of_the_recording() -> None:
     assert window.first_sample == 62_000
     assert np.array_equal(window.samples, whole[62_000:124_000])
     assert replace(window, samples=window.samples[:0]).start == one.reference + 0.01
+
+
+@pytest.mark.parametrize(("symbols", "right"), [("known", 1.0), ("estimated", 0.5)])
+def test_scer_replays_what_it_estimates(tmp_path: Path, symbols: str, right: float) -> None:
+    """Half of the first chips of E1-B symbols are wrong, as they are guesses; E1-C is the true one."""
+    path = tmp_path / "scer.toml"
+    path.write_text(LIFT_OFF, encoding="utf-8")
+    attack = f'attack=[{{kind="scer", delay_m=0.0, power_db=0.0, symbols="{symbols}"}}]'
+    true, spoofing = simulated(_case(path, 0, 1, attack)).sky[Band.E1]
+    (data, pilot), (replayed, same_pilot) = true.components, spoofing.components
+    assert same_pilot is pilot
+    assert data.symbol is not None
+    period = np.arange(1000)
+    sent = replayed.chip(4092 * period) * (1 if replayed.symbol is None else replayed.symbol(period))
+    assert np.mean(sent == data.chip(4092 * period) * data.symbol(period)) == pytest.approx(right, abs=0.07)

@@ -8,7 +8,7 @@ from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam
 from vestige.spoofer.phase import Slipping
 from vestige.spoofer.profiles import Ramp
-from vestige.spoofer.repeaters import Forgery, LiftOff, Meaconing, Nulling, Scer
+from vestige.spoofer.repeaters import Forgery, LiftOff, Meaconing, Nulling
 
 T = np.array([0.0, 10.0, 20.0])
 RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
@@ -33,18 +33,6 @@ def test_a_meaconer_delays_every_band_alike() -> None:
         assert np.all(counterfeit.doppler_hz == 0)
     assert Meaconing(delay_s=1e-6, power_db=3.0, bands=(Band.E6,)).counterfeit(Band.E1, T) is None
     assert not Meaconing(delay_s=1e-6, power_db=3.0, bands=(Band.E6,)).reacquired
-
-
-def test_scer_is_a_chip_behind_on_e6() -> None:
-    scer = Scer(delay_m=RISING, power_db=0.0)
-    e1, e6 = scer.counterfeit(Band.E1, T), scer.counterfeit(Band.E6, T)
-    assert e1 is not None
-    assert e6 is not None
-    assert e1.delay_m == pytest.approx([-10.0, 0.0, 10.0])
-    assert e6.delay_m - e1.delay_m == pytest.approx(np.full(3, 58.6105), abs=1e-3)
-    assert e6.delay_rate_mps == pytest.approx([1.0, 1.0, 0.0])
-    assert not np.any(scer.noise_over_n0(Band.E1, T))  # its E1 is made, only E6 is repeated
-    assert scer.noise_over_n0(Band.E6, T) == pytest.approx(np.full(3, 0.01))
 
 
 def test_what_a_nuller_leaves() -> None:

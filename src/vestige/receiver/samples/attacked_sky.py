@@ -106,13 +106,20 @@ class CounterfeitSignal:
 
 
 def counterfeit_satellites(
-    true: ReceivedSatellite, path: ContinuousTruth, spoofer: Spoofer, band: Band, forged: tuple[Component, ...]
+    true: ReceivedSatellite,
+    path: ContinuousTruth,
+    spoofer: Spoofer,
+    band: Band,
+    forged: tuple[Component, ...],
+    *,
+    seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield what the attacks add to a band of a satellite."""
+    """Yield what the attacks add to a band of a satellite; `seed` is of what an attacker estimates."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
-        yield replace(true, components=forged if own else true.components, pseudorange=signal, propagation=signal)
+        replayed = tuple(spoofer.attacks[number].replayed(one, true.svid, seed) for one in true.components)
+        yield replace(true, components=forged if own else replayed, pseudorange=signal, propagation=signal)
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:

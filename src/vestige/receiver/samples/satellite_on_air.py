@@ -78,7 +78,7 @@ class SatelliteOnAir:
         )
         secret = stream_key(simulation.seed, "chips that an attacker makes up")
         forged = (encrypted_component(secret, simulation.svid, simulation.start),)
-        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged)
+        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
 
     def _components(self, band: Band) -> tuple[Component, ...]:
         seed, start, svid = self.simulation.seed, self.simulation.start, self.simulation.svid

@@ -1,0 +1,270 @@
+"""Detect replayed E1-B symbols: the first part of each symbol against the rest of it.
+
+An attacker who replays E1-B on time has to estimate each unpredictable symbol while it arrives, so the beginning of the
+symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts, wipes
+them with the symbol that it has decoded, and compares.
+
+Theory of operation
+-------------------
+With the amplitude of the signal 1 and C/N0 = c, the mean over a part of w seconds has noise of variance 1/(2 c w) per
+dimension. Of n unpredictable symbols b_k, with the carrier in phase, the test uses
+
+    d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
+
+Without an attack d_k is Gaussian of mean 0, so T has Student's distribution with n − 1 degrees of freedom, whatever the
+C/N0 and the strength of the front end are. The alarm is T > t, P(T > t) = P_fa. A replayed symbol has less amplitude at
+its beginning, m_j in its chip j (`replayed_mean` of `vestige.theory.code_estimation`). Then d_k has the mean
+mean(m later) − mean(m first) and the variance of the noise plus that of the replayed amplitude; T is non-central t.
+
+**Which symbols.** Those that nobody can foretell, for the attacker knows the others: `unpredictable_symbols` names them
+in an I/NAV page, 32 of 500 or 480 in an OSNMA subframe of 30 s.
+
+**What it cannot see**: a spoofing signal that is late by more than it takes to learn a symbol. The same test on
+chips of E6-C is not possible: the attacker estimates a chip as a whole, 195 ns, and transmits the estimate when the
+chip is over, so all parts of a transmitted chip are equally good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float, Int64
+from scipy.special import nctdtr, stdtrit
+
+from vestige.navigation.inav.coding.channel_coding import page_symbols
+from vestige.navigation.inav.page import OSNMA_BYTES, encode_page
+from vestige.records import SampleBatch
+from vestige.sample_processor.tracking.channel import TrackedPeriods
+from vestige.sample_processor.tracking.replica_kernel import correlate_period, half_chip_windows
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E1B, E1C
+from vestige.theory.code_estimation import Decision, replayed_covariance, replayed_mean
+
+FIRST_CHIPS = 4  # 3.9 µs: near the best for an attacker with a gain of 10 dB, at 42 dBHz
+MIN_SYMBOLS = 10  # of a test; fewer do not tell their own scatter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartialPrompts:
+    """Mean correlations of the two parts of E1-B symbols, over n code periods.
+
+    Attributes
+    ----------
+    numbers
+        Numbers of the code periods, as the channel counts them.
+    first, later
+        Correlation of the first chips and of the rest of the period, for each sample.
+    """
+
+    numbers: Int64[np.ndarray, " n"]
+    first: Complex128[np.ndarray, " n"]
+    later: Complex128[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SymbolReplayTest:
+    """The test's answer: replay if `statistic` exceeds `threshold`."""
+
+    statistic: float
+    threshold: float
+    n_symbols: int
+
+    @property
+    def failed(self) -> bool:
+        """Whether the beginnings of the symbols are weaker than chance explains."""
+        return self.statistic > self.threshold
+
+
+def partial_prompts(
+    batch: SampleBatch, tracked: TrackedPeriods, svid: int, *, first_chips: int = FIRST_CHIPS
+) -> PartialPrompts:
+    """Correlate the two parts of the E1-B symbols that a channel has tracked.
+
+    Parameters
+    ----------
+    batch
+        Samples of E1.
+    tracked
+        Code periods of a channel; those that are locked and lie in the samples whole are taken.
+    svid
+        The satellite of the channel.
+    first_chips
+        Length of the first part in chips, 1 to 4091.
+
+    Raises
+    ------
+    ValueError
+        If one of the parts is empty.
+    """
+    if not 1 <= first_chips < E1B.code_length:
+        raise ValueError(f"the first part has 1 to {E1B.code_length - 1} chips, found {first_chips}")
+    x = np.ascontiguousarray(batch.samples).view(np.float32)
+    pilot, data = half_chip_windows(primary_code(E1C, svid)), half_chip_windows(primary_code(E1B, svid))
+    lags, bank = np.zeros(1, np.int64), np.zeros(1, np.complex128)
+    numbers, parts = [], []
+    for one in tracked.periods[tracked.periods["locked"]]:
+        phase, rate = float(one["code_phase"]), float(one["code_rate"])
+        begin = int(one["first_sample"]) - batch.first_sample
+        middle = begin + int(np.ceil((first_chips - phase) / rate))
+        end = begin + int(np.ceil((E1B.code_length - phase) / rate))
+        if begin < 0 or end > batch.samples.size:
+            continue
+        both = [
+            correlate_period(
+                x[2 * start : 2 * stop],
+                pilot,
+                data,
+                0.0,
+                2 * (phase + (start - begin) * rate),
+                2 * rate,
+                float(one["carrier_cycles"]) + (start - begin) * float(one["carrier_step"]),
+                float(one["carrier_step"]),
+                lags,
+                bank,
+            )
+            / (stop - start)
+            for start, stop in ((begin, middle), (middle, end))
+        ]
+        numbers.append(int(one["number"]))
+        parts.append(both)
+    found = np.array(parts, np.complex128).reshape(-1, 2)
+    return PartialPrompts(np.array(numbers, np.int64), found[:, 0], found[:, 1])
+
+
+def replay_threshold(n_symbols: int, p_fa: float) -> float:
+    """Return t with P(T > t) = p_fa for n symbols of an authentic signal.
+
+    Examples
+    --------
+    >>> round(replay_threshold(1000, 1e-3), 2)
+    3.1
+    """
+    return float(-stdtrit(n_symbols - 1, p_fa))
+
+
+def symbol_replay_test(
+    first: Complex128[np.ndarray, " n"],
+    later: Complex128[np.ndarray, " n"],
+    symbols: Float[np.ndarray, " n"] | None = None,
+    *,
+    p_fa: float = 1e-6,
+) -> SymbolReplayTest:
+    """Test whether the beginnings of E1-B symbols are weaker than the rest of them.
+
+    Parameters
+    ----------
+    first, later
+        Mean correlations of the two parts of each symbol, the carrier in phase (`PartialPrompts`).
+    symbols
+        The symbols, ±1, as a page with a good checksum has them; either sign for all. None takes the sign of the later
+        part, which is right from an E1-B C/N0 of 33 dBHz on.
+    p_fa
+        False-alarm probability.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than `MIN_SYMBOLS` symbols.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> later = rng.choice([-1.0, 1.0], 500) + 0j
+    >>> noise = 0.8 * rng.standard_normal(500)
+    >>> symbol_replay_test(later + noise, later).failed
+    False
+    >>> symbol_replay_test(0.7 * later + noise, later).failed
+    True
+    """
+    if first.size < MIN_SYMBOLS:
+        raise ValueError(f"a test of replayed symbols needs {MIN_SYMBOLS} symbols or more, found {first.size}")
+    signs = np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
+    missing = signs * (later - first).real
+    statistic = np.sqrt(missing.size) * np.mean(missing) / np.std(missing, ddof=1)
+    return SymbolReplayTest(
+        statistic=float(statistic), threshold=replay_threshold(missing.size, p_fa), n_symbols=missing.size
+    )
+
+
+def replay_detection_probability(
+    cn0_dbhz: float,
+    reception_gain_db: float,
+    n_symbols: int,
+    p_fa: float,
+    *,
+    head_start_s: float = 0.0,
+    first_chips: int = FIRST_CHIPS,
+    decision: Decision = "hard",
+) -> float:
+    """Return P_d of the test against an attacker who estimates the symbols.
+
+    The spoofing signal is alone in the correlators, as strong as the authentic one would be, and noise is white.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of E1-B at the victim in dBHz.
+    reception_gain_db
+        G, C/N0 of the attacker's reception over it in dB.
+    n_symbols
+        Unpredictable symbols in the test.
+    p_fa
+        False-alarm probability.
+    head_start_s
+        How much of a symbol the attacker has received when its transmission begins, in s; negative for a latency.
+    first_chips
+        Length of the first part in chips.
+    decision
+        Whether the attacker transmits hard or soft decisions.
+
+    Examples
+    --------
+    A subframe of 480 symbols at 42 dBHz, P_fa 1e-3: an attacker with the antenna of the victim, one with 10 dB, and
+    the latter with a spoofing signal that is 3 µs late.
+
+    >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
+    '0.999'
+    >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3):.3f}"
+    '0.906'
+    >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
+    '0.104'
+    """
+    attacker = cn0_dbhz + reception_gain_db, head_start_s
+    mean = replayed_mean(*attacker, E1B.code_length, decision)
+    covariance = replayed_covariance(*attacker, first_chips, decision)
+    first_s, later_s = (n / E1B.chip_rate_hz for n in (first_chips, E1B.code_length - first_chips))
+    noise = (1 / first_s + 1 / later_s) / (2 * 10 ** (cn0_dbhz / 10))
+    missing = float(np.mean(mean[first_chips:]) - np.mean(mean[:first_chips]))
+    shift = np.sqrt(n_symbols) * missing / np.sqrt(noise + np.mean(covariance))
+    return float(1 - nctdtr(n_symbols - 1, shift, replay_threshold(n_symbols, p_fa)))
+
+
+@cache
+def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
+    """Return which symbols of an I/NAV page nobody can foretell, in the order of transmission.
+
+    The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on them is
+    a sum of some of them (the code and the checksum are linear). A symbol whose sum follows from those of the symbols
+    before it is known to an attacker who has received these; so there are as many unpredictable symbols as unknown
+    bits. Bits of the MACK message that do not change between subframes (the header of each tag) make some fewer.
+
+    Examples
+    --------
+    >>> found = unpredictable_symbols()
+    >>> int(found.sum()), int(np.flatnonzero(found)[0])
+    (32, 267)
+    """
+    plain = page_symbols(encode_page(0))
+    depends = [page_symbols(encode_page(0, osnma=(1 << bit).to_bytes(OSNMA_BYTES, "big"))) ^ plain for bit in range(32)]
+    basis: dict[int, int] = {}  # sums that are known, by their highest bit
+    found = np.zeros(plain.size, np.bool_)
+    for place, column in enumerate(np.array(depends).T):
+        rest = sum(int(one) << bit for bit, one in enumerate(column))
+        while rest and rest.bit_length() in basis:
+            rest ^= basis[rest.bit_length()]
+        if rest:
+            basis[rest.bit_length()] = rest
+            found[place] = True
+    return found

@@ -1,0 +1,143 @@
+"""Security code estimation and replay: symbols of E1-B and chips of E6-C, estimated with the attacker's own antenna.
+
+`vestige.theory.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing signal
+are drawn one by one from what the attacker has received of their symbol. The noise in its E6 is white, of the density
+that estimated chips have behind a correlator that they do not match.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Int8, Int64
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records import Band
+from vestige.signal_generator.noise_kernel import normal_pairs
+from vestige.signal_generator.waveform import Component, Sequence
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E1B, E6C
+from vestige.spoofer.attack import CheckedAttack, Counterfeit, delayed
+from vestige.spoofer.phase import COHERENT, Phase
+from vestige.spoofer.profiles import Profile, as_profile, extremes
+from vestige.spoofer.repeaters import RECEPTION_GAIN_DB, repeated_noise
+from vestige.streams import stream_key
+from vestige.theory.code_estimation import Estimation, estimation_noise
+
+_MAX_LATENCY_S = E1B.period_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scer(CheckedAttack):
+    """Security code estimation and replay: E1-B symbols guessed within a symbol, E6 repeated or estimated.
+
+    The attacker learns each E1-B symbol from its first part and is on time with code and symbol. E6-C chips are under
+    the noise (−22 dB at 45 dBHz), and nobody knows one before it is over, so the spoofing signal on E6 comes `e6_lag_m`
+    behind that on E1.
+
+    Attributes
+    ----------
+    delay_m, power_db, phase
+        Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is that of the part that
+        matches the true chips.
+    e6_lag_m
+        How much later the E6 counterfeit is; at least one E6 chip, which the attacker cannot know sooner.
+    reception_gain_db
+        G in dB, C/N0 of the attacker's reception over the victim's.
+    chips
+        What the attacker makes of E6-C: repeats it with its noise, or sends hard or soft decisions on each chip.
+    symbols
+        Whether E1-B carries the true symbols from their beginning on, or those that the attacker estimates meanwhile
+        (in recordings; campaigns do not generate E1-B).
+    victim_cn0_dbhz
+        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz: with G it says how good the estimates are.
+    latency_s
+        Time from the attacker's antenna to the transmission, in s. The estimate of a symbol that is transmitted with
+        a delay of τ rests on what came before it by τ and the latency less.
+    """
+
+    delay_m: Profile
+    power_db: Profile
+    phase: Phase = COHERENT
+    e6_lag_m: float = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
+    reception_gain_db: float = RECEPTION_GAIN_DB
+    chips: Estimation = "repeated"
+    symbols: Literal["known", "estimated"] = "known"
+    victim_cn0_dbhz: float = 45.0
+    latency_s: float = 0.0
+    kind: Literal["scer"] = "scer"
+
+    def __post_init__(self) -> None:
+        CheckedAttack.__post_init__(self)
+        if self.chips not in get_args(Estimation):
+            raise ValueError(f"chips are one of {', '.join(get_args(Estimation))}, found {self.chips!r}")
+        if not 0 <= self.victim_cn0_dbhz <= 70:
+            raise ValueError(f"the victim's C/N0 lies between 0 and 70 dBHz, found {self.victim_cn0_dbhz:g}")
+        if not 0 <= self.latency_s <= _MAX_LATENCY_S:
+            raise ValueError(f"a latency lies between 0 and {_MAX_LATENCY_S:g} s, found {self.latency_s:g}")
+
+    @property
+    def outside_assumption_2(self) -> str:
+        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
+        return "the encrypted counterfeit arrives before the true signal" if early else ""
+
+    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        lag_m = self.e6_lag_m if band is Band.E6 else 0.0
+        on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
+        if not lag_m:
+            return on_time
+        return Counterfeit(
+            delay_m=on_time.delay_m + lag_m,
+            delay_rate_mps=on_time.delay_rate_mps,
+            power_db=on_time.power_db,
+            phase_rad=on_time.phase_rad,
+            doppler_hz=on_time.doppler_hz,
+        )
+
+    def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the noise of the attacker's reception or of the decisions, on E6."""
+        if band is Band.E1:
+            return np.zeros(times_s.shape)
+        if self.chips == "repeated":
+            return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
+        noise = estimation_noise(self.victim_cn0_dbhz, self.reception_gain_db, self.chips)
+        return np.where(self.on(times_s), 10 ** (as_profile(self.power_db).value(times_s) / 10) * noise, 0.0)
+
+    def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return how much of a symbol the attacker has received when its transmission begins, over epochs."""
+        return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
+
+    def replayed(self, component: Component, svid: int, seed: int) -> Component:
+        """Return E1-B with the symbols that the attacker estimates, chip by chip; other components as they are."""
+        if self.symbols == "known" or component.signal is not E1B or component.symbol is None:
+            return component
+        key = np.uint64(int.from_bytes(stream_key(seed, "symbols that an attacker estimates", svid)[:8], "little"))
+        return Component(signal=E1B, chip=self._estimated_chips(component.symbol, primary_code(E1B, svid), key))
+
+    def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Sequence:
+        """Return the chips of E1-B times the sign that the attacker would decide for with each of them.
+
+        Per chip time the attacker's sum grows by s √(2γ) and a standard normal number, with γ of one chip.
+        """
+        root = np.sqrt(2 * 10 ** ((self.victim_cn0_dbhz + self.reception_gain_db) / 10) / E1B.chip_rate_hz)
+
+        def signs(period: int) -> Int8[np.ndarray, " 4092"]:
+            start_s = np.array([max(period * E1B.period_s, 0.0)])
+            head_chips = float(self.head_start_s(start_s)[0]) * E1B.chip_rate_hz
+            received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # chips, when each one is transmitted
+            step = np.diff(received, prepend=0.0)
+            normal = normal_pairs(key, period * (code.size // 2), code.size // 2).reshape(-1)
+            total = np.cumsum(int(symbol(np.array([period]))[0]) * root * step + np.sqrt(step) * normal)
+            # nothing received: a guess
+            return np.where(np.where(received > 0, total, normal) > 0, 1, -1).astype(np.int8)
+
+        def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
+            period, place = np.divmod(index, code.size)
+            periods, row = np.unique(period, return_inverse=True)
+            return np.stack([code * signs(one) for one in periods.tolist()])[row, place]
+
+        return chip

@@ -1,0 +1,219 @@
+"""What an attacker knows of chips and symbols that nobody can foretell, after receiving part of them.
+
+Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with an antenna
+of his own, estimates its signs as they arrive, and transmits the estimates. This module says how good these are.
+Decisions on chips of E6-C are those of [ANDERSON25], hard and soft.
+
+Theory of operation
+-------------------
+A sign s = ±1 is received for the time t with C/N0 = κ (the attacker's), its carrier phase known. The matched filter
+gives y = s + n with n Gaussian of variance 1/(2γ), γ = E/N0 = κ t. Three transmissions x follow from y:
+
+    repeated     x = y                  in phase and in quadrature, as a repeater does
+    hard         x = sign y             P(error) = P_e = Q(√(2γ)) = ½ erfc √γ
+    soft         x = tanh(2γ y)         E[s|y], the estimate of least mean square error
+
+The share of the power of x that correlates with the true signs is ρ² = E[x s]²/E[|x|²]:
+
+    repeated     ρ² = γ/(1 + γ)
+    hard         ρ² = (1 − 2 P_e)²
+    soft         ρ² = E[tanh(2γ + √(2γ) z)]        z standard normal; for the estimate E[x s] = E[x²]
+
+The rest of the power, 1/ρ² − 1 of the part that correlates, is noise.
+
+**Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. If the matching part of the spoofing signal
+has η times the power of the true signal, the rest is noise behind the victim's correlator, whose chips it does not
+match, of the density
+
+    N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
+
+which is η/G for a repeater that receives G times better. An attacker who drops the quadrature of what he repeats has
+half of it, without any decision: 1/ρ² − 1 = 1/(2γ).
+
+**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol: t is the time since the symbol began.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import erf, erfc
+
+from vestige.signals.definitions import E1B, E6C
+from vestige.theory.marcum_q import Reals
+
+Decision = Literal["hard", "soft"]
+Estimation = Literal["repeated", "hard", "soft"]
+
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)  # of a standard normal, once the weights add up to 1
+_WEIGHTS /= _WEIGHTS.sum()
+_LINE = np.linspace(-9.0, 9.0, 1801)  # of a standard normal, where the integrand has a step
+
+
+def chip_energy_over_n0(cn0_dbhz: Reals) -> Reals:
+    """Return γ = Ec/N0 of a chip of E6-C, as a ratio.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of E6-C in dBHz.
+
+    Examples
+    --------
+    >>> f"{10 * np.log10(chip_energy_over_n0(45.0)):.1f} dB"
+    '-22.1 dB'
+    """
+    return 10 ** (cn0_dbhz / 10) / E6C.chip_rate_hz
+
+
+def sign_error_probability(energy_over_n0: Reals) -> Reals:
+    """Return P_e = Q(√(2γ)), the probability that a hard decision on a sign is wrong.
+
+    Parameters
+    ----------
+    energy_over_n0
+        γ as a ratio, 0 or more.
+
+    Examples
+    --------
+    >>> f"{sign_error_probability(10 ** -0.0855):.3f}"  # −0.9 dB
+    '0.100'
+    """
+    return 0.5 * erfc(np.sqrt(energy_over_n0))
+
+
+def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
+    """Return ρ², the share of the transmitted power that correlates with the true signs.
+
+    Parameters
+    ----------
+    energy_over_n0
+        γ as a ratio, above 0.
+    estimation
+        What the attacker transmits.
+
+    Raises
+    ------
+    ValueError
+        If there is no such estimation.
+
+    Examples
+    --------
+    >>> shares = [matching_share(10 ** -0.0855, name) for name in ("repeated", "hard", "soft")]
+    >>> [f"{10 * np.log10(share):.2f} dB" for share in shares]
+    ['-3.46 dB', '-1.94 dB', '-1.49 dB']
+    """
+    if estimation == "repeated":
+        return energy_over_n0 / (1 + energy_over_n0)
+    if estimation == "hard":
+        return np.square(erf(np.sqrt(energy_over_n0)))
+    if estimation == "soft":
+        return _mean_soft(energy_over_n0)
+    raise ValueError(f"no estimation {estimation!r}: expected one of {', '.join(get_args(Estimation))}")
+
+
+def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimation: Estimation) -> float:
+    """Return N/N0, the noise density in a spoofing signal of E6-C, for a matching part as strong as the true signal.
+
+    Parameters
+    ----------
+    victim_cn0_dbhz
+        C/N0 of E6-C with the victim's antenna in dBHz.
+    reception_gain_db
+        G, C/N0 of the attacker's reception over it in dB.
+    estimation
+        What the attacker transmits.
+
+    Examples
+    --------
+    A dish of 25 dB: decisions leave a fifth of the noise that a repeater has.
+
+    >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
+    ['-25.0 dB', '-31.9 dB', '-33.2 dB']
+    """
+    received = chip_energy_over_n0(victim_cn0_dbhz + reception_gain_db)
+    share = float(matching_share(received, estimation))
+    return float(chip_energy_over_n0(victim_cn0_dbhz)) * (1 - share) / share
+
+
+def replayed_mean(
+    cn0_dbhz: float, head_start_s: float, n_chips: int, decision: Decision = "hard"
+) -> Float[np.ndarray, " n_chips"]:
+    """Return the mean of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
+
+    The attacker renews the estimate with each chip that is transmitted. Chip j then rests on what was received in j
+    chips and the head start; without anything received it is a guess, of mean 0.
+
+    Parameters
+    ----------
+    cn0_dbhz
+        C/N0 of E1-B of the attacker's reception in dBHz.
+    head_start_s
+        How much of the symbol the attacker has received when the spoofing signal's own symbol begins, in s: the
+        delay of the spoofing signal less the attacker's latency. Negative: so long is it only guessed.
+    n_chips
+        Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
+    decision
+        Hard, ±1, or soft, E[s|y].
+
+    Examples
+    --------
+    45 dBHz and an antenna of 10 dB: the fourth chip has 83 % of the amplitude.
+
+    >>> replayed_mean(55.0, 0.0, 4).round(2).tolist()
+    [0.0, 0.57, 0.73, 0.83]
+    """
+    gamma = _received_over_n0(cn0_dbhz, head_start_s, n_chips)
+    return _mean_soft(gamma) if decision == "soft" else np.asarray(erf(np.sqrt(gamma)))
+
+
+def replayed_covariance(
+    cn0_dbhz: float, head_start_s: float, n_chips: int, decision: Decision = "hard"
+) -> Float[np.ndarray, "n_chips n_chips"]:
+    """Return the covariance of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
+
+    Parameters are those of `replayed_mean`. Time grows with the square of `n_chips`.
+
+    Examples
+    --------
+    A first chip that is a guess:
+
+    >>> replayed_covariance(55.0, 0.0, 2).round(2).tolist()
+    [[1.0, 0.0], [0.0, 0.68]]
+    """
+    gamma = _received_over_n0(cn0_dbhz, head_start_s, n_chips)
+    if decision == "soft":  # a martingale: E[x_i x_j] = E[x_i²] = E[x_i] for i ≤ j
+        mean = _mean_soft(gamma)
+        place = np.arange(n_chips)
+        return mean[np.minimum.outer(place, place)] - np.outer(mean, mean)
+    mean = np.asarray(erf(np.sqrt(gamma)))
+    return _sign_products(gamma) - np.outer(mean, mean)
+
+
+def _received_over_n0(cn0_dbhz: float, head_start_s: float, n_chips: int) -> Float[np.ndarray, " n_chips"]:
+    """Return γ of what was received of a symbol when each chip is transmitted."""
+    known_s = np.maximum(np.arange(n_chips) / E1B.chip_rate_hz + head_start_s, 0.0)
+    return np.asarray(10 ** (cn0_dbhz / 10) * known_s)
+
+
+def _mean_soft(gamma: Reals) -> Reals:
+    """Return E[tanh(2γ + √(2γ) z)]."""
+    argument = np.multiply.outer(2 * gamma, np.ones(_NODES.size)) + np.multiply.outer(np.sqrt(2 * gamma), _NODES)
+    return np.minimum(np.tanh(argument) @ _WEIGHTS, 1.0)
+
+
+def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
+    """Return E[sign y_i sign y_j] of one symbol; the later sum is the earlier one and what was received since."""
+    density = np.exp(-np.square(_LINE) / 2) / np.sqrt(2 * np.pi) * (_LINE[1] - _LINE[0])
+    product = np.eye(gamma.size)
+    for i, earlier in enumerate(gamma):
+        later = gamma[i + 1 :]
+        total = 2 * earlier + np.sqrt(2 * earlier) * _LINE  # 2γ y_i
+        since = np.maximum(later - earlier, 1e-300)[:, None]
+        # a guess, of nothing received, is independent of the others
+        sign = np.sign(total) if earlier > 0 else np.zeros(_LINE.size)
+        found = erf((total + 2 * since) / np.sqrt(4 * since)) @ (sign * density)
+        product[i, i + 1 :] = product[i + 1 :, i] = found
+    return product

@@ -1,0 +1,107 @@
+"""Partial correlations of tracked E1-B, from samples; the distributions are those of tests/statistical."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from builders import received_batch, satellite
+from vestige.navigation.inav.coding.channel_coding import page_symbols
+from vestige.navigation.inav.page import encode_page
+from vestige.records import Band, SampleBatch
+from vestige.sample_processor.acquisition import acquire
+from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.tracking.channel import Channel, TrackedPeriods
+from vestige.sample_processor.tracking.partial_correlation import (
+    FIRST_CHIPS,
+    partial_prompts,
+    replay_detection_probability,
+    replay_threshold,
+    symbol_replay_test,
+    unpredictable_symbols,
+)
+from vestige.signals.definitions import E1B
+from vestige.spoofer.scer import Scer
+
+SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
+
+
+def tracked(attack: Scer | None, duration_s: float = 1.2) -> tuple[SampleBatch, TrackedPeriods]:
+    """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and its periods."""
+    one = satellite(SVID, 2.41e7, -350.0, CN0_DBHZ, 45.0, seed=2)[Band.E1]
+    if attack is not None:
+        one = replace(one, components=tuple(attack.replayed(true, SVID, 3) for true in one.components))
+    batch = received_batch(Band.E1, [{Band.E1: one}], duration_s=duration_s, rate_hz=RATE_HZ, seed=4)
+    window = replace(batch, samples=batch.samples[: int(0.1 * RATE_HZ)])
+    (found,) = acquire(window, (SVID,))
+    measured = measure_e1(window, found)
+    assert measured is not None
+    return batch, Channel(measured, window).run(batch.samples, batch.first_sample)
+
+
+@pytest.fixture(scope="module")
+def honest() -> tuple[SampleBatch, TrackedPeriods]:
+    return tracked(None)
+
+
+def test_the_two_parts_make_the_whole_prompt(honest: tuple[SampleBatch, TrackedPeriods]) -> None:
+    batch, periods = honest
+    locked = periods.periods[periods.periods["locked"]]
+    for first_chips in (1, FIRST_CHIPS, 2000):
+        parts = partial_prompts(batch, periods, SVID, first_chips=first_chips)
+        assert parts.numbers.tolist() == locked["number"].tolist()
+        n_all = np.ceil((E1B.code_length - locked["code_phase"]) / locked["code_rate"])
+        n_first = np.ceil((first_chips - locked["code_phase"]) / locked["code_rate"])
+        whole = n_first * parts.first + (n_all - n_first) * parts.later
+        assert np.abs(whole - locked["data"]).max() < 1e-3 * np.abs(locked["data"]).max()
+
+
+def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[SampleBatch, TrackedPeriods]) -> None:
+    """The antenna of the victim, on time; statistics within four standard deviations of the theory."""
+    parts = partial_prompts(*honest, SVID)
+    authentic = symbol_replay_test(parts.first, parts.later, p_fa=1e-3)
+    assert abs(authentic.statistic) < 3.5
+    assert not authentic.failed
+
+    attack = Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0)
+    parts = partial_prompts(*tracked(attack), SVID)
+    replayed = symbol_replay_test(parts.first, parts.later, p_fa=1e-3)
+    assert replayed.n_symbols > 200
+    assert replayed.failed
+    n = replayed.n_symbols
+    assert replay_detection_probability(CN0_DBHZ, 0.0, n, 1e-3) > 0.98
+    # the P_fa at which half of the attacks are seen gives the mean of the statistic
+    p_fa = next(p for p in np.logspace(-12, -1, 200) if replay_detection_probability(CN0_DBHZ, 0.0, n, p) > 0.5)
+    assert replayed.statistic == pytest.approx(replay_threshold(n, float(p_fa)), abs=4.0)
+
+
+def test_the_sign_of_all_symbols_does_not_matter() -> None:
+    rng = np.random.default_rng(1)
+    symbols = rng.choice([-1.0, 1.0], 100)
+    later = symbols + 0.05 * rng.standard_normal(100) + 0j
+    first = 0.8 * symbols + 0.5 * rng.standard_normal(100) + 0j
+    found = [symbol_replay_test(first, later, known).statistic for known in (symbols, -symbols, None)]
+    assert found == pytest.approx([found[0]] * 3)
+
+
+def test_unpredictable_symbols_tell_the_mack_bits() -> None:
+    """Two pages that differ in MACK differ first in one of them; 32 of them make 2³² pages, so no fewer will do."""
+    places = np.flatnonzero(unpredictable_symbols())
+    assert places.size == 32
+    rng = np.random.default_rng(2)
+    plain = page_symbols(encode_page(5, osnma=b"\x01\0\0\0\0"))
+    for _ in range(200):
+        other = page_symbols(encode_page(5, osnma=b"\x01" + (1 << int(rng.integers(32))).to_bytes(4, "big")))
+        assert np.flatnonzero(plain != other)[0] in places
+        other = page_symbols(encode_page(5, osnma=b"\x01" + rng.bytes(4)))
+        assert np.flatnonzero(plain != other)[0] in places
+
+
+def test_too_little_is_refused(honest: tuple[SampleBatch, TrackedPeriods]) -> None:
+    for first_chips in (0, 4092):
+        with pytest.raises(ValueError, match=f"has 1 to 4091 chips, found {first_chips}"):
+            partial_prompts(*honest, SVID, first_chips=first_chips)
+    with pytest.raises(ValueError, match="needs 10 symbols or more, found 9"):
+        symbol_replay_test(np.ones(9) + 0j, np.ones(9) + 0j)

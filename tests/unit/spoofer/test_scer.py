@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from vestige.records import Band
+from vestige.signal_generator.waveform import open_component
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E1B, E1C
+from vestige.spoofer.profiles import Ramp
+from vestige.spoofer.scer import Scer
+from vestige.theory.code_estimation import Estimation, replayed_mean
+
+T = np.array([0.0, 10.0, 20.0])
+RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
+
+
+def test_scer_is_a_chip_behind_on_e6() -> None:
+    scer = Scer(delay_m=RISING, power_db=0.0)
+    e1, e6 = scer.counterfeit(Band.E1, T), scer.counterfeit(Band.E6, T)
+    assert e1 is not None
+    assert e6 is not None
+    assert e1.delay_m == pytest.approx([-10.0, 0.0, 10.0])
+    assert e6.delay_m - e1.delay_m == pytest.approx(np.full(3, 58.6105), abs=1e-3)
+    assert e6.delay_rate_mps == pytest.approx([1.0, 1.0, 0.0])
+    assert not np.any(scer.noise_over_n0(Band.E1, T))  # its E1 is made, only E6 is repeated
+    assert scer.noise_over_n0(Band.E6, T) == pytest.approx(np.full(3, 0.01))
+
+
+def test_decisions_on_chips_leave_less_noise() -> None:
+    """25 dB: −25 dB repeated, −31.9 dB hard, −33.2 dB soft; as the power rises, so does the noise."""
+    decided: tuple[tuple[Estimation, float], ...] = (("repeated", -25.0), ("hard", -31.9), ("soft", -33.2))
+    for chips, at_0_db in decided:
+        scer = Scer(delay_m=0.0, power_db=RISING, reception_gain_db=25.0, chips=chips)
+        noise_db = 10 * np.log10(scer.noise_over_n0(Band.E6, T))
+        assert noise_db == pytest.approx([at_0_db - 10, at_0_db, at_0_db + 10], abs=0.06)
+    off = Scer(delay_m=0.0, power_db=0.0, start_s=5.0, stop_s=15.0, chips="hard").noise_over_n0(Band.E6, T)
+    assert (off > 0).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("chips", ["repeated", "hard", "soft"])
+def test_e1_is_made_without_noise(chips: Estimation) -> None:
+    assert not np.any(Scer(delay_m=0.0, power_db=3.0, chips=chips).noise_over_n0(Band.E1, T))
+
+
+@pytest.mark.parametrize(
+    ("attack", "head_start_s"),
+    [
+        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=5.0), 0.0),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0, latency_s=2e-6), -2e-6),
+        (Scer(delay_m=300.0, power_db=0.0, symbols="estimated", reception_gain_db=5.0), 1.0007e-6),
+    ],
+)
+def test_drawn_symbols_get_better_as_they_arrive(attack: Scer, head_start_s: float) -> None:
+    """1200 symbols: the share of right chips is that of the theory, within 4.5 standard deviations, chip by chip."""
+    true, n = open_component(E1B, 11, seed=2), 1200
+    replayed = attack.replayed(true, 11, seed=5)
+    assert replayed.symbol is None
+    period, place = np.divmod(np.arange(n * 40), 40)
+    number = period * E1B.code_length + place
+    assert true.symbol is not None
+    right = replayed.chip(number) * primary_code(E1B, 11)[place] * true.symbol(period)
+    mean = right.reshape(n, 40).mean(axis=0)
+    expected = replayed_mean(attack.victim_cn0_dbhz + attack.reception_gain_db, head_start_s, 40)
+    assert np.abs(mean - expected).max() < 4.5 / np.sqrt(n)
+    assert np.array_equal(right, replayed.chip(number[::-1])[::-1] * primary_code(E1B, 11)[place] * true.symbol(period))
+
+
+def test_who_replays_what() -> None:
+    """The pilot stays, and so does E1-B of an attacker who knows the symbols; satellites have draws of their own."""
+    attack = Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=-40.0)
+    pilot, data = open_component(E1C, 11), open_component(E1B, 11)
+    assert attack.replayed(pilot, 11, 0) is pilot
+    assert Scer(delay_m=0.0, power_db=0.0).replayed(data, 11, 0) is data
+    number = np.arange(100)
+    drawn = [
+        attack.replayed(data, svid, seed).chip(number) * primary_code(E1B, svid)[:100]
+        for svid, seed in ((11, 0), (12, 0), (11, 1))
+    ]
+    assert not any(np.array_equal(one, other) for one, other in pairwise([*drawn, drawn[0]]))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"chips": "linear"}, "chips are one of repeated, hard, soft, found 'linear'"),
+        ({"victim_cn0_dbhz": 450.0}, "between 0 and 70 dBHz, found 450"),
+        ({"latency_s": 1.0}, "a latency lies between 0 and 0.004 s, found 1"),
+    ],
+)
+def test_impossible_keys_are_refused(wrong: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Scer(delay_m=0.0, power_db=0.0, **wrong)  # type: ignore[arg-type]
