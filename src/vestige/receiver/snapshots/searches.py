@@ -38,7 +38,10 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchFinds:
-    """What the searches would find in each of n epochs, if they were made; NaN without RECS and out of view."""
+    """What the searches would find in each of n epochs, if they were made.
+
+    NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite none is made.
+    """
 
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
     handover_carrying: Float[np.ndarray, "n m"]  # those of them that carry the encrypted chips
@@ -141,7 +144,7 @@ class DrawnSearches:
             values = np.full(of.shape, np.nan)
             for column, one in enumerate(drawn):
                 values[of.rows, column] = getattr(one, name)
-            return np.where(of.in_view, single(values), np.nan)
+            return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
         late_m = np.stack([one.e1.error_m for one in of.truth], axis=1)
         return SearchFinds(
