@@ -22,8 +22,8 @@ has no measurements. A counterfeit that is switched off so leaves the receiver t
 epoch the receiver has acquired whatever is on air then.
 
 `REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`): it looks for a lost
-satellite every second, pulls the carrier in for 0.2 s, and needs another 0.1 to 0.2 s until C/N0 and phase lock are
-good. So observations come 0.4 to 1.4 s after the signal, 0.9 s on average (`test_reacquisition.py`).
+satellite every second, takes 0.1 s of samples to find it, pulls the carrier in for 0.2 s, and needs 0.2 s more until
+C/N0 and phase lock are good. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
 dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
