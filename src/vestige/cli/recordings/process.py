@@ -25,7 +25,7 @@ from vestige.cli.options import (
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
-from vestige.cli.usual_levels import expected_e6_over_e1_db, pseudorange_errors, reference_levels, usual_level_options
+from vestige.cli.usual_levels import expected_e6_over_e1_db, fix_settings, reference_levels, usual_level_options
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -317,7 +317,6 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
-    from vestige.acas_processor.position.fix_measurement import FixSettings
     from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
     from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
     from vestige.recording.tracked.message_navigation import ephemerides_in
@@ -336,7 +335,7 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
         settings,
         alarms_per_day=options["alarms_per_day"],
         levels=reference_levels(options),
-        fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
+        fix=fix_settings(options, orbits),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),
