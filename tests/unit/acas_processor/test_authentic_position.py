@@ -198,6 +198,9 @@ def test_a_signal_that_the_position_allows_stays(quiet: VerdictBlock) -> None:
 def test_ranges_of_e1_are_the_business_of_the_checks(quiet: VerdictBlock) -> None:
     block, _ = _used(quiet, [A] * M, known=_near(900e3, 1e3), clock_limit_s=0.01)
     assert np.isfinite(block.range_in_use_m).all()
+    found_m = [-100.0] + [float("nan")] * (M - 1)
+    block, _ = _used(quiet, [A] * M, found_m=found_m, known=_near(900e3, 1e3), clock_limit_s=1e-3)
+    assert np.flatnonzero(block.impossible[0] == 3).tolist() == [0], "the found one alone, whatever is wrong"
 
 
 def test_the_last_fix_says_where_the_receiver_may_be() -> None:
