@@ -345,6 +345,11 @@ def test_no_number_is_a_usage_error(folder: Path, option: str, value: str) -> No
         (("--usual-e6-cn0-dbhz", "45"), "belong together"),
         (("--cn0-fall-db", "9"), "--usual-e1-cn0-dbhz"),
         (("--floor-sigma-m", "0"), "more than 0"),
+        (("--near", "48.1,11.6,50"), "--near needs orbits: add --navigation"),
+        (("--track", "--near", "48.1,11.6"), "--near 48.1,11.6: expected latitude and longitude in degrees and a"),
+        (("--track", "--near", "98.1,11.6,50"), "--near 98.1,11.6,50: expected latitude"),
+        (("--track", "--near", "48.1,11.6,0"), "--near 48.1,11.6,0: expected latitude"),
+        (("--track", "--near", "48.1,nan,5"), "--near 48.1,nan,5: expected latitude"),
     ],
 )
 def test_usual_levels_that_say_half(folder: Path, options: tuple[str, ...], expected: str) -> None:

@@ -16,9 +16,9 @@ import numpy as np
 from fuzz.authority import START, files_of
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from fuzz.ion_corpus import ion_recording
+from vestige.acas_processor.monitoring import memory
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline, Quantity
-from vestige.acas_processor.monitoring.memory import ClockEpoch, OsnmaMemory, RateMemory, SatelliteRate, Subframe
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.errors import VestigeError
 from vestige.receiver.sky.constellation import walker_ephemerides
@@ -325,15 +325,18 @@ _STATE = ReceiverState(
     uncertainty=TimeUncertainty(initial_s=math.inf, fixed_at=START),
     baseline=Baseline(values={Quantity.E1_POWER_DB: {0: (0.1, -0.2)}, Quantity.E6_CN0_DBHZ: {11: (41.5,)}}),
     position_m=(6_378_137.0, 0.0, 0.5),
-    clock=(ClockEpoch(time_s=30.0, bias_m=1.5, drift_mps=-0.1, bias_variance_m2=9.0, drift_variance_m2ps2=1e-3),),
-    osnma=OsnmaMemory(
-        keyed=(True, False),
-        open=Subframe(start=START.gst_seconds, due={11: 7}, received={11: 3}, differs={11: 1}),
+    fix=memory.FixMemory(time_s=30.0, position_m=(6_378_137.0, 0.0, 0.5)),
+    clock=(
+        memory.ClockEpoch(time_s=30.0, bias_m=1.5, drift_mps=-0.1, bias_variance_m2=9.0, drift_variance_m2ps2=1e-3),
     ),
-    rates=RateMemory(
+    osnma=memory.OsnmaMemory(
+        keyed=(True, False),
+        open=memory.Subframe(start=START.gst_seconds, due={11: 7}, received={11: 3}, differs={11: 1}),
+    ),
+    rates=memory.RateMemory(
         time=START,
         position_m=(6_378_137.0, 0.0, 0.5),
-        satellites={11: SatelliteRate(rate_mps=100.5, static_mps=100.0, sigma_mps=0.03, towards=_UP)},
+        satellites={11: memory.SatelliteRate(rate_mps=100.5, static_mps=100.0, sigma_mps=0.03, towards=_UP)},
         increments=((START + 0.25, _EAST),),
     ),
     search=SearchMemory(searched_at=START, suspicious=True),

@@ -31,13 +31,14 @@ from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, POSITION, combine, confirmed, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
-from vestige.acas_processor.monitoring.memory import MissMemory
+from vestige.acas_processor.monitoring.memory import FixMemory, MissMemory
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
 from vestige.acas_processor.monitoring.recs_windows import remembered_carrier
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
-from vestige.acas_processor.position.range_in_use import ranges_in_use
+from vestige.acas_processor.position.possible_range import known_positions
+from vestige.acas_processor.position.range_in_use import ranges_in_use, ranges_near
 from vestige.acas_processor.searches.block_searches import ProcessorSearches
 from vestige.acas_processor.searches.searches import SearchResults, search_due
 from vestige.acas_processor.verdict_block import VerdictBlock
@@ -275,7 +276,8 @@ class _Assessment:
         state, self._alarm_after = self._state.alarm.over(
             self._measured.snapshots.svids, self._time_s, status, self._seen | self._lost, self._lost
         )
-        return ranges_in_use(
+        limit_s = self._clock_limit_s()
+        found = ranges_in_use(
             VerdictBlock(
                 measured=self._measured,
                 level=self._processor.level,
@@ -293,8 +295,27 @@ class _Assessment:
                 evidence=self._evidence(self._references()),
             ),
             self._processor,
-            self._clock_limit_s(),
+            limit_s,
         )
+        self._fixed_m = self._fixes_that_count(found)
+        known = known_positions(self._time_s, self._fixed_m, self._state.fix, self._processor.monitoring.fix.near)
+        return ranges_near(found, self._processor, limit_s, known)
+
+    def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
+        """Return the fixes that bound where the receiver may be: of E1, with those that set the clock's limit."""
+        if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
+            return np.full((self._time_s.size, 3), np.nan)
+        guess, _ = self._combined(self._failed)
+        counts = guess.quiet & (guess.authentic >= POSITION_SATELLITES) & ~found.earlier.any(axis=1)
+        return np.where(counts[:, None], found.position.position_m, np.nan)
+
+    def _fix_after(self) -> FixMemory | None:
+        """Return the last fix that counts after the block."""
+        rows = np.flatnonzero(np.isfinite(self._fixed_m[:, 0]))
+        if not rows.size:
+            return self._state.fix
+        x, y, z = self._fixed_m[rows[-1]].tolist()
+        return FixMemory(time_s=float(self._time_s[rows[-1]]), position_m=(x, y, z))
 
     def _clock_limit_s(self) -> Float[np.ndarray, " n"]:
         """Return the upper limit of the error of the receiver's clock at each epoch, in s."""
@@ -324,6 +345,7 @@ class _Assessment:
             uncertainty=self._clock_limits(guess)[-1],
             baseline=self._observed.after(state.baseline, guess.quiet & snapshots.recs) if further else state.baseline,
             position_m=(float(position[0]), float(position[1]), float(position[2])) if known else None,
+            fix=self._fix_after(),
             clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),
             osnma=self._osnma,
             rates=remembered_rates(evidence) if remembers_rates else None,

@@ -12,6 +12,7 @@ from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, OTHERS, CheckSpec
 from vestige.acas_processor.measurement import Availability, FixBlock, MeasurementBlock, spread_over_block
 from vestige.acas_processor.monitoring.alarm import AlarmState, StateChange, state_changes
+from vestige.acas_processor.position.possible_range import REASONS
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.records import Status, Verdict
 from vestige.records.checks import CheckName, CheckSeries
@@ -67,6 +68,8 @@ class VerdictBlock:
     # pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
+    # why the range of a signal is not possible, as a number of `possible_range.REASONS`; 0 where it is
+    impossible: Int8[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.int8))
     position: PositionBlock | None = None  # position of each epoch; None without orbits
 
     @property
@@ -97,7 +100,12 @@ class VerdictBlock:
         )
 
     def reason(self, epoch: int, satellite: int) -> str:
-        """Return in one line why a satellite has its status at an epoch."""
+        """Return in one line why a satellite has its status at an epoch, and why a range is not used."""
+        why = self._why(epoch, satellite)
+        impossible = int(self.impossible[epoch, satellite]) if self.impossible.size else 0
+        return f"{why}; a range is not used: {REASONS[impossible]}" if impossible else why
+
+    def _why(self, epoch: int, satellite: int) -> str:
         here, cause = (epoch, satellite), int(self.cause[epoch, satellite])
         if STATUSES[self.status[here]] is Status.NOT_AVAILABLE:
             return self._why_not_available(epoch, satellite)

@@ -14,7 +14,10 @@ from vestige.constants import NOMINAL_E6_OVER_E1_DB
 
 if TYPE_CHECKING:
     from vestige.acas_processor.monitoring.baseline import ReferenceLevels
+    from vestige.acas_processor.position.fix_measurement import FixSettings
+    from vestige.acas_processor.position.possible_range import ApproximatePosition
     from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
+    from vestige.navigation.ephemeris import Ephemeris
 
 _POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0, 1000)
 
@@ -77,6 +80,12 @@ def usual_level_options(command: Any) -> Any:
             help="Standard deviation of the multipath error of E1 ranges at 16° elevation, in m.",
         ),
         click.option(
+            "--near",
+            metavar="LAT,LON,KM",
+            help="Approximate position: the receiver is within KM of this latitude and longitude in degrees. Signals "
+            "that a search finds are not used if their range contradicts it. Needs orbits (--navigation, --track).",
+        ),
+        click.option(
             "--alarms-per-day",
             type=FiniteRange(1e-6, 1000),
             help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
@@ -112,6 +121,40 @@ def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
         return float(options["e6_over_e1_db"])
     e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))
     return NOMINAL_E6_OVER_E1_DB if e1_dbhz is None or e6_dbhz is None else float(e6_dbhz - e1_dbhz)
+
+
+def fix_settings(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...]) -> FixSettings:
+    """Return orbits with what the options say of E1 ranges and of the receiver's place."""
+    from vestige.acas_processor.position.fix_measurement import FixSettings
+
+    return FixSettings(ephemerides=ephemerides, errors=pseudorange_errors(options), near=approximate_position(options))
+
+
+def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
+    """Return where the options say that the receiver is; None if they do not.
+
+    Raises `click.UsageError` if `--near` is no place, or nothing says where the satellites are.
+    """
+    import numpy as np
+
+    from vestige.acas_processor.position.possible_range import ApproximatePosition
+    from vestige.navigation.earth import ecef_from_geodetic
+
+    text = options["near"]
+    if text is None:
+        return None
+    if options["navigation"] is None and options["track"] is False:
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+    try:
+        latitude_deg, longitude_deg, reach_km = (float(one) for one in text.split(","))
+        if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
+            raise ValueError
+        place = np.radians([latitude_deg]), np.radians([longitude_deg]), np.zeros(1)
+        x, y, z = ecef_from_geodetic(*place)[0].tolist()
+        return ApproximatePosition(position_m=(x, y, z), reach_m=1000 * reach_km)
+    except ValueError:
+        expected = "expected latitude and longitude in degrees and a distance in km, as --near 48.1,11.6,50"
+        raise click.UsageError(f"--near {text}: {expected}") from None
 
 
 def pseudorange_errors(options: dict[str, Any]) -> PseudorangeErrors:

@@ -32,6 +32,7 @@ from vestige.crypto.osnma.operator.osnma_service import SERVICE_WITHOUT_EVENTS, 
 from vestige.crypto.recs.recs_segment import CipherMode, encrypt, key_time
 from vestige.receiver.correlators.correlator_model import CorrelatorModel
 from vestige.receiver.correlators.disturbance import drawn_disturbance
+from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
@@ -94,6 +95,8 @@ class Simulation:
     elevation: ElevationEffects | None = None
     # time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone
     truth_interval_s: float | None = None
+    # how long a receiver that lost E1, or was restarted, acquires before it has measurements again
+    reacquisition_s: float = REACQUISITION_S
 
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""

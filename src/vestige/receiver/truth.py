@@ -106,6 +106,7 @@ class TruthProcess:
             interval_s=self._interval_s,
             cn0_dbhz=cn0_dbhz,
             loop_bandwidth_hz=models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0,
+            reacquisition_s=of.reacquisition_s,
         )
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
 

@@ -15,6 +15,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode
 from vestige.own_parts import digest, is_own, kind_of
+from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.bias import BiasResiduals
 from vestige.receiver.errors.clock import TwoStateClock
@@ -102,6 +103,9 @@ class ReceiverTable(Section):
     clock_offset_s
         Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know it, and it
         may be larger than `time_uncertainty_s` says. With `correlators` only.
+    reacquisition_s
+        How long a signal on E1 has to be there until a receiver that lost lock, or was restarted, tracks it. Until then
+        E1 has no measurements.
     e1_multipath
         Whether the rays disturb E1 too.
     accelerometers
@@ -114,6 +118,7 @@ class ReceiverTable(Section):
     sample_rate_hz: Annotated[float, Field(ge=2.6e6, le=100e6)] = 12.5e6
     time_uncertainty_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
     clock_offset_s: Annotated[float, Field(ge=-LONGEST_FORGERY_S, le=LONGEST_FORGERY_S)] = 0.0
+    reacquisition_s: Annotated[float, Field(ge=0, le=3600)] = REACQUISITION_S
     front_end: FrontEndTable = FrontEndTable()
     clock: Clock | None = None
     ionosphere: Ionosphere | None = None
@@ -350,6 +355,7 @@ class CampaignScenario(Section):
             front_end=receiver.front_end.front_end(receiver.sample_rate_hz),
             time_uncertainty_s=receiver.time_uncertainty_s,
             clock_offset_s=receiver.clock_offset_s,
+            reacquisition_s=receiver.reacquisition_s,
             n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
             cipher_mode=CipherMode(self.recs.cipher_mode),

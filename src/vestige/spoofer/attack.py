@@ -109,7 +109,7 @@ class Attack:
 
     @property
     def reacquired(self) -> bool:
-        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        """Whether the receiver is restarted when the attack begins, and acquires the strongest signal on E1."""
         return False
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

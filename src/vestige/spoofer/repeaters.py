@@ -124,7 +124,8 @@ class E1Asynchronous(CheckedAttack):
     delay_m, power_db
         Relative to the true signal; before it, too.
     acquired
-        Whether the receiver acquires after the attack's start (switched on, or jammed before).
+        Whether the receiver is restarted when the attack begins, and acquires under it; at a start of 0 it has acquired
+        by the first epoch. Otherwise it is locked to the true signal, and has to lose lock first.
     forged_nav_data
         Whether the data on E1-B are the attacker's own; otherwise those of the satellite, sent again.
     """
@@ -137,7 +138,7 @@ class E1Asynchronous(CheckedAttack):
 
     @property
     def reacquired(self) -> bool:
-        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        """Whether the receiver is restarted when the attack begins, and acquires the strongest signal on E1."""
         return self.acquired
 
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
@@ -187,7 +188,8 @@ class Meaconing(CheckedAttack):
     reception_gain_db
         G in dB, C/N0 of the attacker's reception over the victim's.
     acquired
-        Whether the receiver acquires after the attack's start (switched on, or jammed before).
+        Whether the receiver is restarted when the attack begins, and acquires under it; at a start of 0 it has acquired
+        by the first epoch. Otherwise it is locked to the true signal, and has to lose lock first.
     """
 
     delay_s: float
@@ -205,7 +207,7 @@ class Meaconing(CheckedAttack):
 
     @property
     def reacquired(self) -> bool:
-        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        """Whether the receiver is restarted when the attack begins, and acquires the strongest signal on E1."""
         return self.acquired and Band.E1 in self.bands
 
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:

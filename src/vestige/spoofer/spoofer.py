@@ -137,7 +137,7 @@ class Spoofer:
     def acquired_anew(
         self, svid: int, after_s: Float[np.ndarray, " n"], until_s: Float[np.ndarray, " n"]
     ) -> Bool[np.ndarray, " n"]:
-        """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire E1 anew.
+        """Return whether an attack that begins in (after_s, until_s] finds the receiver restarted, so it acquires anew.
 
         An attack without power makes nobody acquire.
         """

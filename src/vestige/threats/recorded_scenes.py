@@ -6,6 +6,8 @@ scene, and nothing but this is changed:
 * Where the attack moves slowly, it is `faster`: every time in its tables, counted from its start, and every duration is
   divided by that. Powers, delays and what the seed draws are those of the scene.
 * RECS come more often, and some satellites are left out.
+* A recording that begins before the attack has a receiver that is locked when the attack begins. One that begins later
+  has a receiver that is switched on under the attack, as the scene has it (`acquired`).
 * The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms: the search for E6 signals at
   other times than E1 says is made over 10 ms on both sides, not over 1 s.
 
@@ -23,6 +25,7 @@ from vestige.threats.scenes import Scene, ShortRecording, Threat, read_threats, 
 
 _CLOCK_TRUSTED_S = 0.01
 _TIMES = ("start_s", "stop_s", "turn_s")
+_ACQUIRED = ("e1-asynchronous", "meaconing")  # kinds of attack that may find the receiver restarted
 _DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
 
 
@@ -53,6 +56,8 @@ class RecordedScene:
         attacks = scene_attacks(self.threat, self.scene, self.seed)
         start_s = min((one.get("start_s", 0.0) for one in attacks), default=0.0)
         faster = tuple(_faster(one, how.faster, start_s) for one in attacks)
+        if how.first_s < start_s:
+            faster = tuple({**one, "acquired": False} if one["kind"] in _ACQUIRED else one for one in faster)
         return scene_scenario(
             self.threat, self.scene, self.seed, attacked=attacked, settings=tuple(settings), attacks=faster
         )

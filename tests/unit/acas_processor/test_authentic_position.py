@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from block_builder import START, SVIDS, Keys, MadeUpSky, cut, settings
+from block_builder import START, SVIDS, DrawnSearches, Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.levels import POSITION
+from vestige.acas_processor.monitoring.memory import FixMemory
 from vestige.acas_processor.position.authentic_position import AuthenticPosition, authentic_positions
-from vestige.acas_processor.position.range_in_use import ranges_in_use
+from vestige.acas_processor.position.possible_range import ApproximatePosition, KnownPositions, known_positions
+from vestige.acas_processor.position.range_in_use import ranges_in_use, ranges_near
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.searches import SearchResults
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.earth import ecef_from_geodetic
 from vestige.records import Status
 from vestige.records.checks import CheckName
 
@@ -39,6 +42,7 @@ def _used(
     found_m: list[float] | None = None,
     exhaustive_m: list[float] | None = None,
     clock_limit_s: float = 15.0,
+    known: KnownPositions | None = None,
 ) -> tuple[VerdictBlock, AuthenticPosition | None]:
     """Return the block with other verdicts, pushed E1 ranges and searches, and its position."""
     measured = block.measured
@@ -62,6 +66,8 @@ def _used(
         exhaustive_search=found(exhaustive_m),
     )
     changed = ranges_in_use(changed, PROCESSOR, np.array([clock_limit_s]))
+    if known is not None:
+        changed = ranges_near(changed, PROCESSOR, np.array([clock_limit_s]), known)
     return changed, next(authentic_positions(changed), None)
 
 
@@ -144,12 +150,115 @@ def test_a_range_that_is_not_possible_is_not_used(quiet: VerdictBlock) -> None:
     assert _is_the_place(found)
     assert np.isfinite(block.range_in_use_m[0]).tolist() == [False] + [True] * (M - 1)
     assert not block.earlier[0, 0]
+    assert block.reason(0, 0).endswith("a range is not used: the ranges of the other satellites disagree")
     two, _ = _used(quiet, [S] * M, found_m=[far_m, -10.0] + [nan] * (M - 2))
     assert not np.isfinite(two.range_in_use_m).any(), "either of two may be wrong"
     alone, _ = _used(quiet, [S] * M, found_m=[far_m] + [nan] * (M - 1))
     assert np.isfinite(alone.range_in_use_m).sum() == 1
     known, _ = _used(quiet, [S] * M, found_m=[far_m] + [nan] * (M - 1), clock_limit_s=1e-3)
     assert not np.isfinite(known.range_in_use_m).any(), "the clock is not five seconds wrong"
+    assert "no travel time and no clock error" in known.reason(0, 0)
+
+
+def _near(north_m: float, reach_m: float) -> KnownPositions:
+    """Return a place so far north of the receiver, and its reach."""
+    place = np.radians([48.1]) + north_m / 6.37e6, np.radians([11.6]), np.array([500.0])
+    return KnownPositions(position_m=ecef_from_geodetic(*place), reach_m=np.array([reach_m]))
+
+
+def test_a_found_signal_must_be_where_the_position_allows(quiet: VerdictBlock) -> None:
+    """A false alarm 300 km before E1: travel times allow it, and it moves the fix; a place known to 10 km does not."""
+    nan, far_m = float("nan"), -300e3
+    one_false = [far_m] + [nan] * (M - 1)
+    _, misled = _used(quiet, [S] + [A] * (M - 1), found_m=one_false)
+    assert not _is_the_place(misled)
+    for clock_limit_s in (15.0, 1e-6):  # by the other satellites, and by the clock
+        block, found = _used(
+            quiet, [S] + [A] * (M - 1), found_m=one_false, known=_near(5e3, 10e3), clock_limit_s=clock_limit_s
+        )
+        assert _is_the_place(found)
+        assert np.flatnonzero(block.impossible[0] == 3).tolist() == [0]
+        assert not np.isfinite(block.range_in_use_m[0, 0])
+        assert block.reason(0, 0).endswith("; a range is not used: the known position does not allow it")
+        assert np.isnan(block.true_offset_m).all()
+        assert "range is not used" not in block.reason(0, 1)
+    alone, _ = _used(quiet, [S] * M, found_m=one_false, known=_near(5e3, 10e3), clock_limit_s=1e-6)
+    assert not np.isfinite(alone.range_in_use_m).any()
+
+
+def test_a_signal_that_the_position_allows_stays(quiet: VerdictBlock) -> None:
+    """E1 is 390 km late, the earliest signals are true: the place is right, and known to 10 km or to 400 km."""
+    for known in (_near(5e3, 10e3), _near(-200e3, 400e3), _near(9e3, np.inf)):
+        block, found = _used(quiet, [S] * M, pushed_m=[390e3] * M, found_m=[-390e3] * M, known=known)
+        assert _is_the_place(found)
+        assert block.earlier.all()
+        assert not block.impossible.any()
+
+
+def test_ranges_of_e1_are_the_business_of_the_checks(quiet: VerdictBlock) -> None:
+    block, _ = _used(quiet, [A] * M, known=_near(900e3, 1e3), clock_limit_s=0.01)
+    assert np.isfinite(block.range_in_use_m).all()
+    found_m = [-100.0] + [float("nan")] * (M - 1)
+    block, _ = _used(quiet, [A] * M, found_m=found_m, known=_near(900e3, 1e3), clock_limit_s=1e-3)
+    assert np.flatnonzero(block.impossible[0] == 3).tolist() == [0], "the found one alone, whatever is wrong"
+
+
+def test_the_last_fix_says_where_the_receiver_may_be() -> None:
+    """It counts from the next epoch on, and its reach grows by 500 m/s; a place that is stated counts while nearer."""
+    nan, fixed_m = float("nan"), np.full((5, 3), np.nan)
+    fixed_m[[1, 3]] = [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+    time_s = np.array([0.0, 30.0, 60.0, 90.0, 120.0])
+    known = known_positions(time_s, fixed_m, None, None)
+    np.testing.assert_array_equal(known.position_m[:, 0], [nan, nan, 1.0, 1.0, 2.0])
+    assert known.reach_m.tolist() == [np.inf, np.inf, 16e3, 31e3, 16e3]
+    before = FixMemory(time_s=-30.0, position_m=(7.0, 0.0, 0.0))
+    stated = ApproximatePosition(position_m=(9.0, 0.0, 0.0), reach_m=20e3)
+    known = known_positions(time_s, fixed_m, before, stated)
+    assert known.position_m[:, 0].tolist() == [7.0, 9.0, 1.0, 9.0, 2.0]
+    assert known.reach_m.tolist() == [16e3, 20e3, 16e3, 20e3, 16e3]
+    for at in (1, 2, 3):
+        cut_before = known_positions(time_s[:at], fixed_m[:at], before, stated)
+        np.testing.assert_array_equal(cut_before.reach_m, known.reach_m[:at])
+
+
+@pytest.mark.parametrize("place", [((1.0, 2.0, 3.0), 0.0), ((np.nan, 2.0, 3.0), 5.0), ((1.0, 2.0, 3.0), np.inf)])
+def test_a_position_needs_a_reach(place: tuple[tuple[float, float, float], float]) -> None:
+    with pytest.raises(ValueError, match="a position within some metres"):
+        ApproximatePosition(position_m=place[0], reach_m=place[1])
+
+
+def test_a_quiet_fix_bounds_the_next_snapshots() -> None:
+    """The searches of the second RECS find a signal 300 km before E1; level 1 has no searches and remembers nothing."""
+    sky = MadeUpSky(seed=1, n=2, every=1, trouble=0.0).whole
+    first, second = cut(sky, 0, 1), cut(sky, 1, 2)
+    assert isinstance(second.searches, DrawnSearches)
+    false = DrawnSearches(np.where(np.arange(M) == 0, 2.0, 1.0)[None], np.full((1, M), -300e3))
+    second = replace(second, searches=false)
+    start = PROCESSOR.step(None, first, Keys())  # type: ignore[arg-type]
+    assert start.state.fix is not None
+    after = PROCESSOR.step(start.state, second, Keys())  # type: ignore[arg-type]
+    assert after.block.reason(0, 0).endswith("the known position does not allow it")
+    assert after.state.fix == start.state.fix
+    forgetful = replace(start.state, fix=None)
+    assert PROCESSOR.step(forgetful, second, Keys()).block.earlier[0, 0]  # type: ignore[arg-type]
+    both = cut(sky, 0, 2)
+    both = replace(
+        both,
+        searches=DrawnSearches(
+            *(
+                np.concatenate(pair)
+                for pair in (
+                    (first.searches.signals, false.signals),
+                    (first.searches.earliest_m, false.earliest_m),  # type: ignore[union-attr]
+                )
+            )
+        ),
+    )
+    whole = PROCESSOR.step(None, both, Keys())  # type: ignore[arg-type]
+    np.testing.assert_array_equal(whole.block.range_in_use_m[1:], after.block.range_in_use_m)
+    assert whole.state.fix == after.state.fix
+    low = AcasProcessor(level=1, monitoring=settings())
+    assert low.step(None, first, Keys()).state.fix is None  # type: ignore[arg-type]
 
 
 def test_three_ranges_are_no_position(quiet: VerdictBlock) -> None:

@@ -53,7 +53,26 @@ def test_level_1_takes_the_meaconer_and_level_2_the_earlier_signal(meaconed: dic
         assert np.nanmax(np.abs(error_m)) < 30
         assert np.all(meaconed[level].earlier[after] == np.isfinite(error_m))
         assert meaconed[level].alarm[331:].all()
-    assert dict(meaconed[2].first_failures(ALL))["E1 vestigial search"] == 330
+    assert dict(meaconed[2].first_failures(ALL))["E1 vestigial search"] == 360
+
+
+def test_a_restarted_receiver_has_no_e1_until_it_has_acquired() -> None:
+    """With a RECS in the gap: NOT_AVAILABLE without a reason to accuse anybody; a locked receiver has no gap."""
+
+    def statuses(attack: str, *settings: str) -> list[set[str]]:
+        found = verdicts(f'attack=[{{kind="e1-asynchronous", start_s=60, delay_m=5000, {attack}}}]', *settings)[1]
+        shown = found.seen[::30]
+        return [
+            {list(Status)[one].name for one in row[seen]} for row, seen in zip(found.status[::30], shown, strict=True)
+        ]
+
+    authentic, unknown, missing = {"AUTHENTIC"}, {"NOT_AVAILABLE"}, {"NOT_DETECTED"}
+    short = "epochs=121", "constellation.svids=[6, 24]"
+    assert statuses("power_db=10", *short) == [authentic, authentic, unknown, missing, missing]
+    long = "receiver.reacquisition_s=30.1"
+    assert statuses("power_db=10", *short, long) == [authentic, authentic, unknown, unknown, missing]
+    assert statuses("power_db=10, acquired=false", *short) == [authentic] * 5
+    assert statuses("power_db=-10", *short) == [authentic, authentic, unknown, authentic, authentic]
 
 
 def test_nothing_is_judged_by_what_comes_later() -> None:

@@ -17,12 +17,15 @@ from vestige.spoofer.spoofer import Spoofer
 
 E1 = (Band.E1,)
 PULL = Ramp(first=0.0, last=700.0, start_s=60.0, stop_s=410.0)  # 2 m/s, to 2.4 chips of E1
-NAMES = ("error_m", "worst_error_m", "rate_error_mps", "gain", "captured")
+NAMES = ("error_m", "worst_error_m", "rate_error_mps", "gain", "acquiring", "captured")
 
 
-def _tracked(*attacks: Attack, epochs: int = 480, interval_s: float = 1.0, cn0_dbhz: float = 40.0) -> E1Tracking:
+def _tracked(
+    *attacks: Attack, epochs: int = 480, interval_s: float = 1.0, cn0_dbhz: float = 40.0, reacquisition_s: float = 1.0
+) -> E1Tracking:
     spoofer = Spoofer(attacks=attacks)  # type: ignore[arg-type]
-    return E1Loop(spoofer, 11, interval_s=interval_s, cn0_dbhz=cn0_dbhz).advance(0, epochs)
+    loop = E1Loop(spoofer, 11, interval_s=interval_s, cn0_dbhz=cn0_dbhz, reacquisition_s=reacquisition_s)
+    return loop.advance(0, epochs)
 
 
 def _lift_off(power_db: float, phase: Phase) -> LiftOff:
@@ -77,6 +80,49 @@ def test_jamming_first_lets_an_asynchronous_spoofer_in() -> None:
     tracked = _tracked(jam, spoof, epochs=20)
     assert tracked.error_m[4] == 0
     assert tracked.error_m[-1] == pytest.approx(5000.0, abs=1e-6)
+
+
+def _acquiring(tracked: E1Tracking, interval_s: float = 1.0) -> list[float]:
+    """Return the times of the epochs without measurements."""
+    return (np.flatnonzero(tracked.acquiring) * interval_s).round(9).tolist()
+
+
+@pytest.mark.parametrize(("interval_s", "reacquisition_s", "steps"), [(1.0, 1.0, 1), (0.1, 1.0, 10), (0.1, 0.25, 3)])
+def test_a_restarted_receiver_has_nothing_until_it_has_acquired(
+    interval_s: float, reacquisition_s: float, steps: int
+) -> None:
+    attack = E1Asynchronous(delay_m=5000.0, power_db=10.0, start_s=10.0)
+    epochs = round(12 / interval_s)
+    tracked = _tracked(attack, epochs=epochs, interval_s=interval_s, reacquisition_s=reacquisition_s)
+    first = round(10 / interval_s)
+    assert np.flatnonzero(tracked.acquiring).tolist() == list(range(first, first + steps))
+    assert tracked.captured.tolist() == [False] * (first + steps) + [True] * (epochs - first - steps)
+    assert np.all(tracked.worst_error_m[: first + steps] == 0.0), "no measurement, no error"
+    assert tracked.worst_error_m[first + steps] == pytest.approx(5000.0, abs=1e-6)
+
+
+def test_who_is_locked_or_has_acquired_before_has_no_gap() -> None:
+    """A locked receiver; one that was switched on under an attack from the start; one that acquires at once."""
+    for start_s, acquired, reacquisition_s, expected_m in (
+        (10.0, False, 1.0, 0.0),
+        (0.0, True, 5.0, 5000.0),
+        (10.0, True, 0.0, 5000.0),
+    ):
+        attack = E1Asynchronous(delay_m=5000.0, power_db=10.0, start_s=start_s, acquired=acquired)
+        tracked = _tracked(attack, epochs=15, reacquisition_s=reacquisition_s)
+        assert not tracked.acquiring.any()
+        assert tracked.error_m[10] == pytest.approx(expected_m, abs=1e-6)
+
+
+def test_a_jammed_receiver_acquires_once_there_is_a_signal() -> None:
+    """40 dB over the noise leaves 0 dBHz from 5 to 10 s; what comes to the receiver in between does not help."""
+    jam = Jam(j_over_n_db=40.0, start_s=5.0, stop_s=10.0, bands=E1)
+    restart = E1Asynchronous(delay_m=5000.0, power_db=-10.0, start_s=9.0)
+    for attacks in ((jam,), (jam, restart)):
+        assert _acquiring(_tracked(*attacks, epochs=15)) == [5.0, 6.0, 7.0, 8.0, 9.0, 10.0]
+        slow = _tracked(*attacks, epochs=150, interval_s=0.1, reacquisition_s=2.05)
+        assert _acquiring(slow, 0.1) == pytest.approx(np.arange(5.0, 12.0, 0.1))
+    assert _acquiring(_tracked(jam, epochs=15, reacquisition_s=0.0)) == []
 
 
 def test_gain_and_rate_of_what_is_tracked() -> None:

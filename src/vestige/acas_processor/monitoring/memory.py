@@ -29,6 +29,14 @@ ClockMemory = tuple[ClockEpoch, ...]  # the latest last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FixMemory:
+    """The last position out of authentic ranges without any alarm."""
+
+    time_s: float  # after the first epoch that the receiver ever processed
+    position_m: Vector  # ECEF
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Subframe:
     """OSNMA of one subframe, as far as it is known."""
 

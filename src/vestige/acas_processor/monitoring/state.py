@@ -10,6 +10,7 @@ from vestige.acas_processor.monitoring.baseline import Baseline
 from vestige.acas_processor.monitoring.memory import (
     CarrierMemory,
     ClockMemory,
+    FixMemory,
     MissMemory,
     OsnmaMemory,
     RateMemory,
@@ -38,6 +39,7 @@ class ReceiverState:
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     baseline: Baseline = field(default_factory=Baseline)  # what is usual of power, C/N0 and noise floor
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first
+    fix: FixMemory | None = None  # the last fix that bounds where the receiver may be; None before the first
     # of single checks
     clock: ClockMemory = ()
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from vestige.acas_processor.checks.raim import raim_statistic
 from vestige.acas_processor.checks.solution_separation import largest_separations
 from vestige.acas_processor.measurement import FixBlock
+from vestige.acas_processor.position.possible_range import ApproximatePosition
 from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
@@ -44,6 +45,7 @@ class FixSettings:
     ephemerides: tuple[Ephemeris, ...] = ()
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
     fit_interval_s: float = FIT_INTERVAL_S  # how far from its time an ephemeris is used
+    near: ApproximatePosition | None = None  # where the receiver is known to be, if it is
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
         """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""

@@ -10,8 +10,7 @@ What a RECS authenticates is the time since the RECS before. In epochs with RECS
    E6, for the same reason;
 4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
-Otherwise there is none. A range that is not possible is left out, too: the clock error that it implies must lie within
-the upper limit that is known, and the ranges of all satellites, which have this error in common, must agree.
+Otherwise there is none. A range that is not possible is left out, too (`possible_range.py`).
 
 The position is the fix of all satellites with a range in use, four at least. It takes
 pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
@@ -29,6 +28,12 @@ from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two
 from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.position.fix_measurement import fix_quantities
+from vestige.acas_processor.position.possible_range import (
+    BY_POSITION,
+    KnownPositions,
+    too_far_away,
+    why_impossible,
+)
 from vestige.acas_processor.verdict_block import PositionBlock, VerdictBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
@@ -38,11 +43,6 @@ from vestige.signals.definitions import E6C
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
-
-
-# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, 10 ms to spare for the clock.
-SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
-SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
 
 def ranges_in_use(
@@ -62,27 +62,41 @@ def ranges_in_use(
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
     used = (e1_in_use | earlier) & snapshots.recs[:, None]
     range_m = np.where(used, snapshots.e1.pseudorange_m + np.where(earlier, offset_m, 0.0), np.nan)
-    range_m = _possible(range_m, clock_limit_s)
-    block = replace(block, true_offset_m=offset_m, range_in_use_m=range_m, earlier=earlier & np.isfinite(range_m))
+    impossible = why_impossible(range_m, clock_limit_s)
+    range_m = np.where(impossible > 0, np.nan, range_m)
+    block = replace(
+        block,
+        impossible=impossible,
+        true_offset_m=np.where(impossible > 0, np.nan, offset_m),
+        range_in_use_m=range_m,
+        earlier=earlier & np.isfinite(range_m),
+    )
     return replace(block, position=_positions(block, processor, range_m))
 
 
-def _possible(range_m: Float[np.ndarray, "n m"], clock_limit_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
-    """Return the ranges that a satellite of the constellation and the receiver's clock allow; NaN for the others.
-
-    The travel times of all satellites lie within `SPREAD_M`. What is farther from the median of an epoch is wrong; of
-    two that disagree either may be.
-    """
-    lowest_m, highest_m = (
-        SPEED_OF_LIGHT_MPS * (one + sign * clock_limit_s)[:, None]
-        for one, sign in ((SHORTEST_TRAVEL_S, -1), (LONGEST_TRAVEL_S, 1))
+def ranges_near(
+    block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"], known: KnownPositions
+) -> VerdictBlock:
+    """Return verdicts without the found signals that the known position excludes; parameters as in `ranges_in_use`."""
+    rows = np.flatnonzero(block.earlier.any(axis=1) & np.isfinite(known.reach_m))
+    if not rows.size or block.position is None:
+        return block
+    snapshots, range_m = block.measured.snapshots, block.range_in_use_m
+    sent = processor.monitoring.fix.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
+    near = KnownPositions(position_m=known.position_m[rows], reach_m=known.reach_m[rows])
+    far = np.zeros(range_m.shape, np.bool_)
+    far[rows] = too_far_away(range_m[rows], sent, block.earlier[rows], clock_limit_s[rows], near)
+    if not far.any():
+        return block
+    range_m = np.where(far, np.nan, range_m)
+    return replace(
+        block,
+        impossible=np.where(far, BY_POSITION, block.impossible).astype(np.int8),
+        true_offset_m=np.where(far, np.nan, block.true_offset_m),
+        range_in_use_m=range_m,
+        earlier=block.earlier & ~far,
+        position=_positions(block, processor, range_m),
     )
-    possible_m = np.where((range_m >= lowest_m) & (range_m <= highest_m), range_m, np.nan)
-    order = np.sort(possible_m, axis=1)  # NaN last
-    count = np.count_nonzero(np.isfinite(possible_m), axis=1)
-    row, middle = np.arange(count.size), np.maximum(count - 1, 0)
-    median_m = 0.5 * (order[row, middle // 2] + order[row, (middle + 1) // 2])
-    return np.where(np.abs(possible_m - median_m[:, None]) <= SPREAD_M, possible_m, np.nan)
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:

@@ -139,6 +139,8 @@ def prepared(
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
         )
+    if options["near"] and tracked is None and options["navigation"] is None:
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
     processor = processor_from_options(options, tracked)
     error_s = told_s or 0.0
     if around_s:

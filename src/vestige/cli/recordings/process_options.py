@@ -44,6 +44,7 @@ PROCESSOR_GROUPS = {
         "track",
         "workers",
         "navigation",
+        "near",
         "start",
         "time_uncertainty",
         "cn0_estimator",

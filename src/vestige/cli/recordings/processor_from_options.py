@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import cipher_mode, group_delay_convention
-from vestige.cli.usual_levels import expected_e6_over_e1_db, pseudorange_errors, reference_levels
+from vestige.cli.usual_levels import expected_e6_over_e1_db, fix_settings, reference_levels
 
 if TYPE_CHECKING:
     from vestige.acas_processor.detectors import Detector
@@ -75,7 +75,6 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
-    from vestige.acas_processor.position.fix_measurement import FixSettings
     from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
     from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
     from vestige.recording.tracked.message_navigation import ephemerides_in
@@ -94,7 +93,7 @@ def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> Mo
         settings,
         alarms_per_day=options["alarms_per_day"],
         levels=reference_levels(options),
-        fix=FixSettings(ephemerides=orbits, errors=pseudorange_errors(options)),
+        fix=fix_settings(options, orbits),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),

@@ -16,8 +16,14 @@ Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip away
 never captures a loop in lock.
 
-**Lock.** When the prompt correlator falls below 20 dBHz, or an attack finds the receiver acquiring, it acquires: the
-strongest signal. A counterfeit that is switched off so leaves the receiver to the true signal.
+**Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
+restarts it (`acquired`). That takes `reacquisition_s`, in which a signal above 20 dBHz has to be there; until then E1
+has no measurements. A counterfeit that is switched off so leaves the receiver to the true signal. Before its first
+epoch the receiver has acquired whatever is on air then.
+
+`REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`): it looks for a lost
+satellite every second, takes 0.1 s of samples to find it, pulls the carrier in for 0.2 s, and needs 0.2 s more until
+C/N0 and phase lock are good. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
 dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
@@ -44,6 +50,7 @@ from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
+REACQUISITION_S = 1.0  # from a signal that can be acquired to the first measurement
 _LOCK_RANGE_DB = 6.0  # a receiver that tracks a signal as weak as this above LOCK_DBHZ also tracks it a little weaker
 _SPACING_CHIPS = 0.1  # d
 _STEP_S = 0.1
@@ -55,12 +62,14 @@ _NO_POWER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, and nobody's."""
+    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, tracked, nobody's."""
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
     worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before
     rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of what is tracked
     gain: Float[np.ndarray, " n"]  # C/N0 of what is tracked over that of the undisturbed true signal
+    # whether the receiver acquires: it has no measurements; place and gain are those of the signal that it will find
+    acquiring: Bool[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]  # whether a counterfeit is the strongest signal in the prompt correlator
     # whether it is one with navigation data of the attacker's own, and those are what is demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
@@ -69,7 +78,7 @@ class E1Tracking:
 class E1Loop:
     """Tracks one satellite through an attack, epoch after epoch.
 
-    `cn0_dbhz` is that of undisturbed E1-C, `loop_bandwidth_hz` B.
+    `cn0_dbhz` is that of undisturbed E1-C, `loop_bandwidth_hz` B; `reacquisition_s` is how long it takes to acquire.
     """
 
     def __init__(
@@ -80,6 +89,7 @@ class E1Loop:
         interval_s: float,
         cn0_dbhz: float,
         loop_bandwidth_hz: float = 1.0,
+        reacquisition_s: float = REACQUISITION_S,
     ) -> None:
         self._spoofer, self._svid, self._interval_s = spoofer, svid, interval_s
         self._steps = min(max(ceil(interval_s / _STEP_S - 1e-9), 1), _MAX_STEPS)
@@ -87,7 +97,8 @@ class E1Loop:
         self._levels = autocorrelation(BOC11, np.arange(-half, half + 1) / half)
         self._pole_hz = 4 * loop_bandwidth_hz / (2 * pi)
         self._lock = 10 ** ((min(LOCK_DBHZ, cn0_dbhz - _LOCK_RANGE_DB) - cn0_dbhz) / 10)
-        self._place = 0.0
+        self._acquisition_steps = ceil(reacquisition_s * self._steps / interval_s - 1e-9)
+        self._place, self._wait = 0.0, 0
 
     def advance(self, first: int, count: int) -> E1Tracking:
         """Return what epochs first … first + count − 1, which are the next ones, see."""
@@ -98,6 +109,7 @@ class E1Loop:
                 worst_error_m=zero,
                 rate_error_mps=zero,
                 gain=np.ones(count),
+                acquiring=never,
                 captured=never,
                 forged_nav_data=never,
             )
@@ -117,27 +129,33 @@ class E1Loop:
         one, zero = np.ones((times_s.size, 1)), np.zeros((times_s.size, 1))
         doppler_hz = np.concatenate([zero, effects.doppler_hz], axis=1)
         noise = 1.0 + effects.rise(Band.E1)
-        place, power, dominant = follow_peak(
+        place, power, dominant, wait = follow_peak(
             self._levels,
             self._place,
+            self._wait,
             np.concatenate([zero, effects.delay_m / _METRES_A_CHIP], axis=1),
             np.concatenate([one + 0j, effects.amplitude], axis=1),
             doppler_hz,
             self._spoofer.acquired_anew(self._svid, before_s, times_s),
             self._lock * noise,
+            np.where(times_s > 0, self._acquisition_steps, 0),
             _SPACING_CHIPS / 2,
             self._pole_hz,
         )
-        self._place = float(place[-1]) if place.size else self._place
+        if place.size:
+            self._place, self._wait = float(place[-1]), int(wait[-1])
         epoch = slice(self._steps - 1, None, self._steps)
         error_m = place.reshape(count, self._steps) * _METRES_A_CHIP
-        worst = np.argmax(np.abs(error_m), axis=1) if count else np.zeros(0, np.int64)
+        measured_m = np.where(wait.reshape(error_m.shape) > 0, 0.0, error_m)  # without a measurement there is no error
+        worst = np.argmax(np.abs(measured_m), axis=1) if count else np.zeros(0, np.int64)
+        acquiring = wait[epoch] > 0
         tracked_hz = doppler_hz[np.arange(times_s.size), dominant][epoch]
         return E1Tracking(
             error_m=error_m[:, -1],
-            worst_error_m=error_m[np.arange(count), worst],
+            worst_error_m=measured_m[np.arange(count), worst],
             rate_error_mps=-tracked_hz * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + 0.0,
             gain=(np.maximum(power, _NO_POWER) / noise)[epoch],
-            captured=dominant[epoch] > 0,
+            acquiring=acquiring,
+            captured=(dominant[epoch] > 0) & ~acquiring,
             forged_nav_data=np.concatenate([[False], effects.forged_nav_data])[dominant[epoch]],
         )

@@ -98,8 +98,10 @@ def strongest(levels, delay, product):
 
 
 @njit(cache=True, nogil=True)
-def follow_peak(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_spacing, pole_hz):
-    """Return the loop's place, the power of its prompt correlator, and the signal that is strongest in it.
+def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
+    """Return the loop's place, the power of its prompt correlator, the signal that is strongest in it, and the wait.
+
+    The wait is the number of steps until a receiver that acquires tracks again; 0 while it tracks.
 
     Parameters
     ----------
@@ -107,17 +109,21 @@ def follow_peak(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_
         R over −1 … 1 chip at equal distances.
     x
         Where the loop is before the first step, in chips after the true signal.
+    wait
+        The wait before the first step.
     delay, amplitude, doppler_hz
         [n_steps, n_signals] in chips, complex, Hz; the true signal is the first.
     anew
-        Steps at which the receiver acquires anew.
+        Steps at which the receiver is restarted.
     lock_power
         Power of the prompt correlator below which lock is lost.
+    acquisition
+        Steps that an acquisition takes which begins at each step; 0 for one that is over at once.
     half_spacing, pole_hz
         Half the early-late spacing in chips; the loop's pole, over which beats are averaged.
     """
     n, k = delay.shape
-    place, prompt, dominant = np.empty(n), np.empty(n), np.empty(n, np.int64)
+    place, prompt, dominant, waits = np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64)
     product = np.empty((k, k))
     for step in range(n):
         for i in range(k):
@@ -126,17 +132,19 @@ def follow_peak(levels, x, delay, amplitude, doppler_hz, anew, lock_power, half_
                 z = amplitude[step, i] * np.conj(amplitude[step, j]) / complex(1.0, beat)
                 product[i, j] = z.real
                 product[j, i] = z.real
-        if anew[step]:
+        if anew[step] or wait > 0:
             x = strongest(levels, delay[step], product)
+            wait = acquisition[step] if anew[step] else wait - 1
         x = settle(levels, x, delay[step], product, half_spacing)
         here = power(levels, x, delay[step], product)
         if here < lock_power[step]:
             x = settle(levels, strongest(levels, delay[step], product), delay[step], product, half_spacing)
             here = power(levels, x, delay[step], product)
+            wait = acquisition[step]
         best = -1.0
         for i in range(k):
             r = correlation(levels, x - delay[step, i])
             if product[i, i] * r * r > best * (1.0 + _TIE):
                 best, dominant[step] = product[i, i] * r * r, i
-        place[step], prompt[step] = x, here
-    return place, prompt, dominant
+        place[step], prompt[step], waits[step] = x, here, wait
+    return place, prompt, dominant, waits

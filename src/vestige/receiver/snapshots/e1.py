@@ -7,9 +7,11 @@ part of the range check.
 The C/N0 is an estimate over a second, which fades with the rays of that second (`cn0_estimate`). C/N0, correlators and
 power come in single precision, as results keep them.
 
-A satellite that is out of view, or weaker than the loop can hold, is not there. So is nothing wrong with a pseudorange
-of 0.6 million kilometres under a sky: the fix says that the receiver's clock is wrong by 2 s, and its monitor asks why.
-On a single line of sight there is no other clock: one that is wrong by more than any travel time can explain follows.
+A satellite that is out of view, weaker than the loop can hold, or being acquired has no measurement.
+
+Under a sky nothing is wrong with a pseudorange of 0.6 million kilometres: the fix says that the receiver's clock is
+wrong by 2 s, and its monitor asks why. On a single line of sight there is no other clock: one that is wrong by more
+than any travel time can explain follows.
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarra
 
 def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:
     """Return whether E1 shows each satellite."""
-    return of.in_view & (of.each(tracked_cn0_dbhz) > LOCK_DBHZ)
+    return of.in_view & ~of.acquiring & (of.each(tracked_cn0_dbhz) > LOCK_DBHZ)
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:

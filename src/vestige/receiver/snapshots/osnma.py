@@ -8,6 +8,8 @@ An E1 loop on a counterfeit with data of the attacker's own demodulates those, w
 validates, and no tag is over them. On a counterfeit that repeats the satellite's data it has the true ones. Of a key
 that comes later the loop of the epoch is asked, as it is for the C/N0.
 
+At an epoch at which E1 acquires a satellite, the page that has just ended is lost.
+
 Data count as authenticated by the key that opens the RECS. That a receiver may still have those of half an hour ago is
 left out: a satellite whose pages are lost is left out of the authenticated fix.
 """
@@ -82,7 +84,7 @@ class OsnmaReception:
             interval_s=interval_s,
             page=page,
             in_view=self.of.in_view,
-            received=np.stack(self._received(page), axis=1),
+            received=np.stack(self._received(page), axis=1) & ~self.of.acquiring[..., None],
             forged=~np.stack(self._true, axis=1),
         )
 

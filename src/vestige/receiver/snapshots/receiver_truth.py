@@ -49,6 +49,11 @@ class ReceiverTruth:
         """Whether each satellite is above the mask."""
         return np.stack([one.geometry.in_view for one in self.truth], axis=1)
 
+    @cached_property
+    def acquiring(self) -> Bool[np.ndarray, "n m"]:
+        """Whether E1 acquires each satellite, and has no measurement of it."""
+        return np.stack([one.e1.acquiring for one in self.truth], axis=1)
+
     @property
     def rows(self) -> slice:
         """Rows of the epochs with RECS."""

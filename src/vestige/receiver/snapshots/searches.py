@@ -38,7 +38,10 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchFinds:
-    """What the searches would find in each of n epochs, if they were made; NaN without RECS and out of view."""
+    """What the searches would find in each of n epochs, if they were made.
+
+    NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite none is made.
+    """
 
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
     handover_carrying: Float[np.ndarray, "n m"]  # those of them that carry the encrypted chips
@@ -142,7 +145,7 @@ class DrawnSearches:
             values = np.full(of.shape, np.nan)
             for column, one in enumerate(drawn):
                 values[of.rows, column] = getattr(one, name)
-            return np.where(of.in_view, single(values), np.nan)
+            return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
         # beyond the window there is no true signal for this receiver: the earliest is the one that E1 follows
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS

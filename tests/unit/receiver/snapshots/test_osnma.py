@@ -81,3 +81,18 @@ def test_keys_that_are_jammed_are_not_there() -> None:
     before = sent[(key_end_s[sent] < 100) & (sent < 100)]
     assert recs.with_key[before].all()
     assert not recs.with_key[sent[sent >= 100]].any()
+
+
+def test_the_page_that_ends_while_e1_acquires_is_lost() -> None:
+    """A page is complete at each odd second; the receiver restarts at 61 s and acquires for 1.5 s or for 4.5 s."""
+
+    def lost(reacquisition_s: float) -> list[int]:
+        attack = 'attack=[{kind="e1-asynchronous", start_s=61.0, power_db=20.0, delay_m=5e3, svids=[6]}]'
+        settings = (f"receiver.reacquisition_s={reacquisition_s}", "constellation.svids=[6, 24]")
+        _, osnma = _block(sky_scenario("epochs=90", attack, *settings))
+        missing = osnma.due & ~osnma.received
+        assert not missing[:, 1].any()
+        return sorted(set(osnma.epoch[missing[:, 0] > 0].tolist()))
+
+    assert lost(1.5) == [61]
+    assert lost(4.5) == [61, 63, 65]

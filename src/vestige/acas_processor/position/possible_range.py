@@ -1,0 +1,169 @@
+"""Which ranges are possible: for a satellite of the constellation, the receiver's clock, and where the receiver may be.
+
+A search can take noise for a signal, anywhere in the time that it looks at. Its range is tested three times:
+
+1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock is
+   wrong by no more than its upper limit.
+2. **The other satellites.** The clock error is common to all ranges of an epoch, so they differ by the travel times
+   alone: what is farther from the median than `SPREAD_M` is wrong. Of two that disagree either may be.
+3. **The known position.** With d the distance from the satellite to that position, P − d + c Δt_sat is the clock error
+   to within `reach_m` + `MARGIN_M`: it must lie within the limit of the clock, and agree with that of the others. This
+   holds for found signals only. The range of E1 is the business of the checks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from jaxtyping import Bool, Float, Int8
+
+from vestige.acas_processor.monitoring.memory import FixMemory, Vector
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.navigation.position_fix import Transmission
+
+# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, 10 ms to spare for the clock.
+SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
+SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
+
+FIX_REACH_M = 1000.0  # of a fix without corrections: ionosphere and troposphere, and what an attack makes unseen
+FASTEST_MPS = 500.0  # how fast the receiver may leave a position; an airliner has 300 m/s
+MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit, 46 m of rotation of the Earth
+_RANGE_RATE_MPS = 1000.0  # no more of a receiver on the Earth: what the clock's error makes of a satellite's place
+
+# why a range is not possible, as numbers in `why_impossible`
+REASONS = (
+    "",
+    "no travel time and no clock error that is allowed explain it",
+    "the ranges of the other satellites disagree",
+    "the known position does not allow it",
+)
+_TRAVEL, _OTHERS, BY_POSITION = 1, 2, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproximatePosition:
+    """A position that the receiver is known to be near.
+
+    Attributes
+    ----------
+    position_m
+        ECEF.
+    reach_m
+        Upper limit of the distance to the receiver.
+
+    Examples
+    --------
+    >>> ApproximatePosition(position_m=(4.18e6, 0.86e6, 4.72e6), reach_m=5000.0).reach_m
+    5000.0
+    """
+
+    position_m: Vector
+    reach_m: float
+
+    def __post_init__(self) -> None:
+        if not (self.reach_m > 0 and isfinite(self.reach_m) and all(isfinite(one) for one in self.position_m)):
+            raise ValueError(f"a position within some metres, found {self.position_m} within {self.reach_m} m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KnownPositions:
+    """Where the receiver may be at each of n epochs; NaN and infinity where nothing is known."""
+
+    position_m: Float[np.ndarray, "n 3"]
+    reach_m: Float[np.ndarray, " n"]
+
+
+def why_impossible(
+    range_m: Float[np.ndarray, "n m"],
+    clock_limit_s: Float[np.ndarray, " n"],
+) -> Int8[np.ndarray, "n m"]:
+    """Return which ranges travel time, clock and the other satellites exclude, as a number of `REASONS`; 0 for none.
+
+    Parameters
+    ----------
+    range_m
+        Pseudoranges, NaN where there is none.
+    clock_limit_s
+        Upper limit of the error of the receiver's clock.
+    """
+    lowest_m, highest_m = (
+        SPEED_OF_LIGHT_MPS * (one + sign * clock_limit_s)[:, None]
+        for one, sign in ((SHORTEST_TRAVEL_S, -1), (LONGEST_TRAVEL_S, 1))
+    )
+    wrong = (range_m < lowest_m) | (range_m > highest_m)
+    others = np.abs(range_m - _median(np.where(wrong, np.nan, range_m))) > SPREAD_M
+    return np.where(wrong, _TRAVEL, np.where(others, _OTHERS, 0)).astype(np.int8)
+
+
+def too_far_away(
+    range_m: Float[np.ndarray, "n m"],
+    sent: Transmission,
+    found: Bool[np.ndarray, "n m"],
+    clock_limit_s: Float[np.ndarray, " n"],
+    known: KnownPositions,
+) -> Bool[np.ndarray, "n m"]:
+    """Return which found signals the known position excludes.
+
+    Parameters
+    ----------
+    range_m
+        Pseudoranges that are possible otherwise, NaN where there is none.
+    sent
+        The satellites when they sent what has these ranges.
+    found
+        Which of them are of found signals.
+    clock_limit_s
+        Upper limit of the error of the receiver's clock.
+    known
+        Where the receiver may be.
+    """
+    distance_m = np.linalg.norm(sent.position_m - known.position_m[:, None], axis=2)
+    clock_m = range_m + sent.clock_m - distance_m
+    limit_m = (known.reach_m + MARGIN_M + _RANGE_RATE_MPS * clock_limit_s)[:, None]
+    wrong = np.abs(clock_m) > limit_m + SPEED_OF_LIGHT_MPS * clock_limit_s[:, None]
+    others = np.abs(clock_m - _median(np.where(wrong & found, np.nan, clock_m))) > 2 * limit_m
+    return found & (wrong | others)
+
+
+def known_positions(
+    time_s: Float[np.ndarray, " n"],
+    fixed_m: Float[np.ndarray, "n 3"],
+    before: FixMemory | None,
+    stated: ApproximatePosition | None,
+) -> KnownPositions:
+    """Return where the receiver may be at each epoch: near the last fix before it, or near the position that is stated.
+
+    Of the two it is the one with the smaller reach.
+
+    Parameters
+    ----------
+    time_s
+        Epochs, in s after the first one that the receiver processed.
+    fixed_m
+        The fix of each epoch that counts; NaN where none does.
+    before
+        The last one before the block.
+    stated
+        What the settings say.
+    """
+    rows = np.where(np.isfinite(fixed_m[:, 0]), np.arange(time_s.size), -1)
+    last = np.concatenate([[-1], np.maximum.accumulate(rows)[:-1]])
+    nowhere = (np.full(3, np.nan), -np.inf) if before is None else (np.array(before.position_m), before.time_s)
+    inside = last >= 0
+    position_m = np.where(inside[:, None], fixed_m[last], nowhere[0])
+    reach_m = FIX_REACH_M + FASTEST_MPS * (time_s - np.where(inside, time_s[last], nowhere[1]))
+    if stated is not None:
+        nearer = stated.reach_m < reach_m
+        position_m = np.where(nearer[:, None], np.array(stated.position_m), position_m)
+        reach_m = np.minimum(stated.reach_m, reach_m)
+    return KnownPositions(position_m=position_m, reach_m=reach_m)
+
+
+def _median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
+    """Return the median of what is known of each row; NaN if nothing is."""
+    order = np.sort(values, axis=1)  # NaN last
+    count = np.count_nonzero(np.isfinite(values), axis=1)
+    row, middle = np.arange(count.size), np.maximum(count - 1, 0)
+    return (0.5 * (order[row, middle // 2] + order[row, (middle + 1) // 2]))[:, None]
