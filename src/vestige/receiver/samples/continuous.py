@@ -102,12 +102,15 @@ class ContinuousTruth:
         own_m = 0.0 if band is Band.E1 else self.truth.bias_m + self.group_delay_m
         return self.ionosphere_m(band) + own_m
 
-    def received_s(self) -> Float[np.ndarray, " n"]:
-        """Return the receiver time at which the first chip of each epoch arrives on E6: t = t_k + P6(t)/c."""
+    def received_s(self, band: Band = Band.E6) -> Float[np.ndarray, " n"]:
+        """Return the receiver time at which the first chip of each epoch arrives on a band: t = t_k + P(t)/c.
+
+        P is the range of the band's code.
+        """
         sent_s = self.truth.time_s
         t_s = sent_s
         for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
-            t_s = sent_s + (self.range_m(t_s) + self.delay_m(Band.E6)) / SPEED_OF_LIGHT_MPS
+            t_s = sent_s + (self.range_m(t_s) + self.delay_m(band)) / SPEED_OF_LIGHT_MPS
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:

@@ -147,7 +147,7 @@ class SimulatedE6Samples:
 
     @cached_property
     def _sky(self) -> SkySamples:
-        return SkySamples(of=self.of)
+        return SkySamples(of=self.of, band=Band.E6)
 
     def _expected_s(self, row: int, column: int) -> float:
         """Return when E1 puts the RECS number `row` of a satellite of a sky, in s after the start."""
