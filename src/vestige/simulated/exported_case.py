@@ -71,7 +71,6 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
-                atmosphere=self.scenario.atmosphere.models(),
             )
             for one in self.scenario.simulations
         )
@@ -183,7 +182,7 @@ class AcasTestCase:
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = (self.end - self.first) // 2
-        return {one.svid: float(one.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
+        return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
 
     def truth_table(self) -> dict[str, list[str]]:
         """Return the truth as columns of text, one satellite after the other: what `truth.csv` holds."""

@@ -1,8 +1,8 @@
 """What E1 tracking says of all satellites, epoch by epoch.
 
 A pseudorange holds geometry and receiver clock, noise, multipath and what an attack made of the loop. Under a sky it
-holds the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it is common to both bands and no
-part of the range check.
+holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
+is common to both bands and no part of the range check.
 
 The C/N0 is an estimate over a second, which fades with the rays of that second (`cn0_estimate`). C/N0, correlators and
 power come in single precision, as results keep them.
@@ -88,7 +88,7 @@ def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
     error_m = of.e1_error_m - of.each(clock_follows_m)
     return (
         of.each(lambda _, truth: truth.range_m + truth.clock_m)
-        + of.each(lambda _, truth: truth.ionosphere_e1_m)
+        + of.each(lambda _, truth: truth.ionosphere_m(Band.E1))
         + error_m
     )
 
