@@ -24,7 +24,7 @@ from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_r
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
-from vestige.receiver.snapshots.sky_e1 import sky_e1_taps, sky_power_rise_db
+from vestige.receiver.snapshots.sky_e1 import sky_e1
 from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -129,9 +129,7 @@ def _taps_and_power(
     nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.geometry.amplitude))
     saturated = np.zeros(of.n, np.bool_)
     if fidelity == "samples" and of.simulations[0].elevation is not None:
-        sky = SkySamples(of=of, band=Band.E1)
-        taps = sky_e1_taps(sky, shown)
-        rise_db, saturated = sky_power_rise_db(sky, nominal_dbhz)
+        taps, rise_db, saturated = sky_e1(SkySamples(of=of, band=Band.E1), shown, nominal_dbhz)
         read_db = rise_db
     else:
         taps, rise_db, read_db = _each_alone(of, fidelity, nominal_dbhz)

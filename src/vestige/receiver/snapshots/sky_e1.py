@@ -19,6 +19,7 @@ attack it is 1 + Σ 2 p C/N0_i / W times the noise, where each of two components
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float
@@ -36,37 +37,55 @@ _MARGIN_S = 5e-6  # of samples on both sides: the taps, and a Doppler that makes
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
-def sky_e1_taps(sky: SkySamples, wanted: Bool[np.ndarray, "n m"]) -> Complex128[np.ndarray, "n m n_taps"]:
-    """Return ξ of all satellites before the gain control, NaN where it is not wanted.
+class SkyE1(NamedTuple):
+    """What E1 of a sky gives in n epochs of m satellites."""
+
+    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where it is not wanted
+    rise_db: Float[np.ndarray, " n"]  # power over that without attack
+    saturated: Bool[np.ndarray, " n"]  # whether the front end clips
+
+
+def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.ndarray, "n m"]) -> SkyE1:
+    """Return correlators and power of E1, epoch after epoch, so that both come out of the same stretches.
 
     Parameters
     ----------
     sky
         The samples of E1.
     wanted
-        Which satellites at which epochs.
+        Which satellites are correlated at which epochs.
+    cn0_dbhz
+        C/N0 of each component of the true signals without interference.
     """
-    of, start = sky.of, sky.of.simulations[0].start
+    of, width_hz = sky.of, min(POWER_BANDWIDTH_HZ, sky.of.simulations[0].front_end.power_bandwidth_hz)
     taps = np.full((*of.shape, len(TAP_CHIPS)), np.nan + 0j)
-    start_s, phase_cycles, doppler_hz, doppler_rate_hz_per_s = _replicas(sky)
-    front_end = of.simulations[0].front_end
-    density = front_end.power_bandwidth_hz / front_end.sample_rate_hz  # the noise is 1 in the bandwidth of the filter
-    for row, column in np.argwhere(wanted).tolist():  # the satellites of an epoch one after the other
-        begin_s, here = float(start_s[row, column]), (row, column)
-        batch = sky.between(begin_s - _MARGIN_S, begin_s + INTEGRATION_S + _MARGIN_S)
-        handover = Handover(
-            svid=of.svids[column],
-            chips=e1c_replica(of.svids[column]),
-            start_time=start + begin_s,
-            doppler_hz=float(doppler_hz[here]),
-            doppler_rate_hz_per_s=float(doppler_rate_hz_per_s[here]),
-            expected_cn0_dbhz=of.simulations[column].cn0_e1_dbhz,
-        )
-        bank = correlate(batch, handover, _OFFSETS_M)
-        assert bank is not None  # noqa: S101  (the margin is ours)
-        turn = E1C.polarity * np.exp(2j * np.pi * (phase_cycles[here] % 1.0))
-        taps[here] = bank.taps * turn * math.sqrt(2 * batch.sample_rate_hz * bank.integration_s * density)
-    return taps
+    power, saturated = np.empty(of.n), np.empty(of.n, np.bool_)
+    replicas = _replicas(sky)
+    for row, sent_s in enumerate(of.truth[0].time_s.tolist()):
+        power[row], saturated[row] = sky.power_near(sent_s + MEDIAN_TRAVEL_TIME_S, width_hz)
+        for column in np.flatnonzero(wanted[row]).tolist():
+            begin_s, cycles, doppler_hz, doppler_rate_hz_per_s = (float(values[row, column]) for values in replicas)
+            handover = Handover(
+                svid=of.svids[column],
+                chips=e1c_replica(of.svids[column]),
+                start_time=of.simulations[column].start + begin_s,
+                doppler_hz=doppler_hz,
+                doppler_rate_hz_per_s=doppler_rate_hz_per_s,
+                expected_cn0_dbhz=of.simulations[column].cn0_e1_dbhz,
+            )
+            taps[row, column] = _correlated(sky, begin_s, handover) * np.exp(2j * np.pi * (cycles % 1.0))
+    return SkyE1(taps=taps, rise_db=10 * np.log10(power / _nominal_power(cn0_dbhz, width_hz)), saturated=saturated)
+
+
+def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex128[np.ndarray, " n_taps"]:
+    """Return the correlators of a replica that begins at a time in s after the start, in units of the noise."""
+    front_end = sky.of.simulations[0].front_end
+    batch = sky.between(begin_s - _MARGIN_S, begin_s + INTEGRATION_S + _MARGIN_S)
+    bank = correlate(batch, handover, _OFFSETS_M)
+    assert bank is not None  # noqa: S101  (the margin is ours)
+    # behind a filter the noise has the power 1 in a narrower band, so its density is higher
+    n_noise = batch.sample_rate_hz * bank.integration_s * front_end.power_bandwidth_hz / front_end.sample_rate_hz
+    return bank.taps * (E1C.polarity * math.sqrt(2 * n_noise))
 
 
 def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
@@ -91,25 +110,10 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
     return tuple(np.stack(values, axis=1) for values in zip(*found, strict=True))
 
 
-def sky_power_rise_db(
-    sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"]
-) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Return by how much the power of E1 is above that without attack, in dB, and where the front end clips.
-
-    Parameters
-    ----------
-    sky
-        The samples of E1.
-    cn0_dbhz
-        C/N0 of each component of the true signals without interference.
-    """
-    of = sky.of
-    width_hz = min(POWER_BANDWIDTH_HZ, of.simulations[0].front_end.power_bandwidth_hz)
+def _nominal_power(cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
+    """Return the power within a bandwidth about the carrier over the noise there, without attack."""
     passed = sum(
         band_limited_autocorrelation(one.pulse, np.zeros(1), chip_rate_hz=one.chip_rate_hz, bandwidth_hz=width_hz)[0]
         for one in (E1B, E1C)
     )
-    nominal = 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz
-    read = [sky.power_near(sent_s + MEDIAN_TRAVEL_TIME_S, width_hz) for sent_s in of.truth[0].time_s.tolist()]
-    power, saturated = (np.array(values) for values in zip(*read, strict=True))
-    return 10 * np.log10(power / nominal), saturated
+    return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz
