@@ -2,8 +2,9 @@
 
 The campaign's receiver runs on through the epochs `first` to `end`: samples of both bands, all satellites of its sky in
 them (`receiver.samples.continuous`), E1 observations with the errors of the truth, RECS, group delays, keys. RECS, keys
-and errors are those with which `vestige run` processes the same epochs. Under a sky without an atmosphere so are the E6
-samples; on a single line of sight the noise of the campaign's samples belongs to each epoch alone.
+and errors are those with which `vestige run` processes the same epochs. Under a sky so are the E6 samples, and those of
+E1 but for the symbols of E1-B. On a single line of sight the noise of the campaign's samples belongs to each epoch
+alone.
 """
 
 from __future__ import annotations

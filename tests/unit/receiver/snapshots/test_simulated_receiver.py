@@ -207,6 +207,7 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
     assert made == once  # what the front end said is remembered
 
 
+ATMOSPHERE = 'atmosphere={troposphere={kind="saastamoinen"}, ionosphere={kind="ntcm-g", ai0_sfu=150.0}}'
 ATTACK_ON_BOTH = (
     '[{kind="lift-off", start_s=1.0, delay_m=75, power_db=4.5}, {kind="jamming", start_s=1.5, j_over_n_db=5, '
     'bands=["E6"], waveform={kind="chirp", bandwidth_hz=4e6}}]'
@@ -226,7 +227,7 @@ def test_the_samples_of_a_sky_are_those_of_its_recording(attack: str, front_end:
     """Bit by bit, around the RECS of each satellite, with a filter and a quantiser or without, however it is cut."""
     scenario = sky_scenario(
         "epochs=5", "recs.every=4", 'fidelity="samples"', "receiver.sample_rate_hz=6.2e6", f"attack={attack}",
-        "constellation.svids=[6, 24]", f"receiver.front_end={front_end}",
+        ATMOSPHERE, "constellation.svids=[6, 24]", f"receiver.front_end={front_end}",
     )  # fmt: skip
     recording = simulated(AcasTestCase(scenario=scenario, first=0, end=5))
     first, second = _blocks(scenario, 2)
@@ -245,6 +246,7 @@ def test_e1_of_a_sky_comes_from_the_samples_of_its_recording() -> None:
     """Bit by bit, but for the message on E1-B, around an epoch of each block."""
     scenario = sky_scenario(
         "epochs=5", 'fidelity="samples"', "receiver.sample_rate_hz=6.2e6", "constellation.svids=[6, 24]",
+        ATMOSPHERE,
         f"attack={ATTACK_ON_BOTH}",
     )  # fmt: skip
     case = AcasTestCase(scenario=scenario, first=0, end=5)
