@@ -1,4 +1,4 @@
-"""Samples of one band to standard output: the bytes of the file, and an end without a message when nobody reads on."""
+"""Samples of a band or both to standard output: the bytes of the file, and a silent end when nobody reads on."""
 
 from __future__ import annotations
 
@@ -40,6 +40,27 @@ def test_the_bytes_are_those_of_the_file(folder: Path, band: str, workers: int) 
         == f"0.4 s of {band.upper()}: int8 I,Q at 3000000 Hz around {center_hz} Hz, from 2026-11-21T12:00:00.500 GST"
     )
     assert rest == [f"{band.upper()} samples"]
+
+
+@pytest.mark.parametrize("component", ["int8", "int16"])
+def test_both_bands_take_turns(folder: Path, component: str) -> None:
+    """E1[0] E6[0] E1[1] E6[1] …, each I and then Q: every other pair is that of the band's own pipe."""
+    result = invoked("-o", "-", "--band", "both", "--format", component)
+    assert result.exception is None
+    frames = np.frombuffer(result.stdout_bytes, component).reshape(-1, 2, 2)
+    for place, band in enumerate(("e1", "e6")):
+        if component == "int8":
+            expected = np.fromfile(folder / f"{band}.sigmf-data", np.int8)
+        else:
+            alone = invoked("-o", "-", "--band", band, "--format", component)
+            expected = np.frombuffer(alone.stdout_bytes, component)
+        assert np.array_equal(frames[:, place].ravel(), expected)
+    first, *rest = result.stderr.splitlines()
+    assert first == (
+        f"0.4 s of E1 and E6, sample by sample in turn: {component} I,Q at 3000000 Hz around 1575420000 Hz and "
+        "1278750000 Hz, from 2026-11-21T12:00:00.500 GST"
+    )
+    assert rest == ["E1 and E6 samples"]
 
 
 def test_another_number_format(folder: Path) -> None:

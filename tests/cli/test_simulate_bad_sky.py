@@ -141,6 +141,10 @@ def test_an_osnma_key_of_the_user_signs(night: Path, with_tree: bool) -> None:
             "receiver.sample_rate_hz: found 5 MHz, expected at least 5.115 MHz, the band of",
         ),
         (
+            "receiver.front_end.bandwidth_hz=20e6",
+            "receiver.front_end: found bandwidth_hz = 20000000.0, expected a bandwidth above 0 and below 12.5 MHz, ",
+        ),
+        (
             "receiver.front_end.bandwidth_hz=4e6",
             "receiver.front_end.bandwidth_hz: found 4 MHz, expected at least 5.115 MHz, the band of E6-C",
         ),

@@ -59,13 +59,14 @@ class TruthBlock:
     """The truth of a block of epochs of one satellite."""
 
     time_s: Float[np.ndarray, " n"]  # after the scenario's start
-    range_m: Float[np.ndarray, " n"]  # geometric
+    range_m: Float[np.ndarray, " n"]  # geometric, and the troposphere if there is one
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
     iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
+    broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]  # what the message says of it, on E1; both bands have it
     iono_on_carrier: Float[np.ndarray, " n"]  # 1 where the ionosphere advances the carriers, 0 where it is code only
     bias_m: Float[np.ndarray, " n"]  # by how much the code of E6 is later than that of E1 beyond iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
@@ -78,12 +79,18 @@ class TruthBlock:
     geometry: SatelliteGeometry
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the ionosphere's residual on a band in m: the code is later by it."""
-        return self.ionosphere_e1_m if band is Band.E1 else self.ionosphere_e1_m + self.iono_diff_m
+        """Return the ionosphere on a band in m, residual and broadcast model: the code is later by it."""
+        return self._residual_m(band) + self._modelled_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much the ionosphere's residual makes the carrier of a band earlier, in m."""
-        return self.ionosphere_m(band) * self.iono_on_carrier
+        """Return by how much the ionosphere makes the carrier of a band earlier, in m."""
+        return self._residual_m(band) * self.iono_on_carrier + self._modelled_m(band)
+
+    def _residual_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        return self.ionosphere_e1_m if band is Band.E1 else self.ionosphere_e1_m + self.iono_diff_m
+
+    def _modelled_m(self, band: Band) -> Float[np.ndarray, " n"]:
+        return self.broadcast_ionosphere_e1_m * (1.0 if band is Band.E1 else GAMMA_E1_E6)
 
 
 class TruthProcess:
@@ -143,6 +150,7 @@ class TruthProcess:
             clock_drift_mps=drift_mps,
             iono_diff_m=iono_diff_m,
             ionosphere_e1_m=iono_diff_m / (GAMMA_E1_E6 - 1) if elevation else np.zeros(count),
+            broadcast_ionosphere_e1_m=elevation.broadcast_ionosphere_e1_m(times_s, clock_m) if elevation else zero,
             iono_on_carrier=np.full(count, 0.0 if getattr(models.ionosphere, "code_only", False) else 1.0),
             bias_m=_advanced(models.bias, self._bias, times_s) if self._bias else zero,
             e1_noise_m=code_m * noisier,

@@ -27,6 +27,7 @@ from vestige.receiver.errors.multipath import LmsLiteMultipath
 from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.sky.atmosphere import through_atmosphere
 from vestige.receiver.sky.meaconer_way import placed_attacks
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.truth import ErrorModels
@@ -284,7 +285,7 @@ class CampaignScenario(Section):
                 n_epochs=-(-self.epochs // self.recs.every),
                 interval_s=round(self.interval_s * self.recs.every, 1),
                 truth_interval_s=self.interval_s,
-                line_of_sight=effects.path,
+                line_of_sight=effects.line_of_sight,
                 spoofer=Spoofer(attacks=placed_attacks(self.attack, effects.path, self.epochs * self.interval_s)),
                 svid=effects.path.ephemeris.svid,
                 elevation=effects,
@@ -292,7 +293,7 @@ class CampaignScenario(Section):
                 cn0_dbhz=one.cn0_dbhz + effects.nominal_db,
                 cn0_e1_dbhz=one.cn0_e1_dbhz + effects.nominal_db,
             )
-            for effects in sky
+            for effects in (through_atmosphere(one, self.atmosphere.models()) for one in sky)
         )
 
     @property

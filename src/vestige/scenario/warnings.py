@@ -25,18 +25,8 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
         *attacks,
         *_never(scenario),
         *_old_orbits(scenario),
-        *_in_recordings_only(scenario),
         *stairs,
         *_round_peak(scenario),
-    )
-
-
-def _in_recordings_only(scenario: CampaignScenario) -> tuple[str, ...]:
-    if not scenario.atmosphere.models().there:
-        return ()
-    return (
-        "atmosphere: it is in the recordings of `vestige simulate`; `vestige run` takes troposphere and broadcast "
-        "ionosphere for corrected",
     )
 
 

@@ -2,8 +2,9 @@
 
 The campaign's receiver runs on through the epochs `first` to `end`: samples of both bands, all satellites of its sky in
 them (`receiver.samples.continuous`), E1 observations with the errors of the truth, RECS, group delays, keys. RECS, keys
-and errors are those with which `vestige run` processes the same epochs. Under a sky without an atmosphere so are the E6
-samples; on a single line of sight the noise of the campaign's samples belongs to each epoch alone.
+and errors are those with which `vestige run` processes the same epochs. Under a sky so are the E6 samples, and those of
+E1 but for the symbols of E1-B. On a single line of sight the noise of the campaign's samples belongs to each epoch
+alone.
 """
 
 from __future__ import annotations
@@ -77,7 +78,6 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
-                atmosphere=self.scenario.atmosphere.models(),
             )
             for one in self.scenario.simulations
         )
@@ -189,7 +189,7 @@ class AcasTestCase:
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = (self.end - self.first) // 2
-        return {one.svid: float(one.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
+        return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
 
     def truth_table(self) -> dict[str, list[str]]:
         """Return the truth as columns of text, one satellite after the other: what `truth.csv` holds."""

@@ -14,7 +14,6 @@ from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.satellite_on_air import SatelliteOnAir, broadcast_group_delay_s, continuous_truth
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
-from vestige.receiver.sky.atmosphere import NO_ATMOSPHERE, Atmosphere, AtmosphericDelay
 from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.receiver.truth_around import TAIL_S, epochs_around
@@ -32,7 +31,6 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
-    atmosphere: Atmosphere = NO_ATMOSPHERE  # troposphere and broadcast ionosphere, of a sky
 
     @property
     def svid(self) -> int:
@@ -56,24 +54,8 @@ class ExportedSatellite:
         before, after = self._neighbours
         process = self.simulation.truth()
         process.advance(0, self.first - before)
-        truth, delay = process.advance(self.first - before, before + self.end - self.first + after), self._atmospheric
-        return continuous_truth(self.simulation, truth, delay)
-
-    @property
-    def _atmospheric(self) -> AtmosphericDelay | None:
-        elevation = self.simulation.elevation
-        if elevation is None or not self.atmosphere.there:
-            return None
-        return AtmosphericDelay(atmosphere=self.atmosphere, path=elevation.path)
-
-    @cached_property
-    def broadcast_ionosphere_e1_m(self) -> Float[np.ndarray, " n"]:
-        """Delay on E1 at the epochs that a receiver computes from the coefficients of the message, in m."""
-        before, _ = self._neighbours
-        modelled_m = self.path.modelled_ionosphere_e1_m
-        if modelled_m is None:
-            return np.zeros(self.end - self.first)
-        return modelled_m[before : before + self.end - self.first]
+        truth = process.advance(self.first - before, before + self.end - self.first + after)
+        return continuous_truth(self.simulation, truth)
 
     @cached_property
     def bgd_s(self) -> float:
@@ -172,8 +154,8 @@ class ExportedSatellite:
             "e1_attack_error_m": truth.e1.error_m,
             "range_offset_m": self.range_offset_m,
         }
-        if self.atmosphere.there:
-            numbers |= {"troposphere_m": path.troposphere_m(t_s), "ionosphere_e1_m": self.broadcast_ionosphere_e1_m}
+        if path.atmosphere is not None:
+            numbers |= {"troposphere_m": path.troposphere_m(t_s), "ionosphere_e1_m": truth.broadcast_ionosphere_e1_m}
         for ray in range(truth.rays.delay_m.shape[1]):
             name = f"ray{ray + 1}"
             numbers |= {

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -102,19 +102,22 @@ class SimulatedRecording:
 
     def send(
         self,
-        band: Band,
+        bands: Band | Sequence[Band],
         write: Callable[[bytes], object],
         *,
         component: SampleType = "int8",
         workers: int = 2,
         progress: Report | None = None,
     ) -> None:
-        """Give the samples of a band to `write`, some 10 ms at a time: the bytes of the file that `self.write` writes.
+        """Give samples to `write`, some 10 ms at a time.
+
+        One band has the bytes of the file that `self.write` writes. Two bands take turns, sample by sample: with
+        (E1, E6) the bytes are those of E1[0], E6[0], E1[1], E6[1] and so on, each I and then Q.
 
         Parameters
         ----------
-        band
-            The band.
+        bands
+            The band, or the bands in the order in which they take turns.
         write
             Takes bytes, I and Q in turn, little endian. While it waits, at most eight stretches of samples are made.
         component
@@ -122,20 +125,24 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; it changes no bit.
         progress
-            Called with the band, the number of samples that are written, and the number of all.
+            Called with the bands, the number of samples of each that are written, and the number of all.
 
         Raises
         ------
         OSError
             Whatever `write` raises.
         """
+        chosen = (bands,) if isinstance(bands, Band) else tuple(bands)
         form, scale, done = SampleFormat(component=component, layout="iq"), self.scale(component), 0
-        with ThreadPoolExecutor(workers) as makers, closing(self._rest(band, 0, makers)) as batches:
-            for batch in batches:
-                write(encode(batch.samples, form, scale=scale).tobytes())
-                done += batch.samples.size
+        name = " and ".join(band.value for band in chosen)
+        with ThreadPoolExecutor(workers) as makers, ExitStack() as made:
+            each = [made.enter_context(closing(self._rest(band, 0, makers))) for band in chosen]
+            for batches in zip(*each, strict=True):
+                parts = [encode(batch.samples, form, scale=scale).reshape(-1, 2) for batch in batches]
+                write(np.stack(parts, axis=1).tobytes())
+                done += batches[0].samples.size
                 if progress is not None:
-                    progress(f"{band.value} samples", done, len(self.samples))
+                    progress(f"{name} samples", done, len(self.samples))
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(

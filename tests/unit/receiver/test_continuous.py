@@ -34,6 +34,7 @@ def truth(e1_multipath: bool = False, *, sky: bool = False) -> ContinuousTruth:
         clock_drift_mps=np.array([2.0, 1.0, -1.0, 4.0]),
         iono_diff_m=DIFFERENCE_M,
         ionosphere_e1_m=DIFFERENCE_M / (GAMMA_E1_E6 - 1) if sky else np.zeros(4),
+        broadcast_ionosphere_e1_m=np.zeros(4),
         iono_on_carrier=np.ones(4),
         bias_m=np.array([0.1, 0.2, 0.3, 0.4]),
         e1_noise_m=np.zeros(4),

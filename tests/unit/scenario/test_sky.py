@@ -109,11 +109,6 @@ def test_each_satellite_has_the_strength_of_its_elevation_at_the_first_epoch() -
         assert (one.n_epochs, one.interval_s, one.truth_interval_s) == (120, 30.0, 1.0)
 
 
-def test_an_atmosphere_gets_a_word() -> None:
-    (line,) = scenario_warnings(sky_scenario('atmosphere={troposphere={kind="saastamoinen"}}'))
-    assert line.startswith("atmosphere: it is in the recordings of `vestige simulate`")
-
-
 def test_a_run_that_outlasts_the_orbits_of_a_file_gets_a_word(tmp_path: Path) -> None:
     """The toe is an hour before the start: three hours are left of four. Walker's orbits hold for ever."""
     write_rinex_navigation(tmp_path / "day.rnx", walker_ephemerides(GalileoTime.parse("2026-11-21T15:00:00 GST")))

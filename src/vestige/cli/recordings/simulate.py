@@ -25,7 +25,11 @@ _path = click.Path(path_type=Path)
 @click.option(
     "-o", "--output", required=True, type=_path, help="Folder to write, must not exist; - for samples to a pipe."
 )
-@click.option("--band", type=click.Choice(["e1", "e6"]), help="Band of which samples go to the pipe, with -o -.")
+@click.option(
+    "--band",
+    type=click.Choice(["e1", "e6", "both"]),
+    help="Band whose samples go to the pipe, with -o -; both: E1, E6, E1, …",
+)
 @click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
 @set_option
 @click.option(
@@ -48,7 +52,7 @@ def command(scenario: Path, **options: Any) -> None:
     `vestige process` authenticates it. A recording gives samples with open E6-C and an OSNMA key chain;
     `vestige recs make` makes RECS for it.
 
-    With `-o -` the I,Q samples of one band go to standard output, and no file is written.
+    With `-o -` the I,Q samples of one band, or of both in turn, go to standard output, and no file is written.
     """
     from vestige.cli.progress import progress
     from vestige.errors import InputFileError, VestigeError
@@ -113,7 +117,7 @@ def _check_band(path: Path, scenario: CampaignScenario) -> None:
 def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
     """Raise a usage error if options do not go together with files or with a pipe."""
     if to_pipe and options["band"] is None:
-        raise click.UsageError("-o - writes the samples of one band; add --band e1 or --band e6")
+        raise click.UsageError("-o - writes samples to a pipe; say of which band: --band e1, --band e6 or --band both")
     if to_pipe and options["exports"]:
         raise click.UsageError("--export writes files; -o - writes samples alone")
     if not to_pipe and options["band"] is not None:
@@ -123,17 +127,20 @@ def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
 
 
 def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
-    """Write the samples of one band to standard output; a reader that closes the pipe ends it without a message."""
+    """Write samples to standard output; a reader that closes the pipe ends it without a message."""
     from vestige.cli.progress import progress
     from vestige.records import Band
 
-    band, component, output = Band[options["band"].upper()], options["component"], sys.stdout.buffer
-    rate_hz, (time, center_hz) = source.sample_rate_hz, source.begin(band)
-    what = f"{source.duration_s:g} s of {band.value}: {component} I,Q at {rate_hz:.10g} Hz around {center_hz:.10g} Hz"
-    echo(f"{what}, from {time}", err=True)
+    bands = (Band.E1, Band.E6) if options["band"] == "both" else (Band[options["band"].upper()],)
+    component, output, rate_hz = options["component"], sys.stdout.buffer, source.sample_rate_hz
+    begin = [source.begin(band) for band in bands]
+    names = " and ".join(band.value for band in bands) + (", sample by sample in turn" if len(bands) > 1 else "")
+    around = " and ".join(f"{center_hz:.10g} Hz" for _, center_hz in begin)
+    what = f"{source.duration_s:g} s of {names}: {component} I,Q at {rate_hz:.10g} Hz around {around}"
+    echo(f"{what}, from {begin[0][0]}", err=True)
     try:
         with progress() as report:
-            source.send(band, output.write, component=component, workers=options["workers"], progress=report)
+            source.send(bands, output.write, component=component, workers=options["workers"], progress=report)
         output.flush()
     except BrokenPipeError:
         # what is still buffered would fail once more when Python ends

@@ -118,7 +118,9 @@ def _placed(claim: ClaimedPublicKey, tree: MerkleTree) -> tuple[int, int]:
             pkid = entry.pkid if pkid is None else pkid
             leaf = entry.leaf if leaf is None else leaf
     if pkid is None or leaf is None:
-        raise AuthenticationError(f"Merkle tree: holds no public key {claim.point.hex()[:16]}…, PKID {claim.pkid}")
+        which = "" if claim.pkid is None else f", PKID {claim.pkid}"
+        held = ", ".join(f"{one.point.hex()[:16]}…, PKID {one.pkid}" for one in tree.public_keys) or "nothing"
+        raise AuthenticationError(f"Merkle tree: holds no public key {claim.point.hex()[:16]}…{which}; it holds {held}")
     return pkid, leaf
 
 

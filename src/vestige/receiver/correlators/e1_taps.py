@@ -19,7 +19,8 @@ so a counterfeit beats with the true signal while they overlap. The power is rea
 4.343 dB/√(W T_P). The front end itself does not drift here.
 
 This is the limit of continuous time without a front end. At the fidelity `samples` correlators and power come out of
-samples (`e1_samples`), with the same distribution.
+samples: on a single line of sight with the same distribution (`e1_samples`), under a sky out of the sum of all
+satellites (`snapshots.sky_e1`).
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from vestige.constants import E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.samples.recorder import Propagation
 from vestige.receiver.sky.atmosphere import AtmosphericDelay
 from vestige.receiver.truth import TruthBlock
@@ -42,9 +42,6 @@ class ContinuousTruth:
     # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
     atmosphere: AtmosphericDelay | None = None  # whose troposphere is in P(t); None for none
-    modelled_ionosphere_e1_m: Float[np.ndarray, " n"] | None = (
-        None  # broadcast model on E1 at the epochs; None for none
-    )
     sky: bool = False  # whether the line of sight is one of a sky, which runs on system time and has an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -82,32 +79,27 @@ class ContinuousTruth:
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much the ionosphere makes the code of a band later at the epochs.
-
-        It is the residual, and the broadcast model of it if there is one.
-        """
-        return self._with_model(self.truth.ionosphere_m(band), band)
+        """Return by how much the ionosphere makes the code of a band later at the epochs."""
+        return self.truth.ionosphere_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
         """Return by how much it makes the carrier earlier."""
-        return self._with_model(self.truth.carrier_advance_m(band), band)
-
-    def _with_model(self, residual_m: Float[np.ndarray, " n"], band: Band) -> Float[np.ndarray, " n"]:
-        if self.modelled_ionosphere_e1_m is None:
-            return residual_m
-        return residual_m + self.modelled_ionosphere_e1_m * (1.0 if band is Band.E1 else GAMMA_E1_E6)
+        return self.truth.carrier_advance_m(band)
 
     def delay_m(self, band: Band) -> Float[np.ndarray, " n"]:
         """Return by how much the code of a band is later than the pseudorange at the epochs, in m."""
         own_m = 0.0 if band is Band.E1 else self.truth.bias_m + self.group_delay_m
         return self.ionosphere_m(band) + own_m
 
-    def received_s(self) -> Float[np.ndarray, " n"]:
-        """Return the receiver time at which the first chip of each epoch arrives on E6: t = t_k + P6(t)/c."""
+    def received_s(self, band: Band = Band.E6) -> Float[np.ndarray, " n"]:
+        """Return the receiver time at which the first chip of each epoch arrives on a band: t = t_k + P(t)/c.
+
+        P is the range of the band's code.
+        """
         sent_s = self.truth.time_s
         t_s = sent_s
         for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
-            t_s = sent_s + (self.range_m(t_s) + self.delay_m(Band.E6)) / SPEED_OF_LIGHT_MPS
+            t_s = sent_s + (self.range_m(t_s) + self.delay_m(band)) / SPEED_OF_LIGHT_MPS
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:

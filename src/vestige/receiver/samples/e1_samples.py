@@ -1,4 +1,6 @@
-"""E1 correlators and received power out of samples: the reference of `e1_taps`.
+"""E1 correlators and received power of a single line of sight out of samples: the reference of `e1_taps`.
+
+Under a sky they come out of samples that all satellites share (`snapshots.sky_e1`).
 
 Theory of operation
 -------------------
@@ -62,7 +64,7 @@ def sampled_e1_taps(
     signals = arriving(truth, multipath_m, with_rays=with_rays)
     carrier_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS * (truth.rate_mps + truth.clock_drift_mps)
     phase = (truth.range_m + truth.clock_m) / SPEED_OF_LIGHT_MPS * SAMPLE_RATE_HZ % 1.0
-    replica = _sequence(svid, _half_chips(svid))
+    replica = e1c_replica(svid)
     offsets_m = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
     taps = np.full((truth.time_s.size, len(TAP_CHIPS)), np.nan + 0j)
     for row in np.flatnonzero(truth.geometry.in_view).tolist():
@@ -201,6 +203,11 @@ def _samples(
     )
     add_jammers(samples, attack.jammers, row, rate_hz=rate_hz, seed=seed, epoch=epoch, first_stream=first_stream)
     return samples
+
+
+def e1c_replica(svid: int) -> ChipSequence:
+    """Return E1-C as BOC(1,1) with its secondary code, one period of 0.1 s; two of its chips are one of the code."""
+    return _sequence(svid, _half_chips(svid))
 
 
 @lru_cache(maxsize=64)

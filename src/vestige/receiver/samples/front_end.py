@@ -64,7 +64,8 @@ class FrontEnd:
         if self.bits is not None and self.bits not in QUANTISERS:
             raise ValueError(f"a front end has {', '.join(map(str, QUANTISERS))} bits or None, not {self.bits}")
         if self.bandwidth_hz is not None and not 0 < self.bandwidth_hz < self.input_rate_hz:
-            raise ValueError(f"bandwidth {self.bandwidth_hz} Hz is not between 0 and {self.input_rate_hz} Hz")
+            below = f"{self.input_rate_hz / 1e6:g} MHz, the rate at which samples reach the filter"
+            raise ValueError(f"a bandwidth above 0 and below {below}")
         if self.oversampling < 1 or (self.oversampling > 1 and self.bandwidth_hz is None):
             raise ValueError("samples can only be thinned out behind a filter")
         if self.transition_hz is not None and not self.transition_hz > 0:

@@ -11,7 +11,6 @@ from vestige.receiver.samples.attacked_sky import counterfeit_satellites
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import Simulation
-from vestige.receiver.sky.atmosphere import AtmosphericDelay
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component, encryption_key
@@ -31,9 +30,7 @@ def broadcast_group_delay_s(seed: int, svid: int) -> float:
     return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
 
 
-def continuous_truth(
-    simulation: Simulation, truth: TruthBlock, atmosphere: AtmosphericDelay | None = None
-) -> ContinuousTruth:
+def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTruth:
     """Return the truth of a satellite between its epochs.
 
     Parameters
@@ -42,19 +39,16 @@ def continuous_truth(
         The satellite.
     truth
         Its truth at the epochs, which reach beyond the times that are asked for.
-    atmosphere
-        Troposphere and broadcast ionosphere; None for none.
     """
-    system_s = truth.time_s - truth.clock_m / SPEED_OF_LIGHT_MPS
+    elevation = simulation.elevation
     bgd_s = broadcast_group_delay_s(simulation.seed, simulation.svid)
     return ContinuousTruth(
-        line_of_sight=simulation.line_of_sight,
+        line_of_sight=simulation.line_of_sight if elevation is None else elevation.path,
         truth=truth,
         e1_multipath=simulation.models.e1_multipath,
         group_delay_m=SPEED_OF_LIGHT_MPS * inter_frequency_delay_s(bgd_s),
-        atmosphere=atmosphere,
-        modelled_ionosphere_e1_m=None if atmosphere is None else atmosphere.ionosphere_e1_m(system_s),
-        sky=simulation.elevation is not None,
+        atmosphere=None if elevation is None else elevation.atmosphere,
+        sky=elevation is not None,
     )
 
 

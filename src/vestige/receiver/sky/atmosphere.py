@@ -6,7 +6,8 @@ E6 γ times as much as on E1. Both follow the satellite's direction, so they cha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +17,9 @@ from vestige.navigation.earth import geodetic_from_ecef
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.ntcm_g import delay_e1_m, ntcm_slant_tecu
 from vestige.navigation.troposphere import SaastamoinenTroposphere
-from vestige.receiver.sky.elevation import SatelliteRange
+
+if TYPE_CHECKING:
+    from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 
 _STEP_S = 1.0  # of the differences; what the fourth derivative leaves is below a micrometre a second
 
@@ -96,3 +99,29 @@ class AtmosphericDelay:
             sight.elevation_rad,
         )
         return delay_e1_m(slant_tecu)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DelayedRange:
+    """Range from a satellite to a receiver with the delay of the troposphere, as the pseudorange holds it."""
+
+    delay: AtmosphericDelay
+
+    def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the range at times in s after the scenario's start, in m."""
+        return self.delay.path.range_m(t_s) + self.delay.troposphere_m(t_s)
+
+    def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its rate in m/s."""
+        return self.delay.path.rate_mps(t_s) + self.delay.troposphere_rates(t_s)[0]
+
+    def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its second derivative in m/s²."""
+        return self.delay.path.acceleration_mps2(t_s) + self.delay.troposphere_rates(t_s)[1]
+
+
+def through_atmosphere(effects: ElevationEffects, atmosphere: Atmosphere) -> ElevationEffects:
+    """Return a satellite whose signals pass an atmosphere; the same satellite if there is no model."""
+    if not atmosphere.there:
+        return effects
+    return replace(effects, atmosphere=AtmosphericDelay(atmosphere=atmosphere, path=effects.path))

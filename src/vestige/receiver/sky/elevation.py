@@ -26,6 +26,7 @@ from jaxtyping import Bool, Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.line_of_sight import LineOfSight, line_of_sight, range_less_clock_m
+from vestige.receiver.sky.atmosphere import AtmosphericDelay, DelayedRange
 from vestige.receiver.sky.constellation import ElevationCn0
 from vestige.receiver.sky.trajectory import Trajectory
 from vestige.signal_generator.range_model import RangeHistory
@@ -122,6 +123,12 @@ class ElevationEffects:
     first_rad: float  # elevation at the first epoch, at which its C/N0 is the nominal one
     antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
     ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
+    atmosphere: AtmosphericDelay | None = None  # troposphere and broadcast ionosphere; None for neither
+
+    @property
+    def line_of_sight(self) -> RangeHistory:
+        """The range that the pseudoranges of both bands hold: with the troposphere, if there is one."""
+        return self.path if self.atmosphere is None else DelayedRange(delay=self.atmosphere)
 
     @property
     def nominal_db(self) -> float:
@@ -140,9 +147,18 @@ class ElevationEffects:
             elevation_rad=sight.elevation_rad,
             in_view=sight.elevation_rad >= np.radians(self.mask_deg),
         )
-        return SatelliteMotion(
-            geometry,
-            sight.range_m - sight.satellite_clock_m,
-            sight.rate_mps - sight.satellite_clock_mps,
-            sight.acceleration_mps2,
-        )
+        range_m = sight.range_m - sight.satellite_clock_m
+        rate_mps, acceleration_mps2 = sight.rate_mps - sight.satellite_clock_mps, sight.acceleration_mps2
+        if self.atmosphere is not None:
+            slope_mps, bend_mps2 = self.atmosphere.troposphere_rates(time_s - clock_offset_s)
+            range_m = range_m + self.atmosphere.troposphere_m(time_s - clock_offset_s)
+            rate_mps, acceleration_mps2 = rate_mps + slope_mps, acceleration_mps2 + bend_mps2
+        return SatelliteMotion(geometry, range_m, rate_mps, acceleration_mps2)
+
+    def broadcast_ionosphere_e1_m(
+        self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return the ionosphere of the message on E1 in m, at epochs on the receiver's clock; 0 without one."""
+        if self.atmosphere is None:
+            return np.zeros_like(time_s)
+        return self.atmosphere.ionosphere_e1_m(time_s - clock_m / SPEED_OF_LIGHT_MPS)

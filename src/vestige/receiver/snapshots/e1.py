@@ -1,8 +1,8 @@
 """What E1 tracking says of all satellites, epoch by epoch.
 
 A pseudorange holds geometry and receiver clock, noise, multipath and what an attack made of the loop. Under a sky it
-holds the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it is common to both bands and no
-part of the range check.
+holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
+is common to both bands and no part of the range check.
 
 The C/N0 is an estimate over a second, which fades with the rays of that second (`cn0_estimate`). C/N0, correlators and
 power come in single precision, as results keep them.
@@ -17,7 +17,7 @@ than any travel time can explain follows.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
@@ -26,6 +26,8 @@ from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_r
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.snapshots.sky_e1 import sky_e1
+from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
@@ -64,7 +66,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
     `with_taps` says whether E1 is tracked between two RECS.
     """
     shown = is_tracked(of)
-    taps, front_end = _taps_and_power(of, fidelity) if with_taps else (None, None)
+    taps, front_end = _taps_and_power(of, fidelity, shown) if with_taps else (None, None)
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
 
     cn0_dbhz = [
@@ -93,7 +95,7 @@ def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
     error_m = of.e1_error_m + of.each(_clock_error_m)
     return (
         of.each(lambda _, truth: truth.range_m + truth.clock_m)
-        + of.each(lambda _, truth: truth.ionosphere_e1_m)
+        + of.each(lambda _, truth: truth.ionosphere_m(Band.E1))
         + error_m
     )
 
@@ -127,9 +129,29 @@ def reported_cn0_dbhz(
     return estimated_cn0_dbhz(cn0_dbhz, seed=simulation.seed, svid=simulation.svid, first=first)
 
 
-def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, FrontEndBlock]:
+def _taps_and_power(
+    of: ReceiverTruth, fidelity: Fidelity, shown: Bool[np.ndarray, "n m"]
+) -> tuple[Complex128[np.ndarray, "n m n_taps"], FrontEndBlock]:
     """Return correlators behind the gain control, and what that says of itself."""
     nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.geometry.amplitude))
+    saturated = np.zeros(of.n, np.bool_)
+    if fidelity == "samples" and of.simulations[0].elevation is not None:
+        taps, rise_db, saturated = sky_e1(SkySamples(of=of, band=Band.E1), shown, nominal_dbhz)
+        read_db = rise_db
+    else:
+        taps, rise_db, read_db = _each_alone(of, fidelity, nominal_dbhz)
+    read_db = single(read_db)
+    front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=saturated)
+    return taps * 10 ** (-rise_db / 20)[:, None, None], front_end
+
+
+def _each_alone(
+    of: ReceiverTruth, fidelity: Fidelity, nominal_dbhz: Float[np.ndarray, "n m"]
+) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return correlators before the gain control, drawn or out of samples of each satellite alone.
+
+    With them come the power of the band over that without attack, and how the receiver reads it, in dB.
+    """
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":
         rise_db = read_db = sampled_power_rise_db(of.truth, received_dbhz, of.svids, seed=of.seed, first=of.first)
@@ -148,6 +170,4 @@ def _taps_and_power(of: ReceiverTruth, fidelity: Fidelity) -> tuple[np.ndarray, 
         )
         for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True))
     ]
-    read_db = single(read_db)
-    front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=np.zeros(read_db.size, np.bool_))
-    return np.stack(taps, axis=1) * 10 ** (-rise_db / 20)[:, None, None], front_end
+    return np.stack(taps, axis=1), rise_db, read_db

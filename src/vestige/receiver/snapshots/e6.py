@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.correlators.other_signals import other_signals_density
 from vestige.receiver.draws import rows_of
@@ -121,7 +121,7 @@ class SimulatedE6Samples:
             handover = handovers.at(epoch, column)
             if handover is None:
                 continue
-            handover = self._without_delay(handover, epoch, column)
+            handover = self._with_ionosphere(self._without_delay(handover, epoch, column), epoch, column)
             bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
@@ -147,7 +147,7 @@ class SimulatedE6Samples:
 
     @cached_property
     def _sky(self) -> SkySamples:
-        return SkySamples(of=self.of)
+        return SkySamples(of=self.of, band=Band.E6)
 
     def _expected_s(self, row: int, column: int) -> float:
         """Return when E1 puts the RECS number `row` of a satellite of a sky, in s after the start."""
@@ -184,6 +184,17 @@ class SimulatedE6Samples:
             start_time=handover.start_time + (without_s - with_s),
             doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
         )
+
+    def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
+        """Return a hand-over with the delay that the receiver predicts from the coefficients of the message.
+
+        It predicts the delay at each epoch. The assistance of a recording has one value a satellite for all epochs.
+        """
+        ionosphere_m = float(self.of.truth[column].broadcast_ionosphere_e1_m[epoch])
+        if not ionosphere_m:
+            return handover
+        later_s = (GAMMA_E1_E6 - 1) * ionosphere_m / SPEED_OF_LIGHT_MPS
+        return replace(handover, start_time=handover.start_time + later_s)
 
     @cached_property
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:

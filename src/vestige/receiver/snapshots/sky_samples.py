@@ -1,18 +1,23 @@
-"""The E6 samples of a sky: those of the recording that `vestige simulate` writes of the same scenario.
+"""The samples of a sky in one band: those of the recording that `vestige simulate` writes of the same scenario.
 
-Satellites, rays, spoofing signals, jammers and noise are summed once and go through one front end. The stretches of
-the recorder (10 ms) that hold some window are made, and the last of them are kept for the other satellites: the
-windows of one RECS lie within some 40 ms.
+All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
+stretches of the recorder (10 ms) that hold a window are made. The last of them are kept for the other satellites: the
+windows of one RECS lie within some 40 ms, those of one epoch of E1 within some 130 ms.
+
+E6 is that of the recording to the last bit. E1 differs from it in the symbols of E1-B, which are random here; no
+receiver of a campaign decodes them.
 """
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Complex64
+from scipy import fft
 
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import BandRecorder, band_noise_key
@@ -29,9 +34,10 @@ _KEPT = 16  # stretches, of 1 MB each at 12.5 MHz
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SkySamples:
-    """The E6 samples of all satellites of a block, made when they are asked for."""
+    """The samples of one band with all satellites of a block, made when they are asked for."""
 
     of: ReceiverTruth
+    band: Band
     _made: OrderedDict[int, tuple[Complex64[np.ndarray, " n"], FrontEndStatus]] = field(default_factory=OrderedDict)
 
     @cached_property
@@ -46,16 +52,16 @@ class SkySamples:
     def _recorder(self) -> BandRecorder:
         simulation = self.of.simulations[0]
         return BandRecorder(
-            band=Band.E6,
+            band=self.band,
             sky=tuple(
                 signal
                 for one, path in zip(self.of.simulations, self.paths, strict=True)
-                for signal in SatelliteOnAir(simulation=one, path=path).received(Band.E6)
+                for signal in SatelliteOnAir(simulation=one, path=path).received(self.band)
             ),
             reference=simulation.start,
             front_end=simulation.front_end,
-            noise_key=band_noise_key(self.of.seed, Band.E6),
-            interference=SpooferInterference(simulation=simulation, band=Band.E6)
+            noise_key=band_noise_key(self.of.seed, self.band),
+            interference=SpooferInterference(simulation=simulation, band=self.band)
             if simulation.spoofer.attacks
             else None,
         )
@@ -71,12 +77,56 @@ class SkySamples:
             Chips of the RECS.
         """
         wanted = recording_window(expected_s, n_chips, self._recorder.front_end)
+        stretches = [self._stretch(number) for number in self._numbers(wanted)]
+        return self._batch(wanted, [samples for samples, _ in stretches]), _status([status for _, status in stretches])
+
+    def between(self, start_s: float, stop_s: float) -> SampleBatch:
+        """Return the samples between two times in s after the scenario's start, before gain control.
+
+        Noise has the power 1 in them. What a quantiser has made of a signal stays.
+        """
+        rate_hz = self._recorder.front_end.sample_rate_hz
+        wanted = range(math.floor(start_s * rate_hz), math.ceil(stop_s * rate_hz))
+        return self._batch(wanted, [self._before_gain(number) for number in self._numbers(wanted)])
+
+    def power_near(self, time_s: float, bandwidth_hz: float) -> tuple[float, bool]:
+        """Return the power about the carrier in the stretch that holds a time, and whether it clips.
+
+        The power is relative to the noise in the same bandwidth.
+
+        Parameters
+        ----------
+        time_s
+            Time in s after the scenario's start on the receiver's clock.
+        bandwidth_hz
+            Two-sided bandwidth in which the power is measured.
+        """
+        front_end, length = self._recorder.front_end, self._recorder.length
+        number = math.floor(time_s * front_end.sample_rate_hz) // length
+        spectrum = fft.fft(self._before_gain(number))
+        within = np.abs(fft.fftfreq(length, 1 / front_end.sample_rate_hz)) <= bandwidth_hz / 2
+        share = np.count_nonzero(within) / length * front_end.sample_rate_hz / front_end.power_bandwidth_hz
+        power = float(np.sum(np.abs(spectrum[within].astype(np.complex128)) ** 2)) / length**2
+        return power / min(share, 1.0), self._stretch(number)[1].saturated
+
+    def _numbers(self, wanted: range) -> range:
+        """Return the numbers of the stretches that hold some samples."""
         length = self._recorder.length
-        numbers = range(wanted.start // length, -(-wanted.stop // length))
-        stretches = [self._stretch(number) for number in numbers]
-        skip = wanted.start - numbers.start * length
-        samples = np.concatenate([samples for samples, _ in stretches])[skip : skip + len(wanted)]
-        return self._recorder.batch(wanted.start, samples), _status([status for _, status in stretches])
+        return range(wanted.start // length, -(-wanted.stop // length))
+
+    def _batch(self, wanted: range, stretches: list[Complex64[np.ndarray, " n"]]) -> SampleBatch:
+        """Return the samples that are wanted, out of all samples of their stretches."""
+        skip = wanted.start % self._recorder.length
+        return self._recorder.batch(wanted.start, np.concatenate(stretches)[skip : skip + len(wanted)])
+
+    def _before_gain(self, number: int) -> Complex64[np.ndarray, " n"]:
+        """Return the samples of a stretch with the power that they had before gain control and quantiser."""
+        samples, status = self._stretch(number)
+        if self._recorder.front_end.bits is None:
+            return samples
+        parts = samples.view(np.float32)
+        power = 2 * float(np.einsum("i,i->", parts, parts)) / parts.size
+        return samples * np.float32(10 ** (status.total_power_db / 20) / math.sqrt(power))
 
     def _stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
         if number in self._made:

@@ -350,7 +350,8 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Fil
     needed = {segment.key_time for segment in assistance.segments}
     absent = sorted(needed - {key.time for key in assistance.keys})
     if absent:
-        missing.append(f"OSNMA keys: {len(absent)} of the {len(needed)} that the RECS need, the first of {absent[0]}")
+        found = f"OSNMA keys: {len(absent)} of {len(needed)} are missing, the first is that of {absent[0]}"
+        missing.append(f"{found}; RECS without their key get no verdict")
     elif not assistance.keys:
         missing.append("OSNMA keys: none")
     without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}

@@ -15,6 +15,8 @@ from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.samples.recorder import BandRecorder
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.records import Band
 from vestige.records.snapshot_block import SearchRequest, SnapshotBlock
 from vestige.records.time_uncertainty import TimeUncertainty
@@ -177,7 +179,8 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
     real = BandRecorder.stretch
 
     def counted(recorder: BandRecorder, number: int) -> Any:
-        made.append(number)
+        if recorder.band is Band.E6:
+            made.append(number)
         return real(recorder, number)
 
     monkeypatch.setattr(BandRecorder, "stretch", counted)
@@ -204,6 +207,7 @@ def test_samples_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Monk
     assert made == once  # what the front end said is remembered
 
 
+ATMOSPHERE = 'atmosphere={troposphere={kind="saastamoinen"}, ionosphere={kind="ntcm-g", ai0_sfu=150.0}}'
 ATTACK_ON_BOTH = (
     '[{kind="lift-off", start_s=1.0, delay_m=75, power_db=4.5}, {kind="jamming", start_s=1.5, j_over_n_db=5, '
     'bands=["E6"], waveform={kind="chirp", bandwidth_hz=4e6}}]'
@@ -223,7 +227,7 @@ def test_the_samples_of_a_sky_are_those_of_its_recording(attack: str, front_end:
     """Bit by bit, around the RECS of each satellite, with a filter and a quantiser or without, however it is cut."""
     scenario = sky_scenario(
         "epochs=5", "recs.every=4", 'fidelity="samples"', "receiver.sample_rate_hz=6.2e6", f"attack={attack}",
-        "constellation.svids=[6, 24]", f"receiver.front_end={front_end}",
+        ATMOSPHERE, "constellation.svids=[6, 24]", f"receiver.front_end={front_end}",
     )  # fmt: skip
     recording = simulated(AcasTestCase(scenario=scenario, first=0, end=5))
     first, second = _blocks(scenario, 2)
@@ -236,6 +240,28 @@ def test_the_samples_of_a_sky_are_those_of_its_recording(attack: str, front_end:
             assert batch.first_sample == begin
             assert n > 16e-3 * 6.2e6
             assert taken.samples.tobytes() == batch.samples.tobytes()
+
+
+def test_e1_of_a_sky_comes_from_the_samples_of_its_recording() -> None:
+    """Bit by bit, but for the message on E1-B, around an epoch of each block."""
+    scenario = sky_scenario(
+        "epochs=5", 'fidelity="samples"', "receiver.sample_rate_hz=6.2e6", "constellation.svids=[6, 24]",
+        ATMOSPHERE,
+        f"attack={ATTACK_ON_BOTH}",
+    )  # fmt: skip
+    case = AcasTestCase(scenario=scenario, first=0, end=5)
+    on_air = tuple(signal for one in case.satellites for signal in replace(one, symbols=None).received(Band.E1))
+    recording = replace(simulated(case), sky={Band.E1: on_air})
+    receiver, processes = scenario.simulated_receiver, scenario.simulated_receiver.truth()
+    for first, count in ((0, 2), (2, 3)):
+        truth = tuple(one.advance(first, count) for one in processes)
+        of = ReceiverTruth(simulations=receiver.simulations, truth=truth, first=first, every=receiver.every)
+        taken = SkySamples(of=of, band=Band.E1).between(first + 1.07, first + 1.1)
+        begin, n = taken.first_sample, taken.samples.size
+        assert n >= 0.03 * 6.2e6
+        batch = recording.window(Band.E1, begin / 6.2e6, (begin + n) / 6.2e6)
+        assert batch.first_sample == begin
+        assert taken.samples.tobytes() == batch.samples.tobytes()
 
 
 def test_e6_of_a_sky_meets_the_hand_over_at_both_fidelities() -> None:

@@ -1,0 +1,119 @@
+"""E1 correlators and received power of a sky, out of the samples that all its satellites share.
+
+Theory of operation
+-------------------
+**Correlators.** The recorder makes the samples around each epoch (`sky_samples`): E1-B and E1-C of all satellites,
+multipath, spoofing signals, jammers and noise, behind one front end. The correlator of the processor takes 0.1 s of
+them with the E1-C code as BOC(1,1), as most receivers do. The replica begins where the code loop has settled: at the
+arrival of the chip that is sent at the epoch, and later by what noise, multipath and an attack make of the loop. So ξ
+has the meaning that it has in `e1_taps`: noise of the receiver has σ = 1 per dimension, and phases are relative to that
+of the line of sight when it brings that chip.
+
+A signal on air is not the ideal one of `e1_taps`. It is CBOC(6,1,1/11), of which BOC(1,1) correlates √(10/11), 0.4 dB
+less. All other components add their noise, as on E6.
+
+**Power.** It is measured in W = 2 MHz about the carrier over the 10 ms that hold the arrival at the epoch. Without an
+attack it is 1 + Σ 2 p C/N0_i / W times the noise, where each of two components has the part p of its power within W.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Complex128, Float
+
+from vestige.constants import E1_CARRIER_HZ, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
+from vestige.receiver.correlators.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS, arriving
+from vestige.receiver.samples.e1_samples import e1c_replica
+from vestige.receiver.snapshots.sky_samples import SkySamples
+from vestige.records import Band, Handover
+from vestige.sample_processor.correlator import correlate
+from vestige.signals.definitions import E1B, E1C
+from vestige.signals.pulse import band_limited_autocorrelation
+
+_MARGIN_S = 5e-6  # of samples on both sides: the taps, and a Doppler that makes the code longer
+_OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
+
+
+class SkyE1(NamedTuple):
+    """What E1 of a sky gives in n epochs of m satellites."""
+
+    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where it is not wanted
+    rise_db: Float[np.ndarray, " n"]  # power over that without attack
+    saturated: Bool[np.ndarray, " n"]  # whether the front end clips
+
+
+def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.ndarray, "n m"]) -> SkyE1:
+    """Return correlators and power of E1, epoch after epoch, so that both come out of the same stretches.
+
+    Parameters
+    ----------
+    sky
+        The samples of E1.
+    wanted
+        Which satellites are correlated at which epochs.
+    cn0_dbhz
+        C/N0 of each component of the true signals without interference.
+    """
+    of, width_hz = sky.of, min(POWER_BANDWIDTH_HZ, sky.of.simulations[0].front_end.power_bandwidth_hz)
+    taps = np.full((*of.shape, len(TAP_CHIPS)), np.nan + 0j)
+    power, saturated = np.empty(of.n), np.empty(of.n, np.bool_)
+    replicas = _replicas(sky)
+    for row, sent_s in enumerate(of.truth[0].time_s.tolist()):
+        power[row], saturated[row] = sky.power_near(sent_s + MEDIAN_TRAVEL_TIME_S, width_hz)
+        for column in np.flatnonzero(wanted[row]).tolist():
+            begin_s, cycles, doppler_hz, doppler_rate_hz_per_s = (float(values[row, column]) for values in replicas)
+            handover = Handover(
+                svid=of.svids[column],
+                chips=e1c_replica(of.svids[column]),
+                start_time=of.simulations[column].start + begin_s,
+                doppler_hz=doppler_hz,
+                doppler_rate_hz_per_s=doppler_rate_hz_per_s,
+                expected_cn0_dbhz=of.simulations[column].cn0_e1_dbhz,
+            )
+            taps[row, column] = _correlated(sky, begin_s, handover) * np.exp(2j * np.pi * (cycles % 1.0))
+    return SkyE1(taps=taps, rise_db=10 * np.log10(power / _nominal_power(cn0_dbhz, width_hz)), saturated=saturated)
+
+
+def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex128[np.ndarray, " n_taps"]:
+    """Return the correlators of a replica that begins at a time in s after the start, in units of the noise."""
+    front_end = sky.of.simulations[0].front_end
+    batch = sky.between(begin_s - _MARGIN_S, begin_s + INTEGRATION_S + _MARGIN_S)
+    bank = correlate(batch, handover, _OFFSETS_M)
+    assert bank is not None  # noqa: S101  (the margin is ours)
+    # behind a filter the noise has the power 1 in a narrower band, so its density is higher
+    n_noise = batch.sample_rate_hz * bank.integration_s * front_end.power_bandwidth_hz / front_end.sample_rate_hz
+    return bank.taps * (E1C.polarity * math.sqrt(2 * n_noise))
+
+
+def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
+    """Return where the replicas begin, in s after the start, with cycles of the line of sight, Doppler and its rate."""
+    found = []
+    to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):
+        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # of the epochs, among those around them
+        settled = arriving(truth, multipath_m, with_rays=path.e1_multipath)
+        direct_s = path.received_s(Band.E1)[rows]
+        late_s = settled.settled_m / SPEED_OF_LIGHT_MPS
+        clock_s = (path.clock_m(direct_s + late_s) - path.clock_m(direct_s)) / SPEED_OF_LIGHT_MPS
+        begin_s = direct_s + late_s + clock_s
+        found.append(
+            (
+                begin_s,
+                -to_hz * (path.range_m(direct_s) - path.carrier_advance_m(Band.E1)[rows]),
+                to_hz * path.rate_mps(begin_s) + settled.followed_hz,
+                to_hz * path.acceleration_mps2(begin_s),
+            )
+        )
+    return tuple(np.stack(values, axis=1) for values in zip(*found, strict=True))
+
+
+def _nominal_power(cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
+    """Return the power within a bandwidth about the carrier over the noise there, without attack."""
+    passed = sum(
+        band_limited_autocorrelation(one.pulse, np.zeros(1), chip_rate_hz=one.chip_rate_hz, bandwidth_hz=width_hz)[0]
+        for one in (E1B, E1C)
+    )
+    return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz
