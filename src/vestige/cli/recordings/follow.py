@@ -13,7 +13,14 @@ import click
 from click.core import ParameterSource
 
 from vestige.cli.options import assistance_folder
-from vestige.cli.recordings.follow_input import STDIN, live_description, live_tracking, opened_live, stdin_description
+from vestige.cli.recordings.follow_input import (
+    STDIN,
+    STDIN_OPTIONS,
+    live_description,
+    live_tracking,
+    opened_live,
+    stdin_description,
+)
 from vestige.cli.recordings.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.terminal import echo
 from vestige.output import check_output
@@ -28,7 +35,7 @@ if TYPE_CHECKING:
     from vestige.recording.live.live_recording import LiveRecording
 
 FINISHED_ONLY = ("calibrate", "write_bias", "strict")
-STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz", "real_time")
+STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
 FOLLOW_ONLY = ("observations", "nmea", *STDIN_ONLY)
 # Options on which no verdict depends
 _HOW = {
@@ -64,9 +71,7 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
         if unfit := given(FINISHED_ONLY):
             raise click.UsageError(f"{unfit}: for a recording that is finished, not with --follow")
         if recording != STDIN and (unfit := given(STDIN_ONLY).replace("sample-format", "format")):
-            raise click.UsageError(f"{unfit}: for samples on standard input, vestige process - --follow")
-    elif recording == STDIN:
-        raise click.UsageError("samples on standard input are read with --follow only")
+            raise click.UsageError(f"{unfit}: for samples on standard input, vestige process -")
     elif unfit := given(FOLLOW_ONLY).replace("sample-format", "format"):
         raise click.UsageError(f"{unfit}: only with --follow")
 

@@ -23,6 +23,7 @@ from vestige.cli.options import (
     trust_options,
 )
 from vestige.cli.recordings.follow import check_usage, cn0_estimator, follow_recording, inputs
+from vestige.cli.recordings.follow_input import STDIN, stdin_options
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
 from vestige.cli.usual_levels import expected_e6_over_e1_db, pseudorange_errors, reference_levels, usual_level_options
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from vestige.records import Assistance
 
 _path = click.Path(path_type=Path)
-SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
 CN0_ESTIMATOR_NAMES = (
     "noise-floor",
     "narrow-to-wide",
@@ -49,7 +49,6 @@ CN0_ESTIMATOR_NAMES = (
     "beaulieu",
     "real-signal-complex-noise",
 )
-LAYOUTS = ("real", "iq", "qi")
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
@@ -116,24 +115,18 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 @click.option("--poll-s", type=FiniteRange(0.001, 60), default=1.0, show_default=True, help="Follow: look so often.")
 @click.option("--idle-s", type=FiniteRange(0, 1e7), help="Follow: end when nothing new came for so long.")
 @click.option("--wait-s", type=FiniteRange(0, 1e7), default=180.0, show_default=True, help="Follow: for a key.")
-@click.option("--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Of standard input.")
 @click.option("--real-time", is_flag=True, help="Standard input cannot wait: drop samples when the buffer is full.")
 @click.option("--nmea", type=_path, help="Follow: positions as NMEA 0183, into a file, or - for standard output.")
-@click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples.")
-@click.option(
-    "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: a number of a sample."
-)
-@click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers.")
-@click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input.")
-@click.option("--center-frequency-hz", type=FiniteRange(0), help="Standard input: frequency at 0 Hz in the samples.")
+@stdin_options
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
     RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: is the
     encrypted signal in E6 where E1 says it must be, and was it received before anybody could know the key? Where there
-    are no observations E1 is tracked in its samples. With --follow it may still grow, or be `-`: E6 samples on standard
-    input.
+    are no observations E1 is tracked in its samples. With --follow it may still grow. `-` stands for samples of E6 or
+    of both bands on standard input, which are followed.
     """
+    options["follow"] = options["follow"] or recording_path == STDIN
     check_usage(recording_path, options)
     if options["follow"]:
         follow_recording(recording_path, options, _processor(options))
