@@ -19,6 +19,11 @@ never captures a loop in lock.
 **Lock.** When the prompt correlator falls below 20 dBHz, or an attack finds the receiver acquiring, it acquires: the
 strongest signal. A counterfeit that is switched off so leaves the receiver to the true signal.
 
+**Side peaks.** R² of BOC(1,1) has peaks half a chip beside the main one, 6 dB lower. A loop keeps the one that is next
+to it: if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking
+loops on samples do the same, since they do not look for side peaks either. Both stand a quarter of their early-late
+spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of 12.3 MHz, where it is 0.166.
+
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
 dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
 (`sample_processor.tracking`) agree on who captures the code as long as the counterfeit has the carrier frequency of the
