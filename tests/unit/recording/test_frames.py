@@ -39,7 +39,7 @@ layout = "iq"
 center_frequency_hz = 1278.75e6
 """
 STDIN = {
-    "description": None, "bands": "e1,e6", "sample_format": "int8", "layout": "iq", "sample_rate_hz": RATE_HZ,
+    "description": None, "band": "both", "sample_format": "int8", "layout": "iq", "sample_rate_hz": RATE_HZ,
     "center_frequency_hz": None, "start": START, "buffer_mb": 512.0, "real_time": False,
 }  # fmt: skip
 
@@ -190,7 +190,7 @@ def test_both_bands_are_followed_out_of_one_pipe(folder: Path, stdin: Callable[[
     """The samples of both bands have the number, and the values, of those in the file; with --description, too."""
     for description in (None, folder / "recording.toml"):
         stdin()
-        options = STDIN if description is None else STDIN | {"description": description, "bands": None}
+        options = STDIN if description is None else STDIN | {"description": description, "band": None}
         live = opened_live(
             stdin_description(options), options, None, None, print, replaceable=True, told=True, around_s=0.0
         )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from vestige.records import Band
 
 STDIN = Path("-")
-STDIN_OPTIONS = ("description", "bands", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
+STDIN_OPTIONS = ("description", "band", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
 SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
 LAYOUTS = ("real", "iq", "qi")
 _path = click.Path(path_type=Path)
@@ -132,9 +132,9 @@ def stdin_options(command: Callable[..., Any]) -> Callable[..., Any]:
     options = (
         click.option("--description", type=_path, help="Standard input: recording.toml that describes the samples."),
         click.option(
-            "--bands",
-            type=click.Choice(["e6", "e1", "e1,e6"]),
-            help="Standard input: one band, or a sample of each in turn.",
+            "--band",
+            type=click.Choice(["e6", "e1", "both"]),
+            help="Standard input: its band; both: a sample of E1 and one of E6 in turn.",
         ),
         click.option("--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: a number."),
         click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: order of the numbers of a sample."),
@@ -153,15 +153,15 @@ def stdin_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def stdin_description(options: dict[str, Any], default_bands: str = "e6") -> RecordingDescription:
+def stdin_description(options: dict[str, Any], default_band: str = "e6") -> RecordingDescription:
     """Return the description of samples on standard input.
 
     Parameters
     ----------
     options
         By the names of the parameters of `stdin_options`, and `start`.
-    default_bands
-        What `--bands` is if it was left out.
+    default_band
+        What `--band` is if it was left out.
     """
     from dataclasses import replace
 
@@ -171,11 +171,11 @@ def stdin_description(options: dict[str, Any], default_bands: str = "e6") -> Rec
     from vestige.records import Band
 
     if options["description"] is None:
-        return RecordingDescription(path=STDIN, bands=_stdin_files(options, options["bands"] or default_bands))
-    if options["bands"] is not None:
-        raise click.UsageError("--bands: the description says it; leave one of the two out")
+        return RecordingDescription(path=STDIN, bands=_stdin_files(options, options["band"] or default_band))
+    if options["band"] is not None:
+        raise click.UsageError("--band: the description says it; leave one of the two out")
     found = read_recording_toml(options["description"])
-    only = Band[default_bands.upper()]
+    only = Band[default_band.upper()]
     bands = {
         band: replace(file, path=STDIN) if band is only or file.form.channels > 1 else file
         for band, file in found.bands.items()
@@ -187,14 +187,14 @@ def stdin_description(options: dict[str, Any], default_bands: str = "e6") -> Rec
     return found if options["start"] is None else redated(found, options["start"])
 
 
-def _stdin_files(options: dict[str, Any], bands: str) -> dict[Band, BandFile]:
+def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile]:
     from vestige.errors import VestigeError
     from vestige.recording.description import SAMPLE_RATE_RANGE_HZ, BandFile, band_of
     from vestige.recording.samples.sample_format import SampleFormat
     from vestige.records import Band
     from vestige.signals.definitions import CARRIER_HZ
 
-    names = [Band[name.upper()] for name in bands.split(",")]
+    names = (Band.E1, Band.E6) if band_name == "both" else (Band[band_name.upper()],)
     needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz"}
     if len(names) == 1:
         needed["--center-frequency-hz"] = "center_frequency_hz"

@@ -64,7 +64,7 @@ def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
     Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, and the correlators.
-    `-` stands for samples on standard input: of E1, or of both bands (`--bands e1,e6`), of which E1 is tracked.
+    `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which E1 is tracked.
     """
     from vestige.errors import InputFileError
     from vestige.recording.tracked.tracked_folder import write_tracked
