@@ -107,7 +107,10 @@ def _tracked_stdin(options: dict[str, Any]) -> TrackedRecording:
     if file.start is None:
         raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
     stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
-    return track_batches(streamed_batches(stream), tracking_settings(options), workers=options["workers"])
+    tracked = track_batches(streamed_batches(stream), tracking_settings(options), workers=options["workers"])
+    if stream.look().end_sample == file.first_sample:
+        raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
+    return tracked
 
 
 def _without_e1(path: Path) -> InputFileError:
