@@ -5,6 +5,7 @@
     start = "2021-11-25T00:40:00 UTC"     # receiver-clock time of sample 0; GST when no scale is given
     time_uncertainty_s = 1.0              # bound on the receiver clock's error against Galileo System Time
     sample_rate_hz = 12e6
+    frame = ["e1", "e6"]                  # optional: both bands are in one file or pipe, see below
     [e1]
     file = "L1.bin"                       # relative to this file, or absolute
     format = "int8"                       # int8, uint8 (offset binary), int16, uint16, float32; little endian
@@ -23,6 +24,10 @@
     [observations]                        # optional
     file = "observations.rnx"             # RINEX 3 or 4, or CSV
 
+With `frame` the file has one sample of each band in turn, in that order, as a recorder with two front ends writes
+them: `E1[0] E6[0] E1[1] E6[1] …`. Then both tables have the same file (not those of this example), format, layout,
+sampling rate, first sample and header.
+
 `start` may be left out if it is given when the recording is opened. Unknown keys are errors.
 """
 
@@ -31,7 +36,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -83,6 +88,7 @@ class _RecordingTable(_Table):
     start: str | None = None
     time_uncertainty_s: Annotated[float, Field(ge=TIME_UNCERTAINTY_S[0], le=TIME_UNCERTAINTY_S[1])] = math.inf
     sample_rate_hz: SampleRate
+    frame: Annotated[list[Literal["e1", "e6"]], Field(min_length=2, max_length=2)] | None = None
     e1: _BandTable | None = None
     e6: _BandTable | None = None
     observations: _ObservationsTable | None = None
@@ -102,6 +108,11 @@ def read_recording_toml(path: Path) -> RecordingDescription:
             bands[band] = _band_file(path, band, entry, table.sample_rate_hz, start)
     if not bands:
         raise InputFileError(path, "e1, e6", "neither", "a table that describes the samples of at least one band")
+    if table.frame is not None:
+        bands = _framed(path, table.frame, bands)
+    elif len(bands) == 2 and bands[Band.E1].path == bands[Band.E6].path:
+        found = f"the same file for both bands, {bands[Band.E1].path}"
+        raise InputFileError(path, "e1.file, e6.file", found, 'two files, or frame = ["e1", "e6"] if samples alternate')
     observations = None
     if table.observations is not None:
         observations = sample_file(path, "observations.file", table.observations.file)
@@ -161,3 +172,28 @@ def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float,
         header_bytes=entry.header_bytes,
     )
     return file if start is None else replace(file, start=later(start, counter_seconds(file)))
+
+
+def _framed(path: Path, frame: list[Literal["e1", "e6"]], bands: dict[Band, BandFile]) -> dict[Band, BandFile]:
+    """Return the bands as channels of one file.
+
+    Raises `InputFileError` if a band is missing or there twice, or if the tables differ where one file cannot.
+    """
+    order = [Band[name.upper()] for name in frame]
+    if len(set(order)) < 2 or len(bands) < 2:
+        found = f"{frame} and tables of {', '.join(band.name.lower() for band in bands)}"
+        raise InputFileError(path, "frame", found, 'e1 and e6 once each, such as ["e1", "e6"], and a table for each')
+    first, second = (bands[band] for band in order)
+    for name, one, other in (
+        ("file", first.path, second.path),
+        ("format and layout", str(first.form), str(second.form)),
+        ("sample_rate_hz", first.sample_rate_hz, second.sample_rate_hz),
+        ("first_sample", first.first_sample, second.first_sample),
+        ("header_bytes", first.header_bytes, second.header_bytes),
+    ):
+        if one != other:
+            raise InputFileError(path, name, f"{one} and {other}", "the same for both bands, which share frames")
+    return {
+        band: replace(file, form=replace(file.form, channels=2, channel=order.index(band)))
+        for band, file in bands.items()
+    }

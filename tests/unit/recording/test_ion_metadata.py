@@ -86,6 +86,26 @@ def test_a_published_shape_is_read(published: Path) -> None:
     assert recording.e6.samples(0, 2).tolist() == [0 + 1j, 2 + 3j]
 
 
+def test_two_streams_in_a_lump_are_both_bands(published: Path) -> None:
+    """A recorder of two bands writes a sample of each in turn, in the order of the streams."""
+    e1 = '<stream id="E1"><ratefactor>1</ratefactor><quantization>16</quantization><packedbits>32</packedbits>'
+    e1 += "<format>IQ</format><encoding>TC</encoding><band id='E1'><centerfreq format='GHz'>1.57542</centerfreq></band>"
+    both = [
+        ("<lump>", f"<lump>{e1}</stream>"), (">4</ratefactor>", ">1</ratefactor>"), (">128<", ">32<"),
+        (">8</countwords>", ">4</countwords>"), (">5.0<", ">20.0<"),
+    ]  # fmt: skip
+    bands = read(published, *both).bands
+    assert [(band, file.form.channel, file.form.channels) for band, file in bands.items()] == [
+        (Band.E1, 0, 2), (Band.E6, 1, 2)
+    ]  # fmt: skip
+    recording = open_recording(published)
+    assert recording.e1 is not None
+    assert recording.e6 is not None
+    assert recording.e1.n_samples == recording.e6.n_samples == 20
+    assert recording.e1.samples(1, 1).tolist() == [4 + 5j]
+    assert recording.e6.samples(1, 1).tolist() == [6 + 7j]
+
+
 def test_the_names_of_the_schema_are_read_too(published: Path) -> None:
     """Its element names have capitals and its units another attribute; elements may stand where they are used."""
     changes = [("format=", "units="), ("sizeword", "sizeWord"), ("countwords", "countWords"), ("freqbase", "freqBase")]
@@ -175,7 +195,11 @@ def test_the_order_of_the_written_elements(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "found"),
     [
-        ("<lump>", '<lump><stream id="L1"><ratefactor>1</ratefactor></stream>', "lump: found 2 of stream"),
+        (
+            "<lump>",
+            '<lump><stream id="L1"><ratefactor>1</ratefactor></stream>',
+            "lane SingleFreqE6: found 2 streams that are not alike, or not one sample of each in turn",
+        ),
         ("</lump>", "</lump><lump/>", "chunk: found 2 of lump"),
         (">16<", ">12<", "stream E6: found 12 bits in TC"),
         (">TC<", ">SIGN<", "stream E6: found 16 bits in SIGN"),
@@ -191,8 +215,8 @@ def test_what_is_not_supported_is_refused_with_what_is(published: Path, old: str
     with pytest.raises(UnsupportedError) as refused:
         read(published, (old, new))
     assert str(refused.value) == (
-        f"{published}: {found}; supported is one stream of one band in each file, 8 or 16 bits (TC, INT8 or OB), "
-        "IF, IQ, QI or IQn, without header, footer and padding"
+        f"{published}: {found}; supported is streams of one band each, alike if a file has several, 8 or 16 bits "
+        "(TC, INT8 or OB), IF, IQ, QI or IQn, without header, footer and padding"
     )
 
 

@@ -26,7 +26,7 @@ from vestige.acas_processor.searches.vestigial import (
     line_stretches,
     reception_proof,
 )
-from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SECONDARY_PERIOD_S
 from vestige.crypto.osnma.disclosure import ReceptionProof
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention
 from vestige.crypto.recs.recs_segment import CipherMode, decrypt
@@ -34,7 +34,7 @@ from vestige.records import Assistance, ChipSequence, SampleBatch, SampleSource,
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.acquisition import Acquisition
-from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
+from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, measure_e1
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak
@@ -99,8 +99,10 @@ class E1VestigialSearch:
         svids = _satellites(assistance)
         if snapshot.e1 is None:
             return tuple(_not_run(svid, "no E1 samples") for svid in svids)
+        n_searched = math.ceil(E1_WINDOW_S * snapshot.e1.sample_rate_hz)
+        window = replace(snapshot.e1, samples=snapshot.e1.samples[:n_searched])
         signals = search_e1(
-            replace(snapshot.e1, samples=snapshot.e1.samples[: math.ceil(E1_WINDOW_S * snapshot.e1.sample_rate_hz)]),
+            window,
             svids,
             overall_pfa=self.p_fa,
             doppler_span_hz=self.doppler_span_hz,
@@ -123,7 +125,7 @@ class E1VestigialSearch:
                     count=float(max(len(own), len(decision.peaks))),
                     carrying=len(decision.peaks),
                     true_is_known=len(decision.peaks) > 1
-                    or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, snapshot.e1.start, sent)),
+                    or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, window, sent)),
                     sent=sent,
                 )
             )
@@ -285,23 +287,29 @@ def _of_decision(
     )
 
 
-def _preceded(
-    peak: Peak, signals: Sequence[Acquisition], first_sample_at: GalileoTime, sent: GalileoTime | None
-) -> bool:
-    """Return whether a signal on E1 comes before a peak in E6, by up to half a code period of E1.
+def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent: GalileoTime | None) -> bool:
+    """Return whether a signal on E1 comes before a peak in E6, by up to half a period of its secondary code.
 
-    Signals on E1 that were handed over to the same peak do not; E6 may be `_SAME_S` beside them.
+    Where the secondary code is not known, half a period of the primary code: 2 ms. Signals on E1 that were handed over
+    to the same peak do not come before it; E6 may be `_SAME_S` beside them.
     """
     if sent is None:
         return False
-    half_s = E1_CODE_PERIOD_S / 2
     for one in signals:
-        since_code_start_s = peak.start_time - first_sample_at - one.code_start_s
-        sent_s = since_code_start_s * (1 + one.doppler_hz / E1_CARRIER_HZ)  # on the satellite's clock
-        behind_s = (sent_s - sent.fraction + half_s) % E1_CODE_PERIOD_S - half_s
+        sent_s, period_s = _sent_on_e1(one, e1, peak.start_time)
+        behind_s = (sent_s - sent.fraction + period_s / 2) % period_s - period_s / 2
         if behind_s > _SAME_S:
             return True
     return False
+
+
+def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> tuple[float, float]:
+    """Return when a signal on E1 that is received at a time was sent, and modulo what, in s."""
+    measured = measure_e1(e1, signal)
+    if measured is not None and measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:
+        since_s = (received - measured.time) * (1 + measured.doppler_hz / E1_CARRIER_HZ)
+        return measured.transmit_phase_s + since_s, SECONDARY_PERIOD_S
+    return (received - e1.start - signal.code_start_s) * (1 + signal.doppler_hz / E1_CARRIER_HZ), E1_CODE_PERIOD_S
 
 
 def _says(decision: VestigialDecision) -> int:

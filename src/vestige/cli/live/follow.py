@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.live.live_input import STDIN, live_description, live_tracking, opened_live, stdin_description
+from vestige.cli.live.live_input import (
+    STDIN,
+    STDIN_OPTIONS,
+    live_description,
+    live_tracking,
+    opened_live,
+    stdin_description,
+)
 from vestige.cli.live.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.options import assistance_folder
 from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
@@ -27,7 +34,7 @@ if TYPE_CHECKING:
     from vestige.recording.live.following import Following
     from vestige.recording.live.live_recording import LiveRecording
 
-STDIN_ONLY = ("description", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz", "real_time")
+STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
 # Options on which no verdict depends
 _HOW = {
     "workers",

@@ -8,13 +8,12 @@ from typing import Any
 import click
 
 from vestige.cli.live.follow import check_usage, follow_recording
+from vestige.cli.live.live_input import stdin_options
 from vestige.cli.option_groups import GroupedCommand
 from vestige.cli.options import FiniteRange
 from vestige.cli.recordings.process_options import PROCESSOR_GROUPS, processor_options
 from vestige.cli.recordings.processor_from_options import processor_from_options
 
-SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
-LAYOUTS = ("real", "iq", "qi")
 LIVE_GROUPS = {
     "Output": (
         "output",
@@ -30,6 +29,7 @@ LIVE_GROUPS = {
     ),
     "Samples on standard input": (
         "description",
+        "band",
         "sample_format",
         "layout",
         "sample_rate_hz",
@@ -64,20 +64,13 @@ _path = click.Path(path_type=Path)
     help="How long to wait for the key of a RECS.",
 )
 @click.option("--observations", type=_path, help="File of E1 observations, if RECORDING does not name it.")
-@click.option("--description", type=_path, help="A recording.toml that describes the samples.")
-@click.option("--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Type of the numbers.")
-@click.option("--layout", type=click.Choice(LAYOUTS), help="Whether samples are real, or in which order I and Q come.")
-@click.option("--sample-rate-hz", type=FiniteRange(0), help="Sample rate in Hz.")
-@click.option("--center-frequency-hz", type=FiniteRange(0), help="Radio frequency that lies at 0 Hz in the samples.")
-@click.option(
-    "--buffer-mb", type=FiniteRange(1, 1e6), default=512.0, show_default=True, help="Size of the buffer in MB."
-)
+@stdin_options
 @click.option("--real-time", is_flag=True, help="Drop samples when the buffer is full, since a recorder cannot wait.")
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING while it is being written.
 
     Verdicts are printed as soon as the key of a RECS is on air, and alarms as they come. RECORDING is a folder or file
-    as for `vestige process`, or `-` for E6 samples on standard input.
+    as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
     """
     check_usage(recording_path, options)
     follow_recording(recording_path, options, processor_from_options(options))

@@ -1,4 +1,4 @@
-"""What `vestige live` reads: descriptions, growing files, pipes, and the tracking of E1."""
+"""What comes in while it is written: descriptions, growing files, pipes, standard input, and the tracking of E1."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 import stat
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from vestige.cli.options import FiniteRange
 
 if TYPE_CHECKING:
     from vestige.recording.description import BandFile, RecordingDescription
@@ -19,6 +22,10 @@ if TYPE_CHECKING:
     from vestige.records import Band
 
 STDIN = Path("-")
+STDIN_OPTIONS = ("description", "band", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
+SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
+LAYOUTS = ("real", "iq", "qi")
+_path = click.Path(path_type=Path)
 
 
 def opened_live(
@@ -73,10 +80,9 @@ def live_tracking(
 
 
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:
-    """Return the pipes: E6 on standard input, or the named pipes that a description names."""
+    """Return the pipes: standard input, or the named pipes that a description names."""
     from vestige.errors import VestigeError
     from vestige.recording.live.live_recording import buffer_s
-    from vestige.recording.samples.sample_stream import SampleStream
 
     piped = {band: file for band, file in description.bands.items() if file.path == STDIN or _is_fifo(file.path)}
     capacity = round(options["buffer_mb"] * 1e6)
@@ -87,10 +93,17 @@ def _streams(description: RecordingDescription, options: dict[str, Any], around_
                 f"--buffer-mb: found {options['buffer_mb']:g}, expected at least {math.ceil(needed_mb)} for a clock "
                 f"that may be wrong by {around_s:g} s (--time-uncertainty)"
             )
-    streams = {}
-    for band, file in piped.items():
-        source = sys.stdin.fileno() if file.path == STDIN else file.path
-        streams[band] = SampleStream(source, file, capacity_bytes=capacity, can_wait=not options["real_time"])
+    return _split_by_pipe(piped, capacity_bytes=capacity, can_wait=not options["real_time"])
+
+
+def _split_by_pipe(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
+    """Return the streams of all bands; bands that share a pipe share its frames."""
+    by_path: dict[Path, dict[Band, BandFile]] = {}
+    for band, file in files.items():
+        by_path.setdefault(file.path, {})[band] = file
+    streams: dict[Band, SampleStream] = {}
+    for together in by_path.values():
+        streams |= _split(together, capacity_bytes=capacity_bytes, can_wait=can_wait)
     return streams
 
 
@@ -114,48 +127,152 @@ def live_description(recording: Path, options: dict[str, Any]) -> RecordingDescr
     return found if options["start"] is None else redated(found, options["start"])
 
 
-def stdin_description(options: dict[str, Any]) -> RecordingDescription:
-    """Return the description of E6 samples on standard input."""
+def stdin_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that describe samples on standard input."""
+    options = (
+        click.option("--description", type=_path, help="Standard input: a recording.toml that describes the samples."),
+        click.option(
+            "--band",
+            type=click.Choice(["e6", "e1", "both"]),
+            help="Standard input: its band; both: a sample of E1 and one of E6 in turn.",
+        ),
+        click.option(
+            "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: type of the numbers."
+        ),
+        click.option(
+            "--layout", type=click.Choice(LAYOUTS), help="Standard input: real samples, or the order of I and Q."
+        ),
+        click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input: sample rate in Hz."),
+        click.option(
+            "--center-frequency-hz",
+            type=FiniteRange(0),
+            help="Standard input: radio frequency at 0 Hz in the samples. [default of both bands: the carriers]",
+        ),
+        click.option(
+            "--buffer-mb",
+            type=FiniteRange(1, 1e6),
+            default=512.0,
+            show_default=True,
+            help="Standard input: size of the buffer of each band in MB.",
+        ),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def stdin_description(options: dict[str, Any], default_band: str = "e6") -> RecordingDescription:
+    """Return the description of samples on standard input.
+
+    Parameters
+    ----------
+    options
+        By the names of the parameters of `stdin_options`, and `start`.
+    default_band
+        What `--band` is if it was left out.
+    """
     from dataclasses import replace
 
+    from vestige.errors import InputFileError
     from vestige.recording.description import RecordingDescription, redated
     from vestige.recording.recording_toml import read_recording_toml
     from vestige.records import Band
 
     if options["description"] is None:
-        return RecordingDescription(path=STDIN, bands={Band.E6: _stdin_file(options)})
+        return RecordingDescription(path=STDIN, bands=_stdin_files(options, options["band"] or default_band))
+    if options["band"] is not None:
+        raise click.UsageError("--band: the description says it; leave one of the two out")
     found = read_recording_toml(options["description"])
-    if Band.E6 in found.bands:
-        e6 = replace(found.bands[Band.E6], path=STDIN)
-        found = replace(found, bands={**found.bands, Band.E6: e6})
+    only = Band[default_band.upper()]
+    bands = {
+        band: replace(file, path=STDIN) if band is only or file.form.channels > 1 else file
+        for band, file in found.bands.items()
+    }
+    if len([one for one in bands.values() if one.path == STDIN and one.form.channels == 1]) > 1:
+        expected = 'one of them, or frame = ["e1", "e6"] if samples alternate'
+        raise InputFileError(options["description"], "e1.file, e6.file", "both bands on standard input", expected)
+    found = replace(found, bands=bands)
     return found if options["start"] is None else redated(found, options["start"])
 
 
-def _stdin_file(options: dict[str, Any]) -> BandFile:
+def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile]:
     from vestige.errors import VestigeError
     from vestige.recording.description import SAMPLE_RATE_RANGE_HZ, BandFile, band_of
     from vestige.recording.samples.sample_format import SampleFormat
     from vestige.records import Band
+    from vestige.signals.definitions import CARRIER_HZ
 
-    needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz",
-              "--center-frequency-hz": "center_frequency_hz", "--start": "start"}  # fmt: skip
+    names = (Band.E1, Band.E6) if band_name == "both" else (Band[band_name.upper()],)
+    needed = {"--format": "sample_format", "--layout": "layout", "--sample-rate-hz": "sample_rate_hz"}
+    if len(names) == 1:
+        needed["--center-frequency-hz"] = "center_frequency_hz"
+    elif options["center_frequency_hz"] is not None:
+        raise click.UsageError("--center-frequency-hz: of both bands it is the carriers; state others in --description")
+    needed["--start"] = "start"
     if missing := [name for name, key in needed.items() if options[key] is None]:
         raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")
-    rate, center = options["sample_rate_hz"], options["center_frequency_hz"]
+    rate = options["sample_rate_hz"]
     if not SAMPLE_RATE_RANGE_HZ[0] <= rate <= SAMPLE_RATE_RANGE_HZ[1]:
         raise VestigeError(
             f"--sample-rate-hz: found {rate:g}, expected {SAMPLE_RATE_RANGE_HZ[0]:g} to {SAMPLE_RATE_RANGE_HZ[1]:g}"
         )
-    if band_of(center, rate) is not Band.E6:
-        raise VestigeError(
-            f"--center-frequency-hz: found {center:g}, expected the E6 carrier within half a sample rate of it"
+    files = {}
+    for channel, band in enumerate(names):
+        center = CARRIER_HZ[band] if len(names) > 1 else options["center_frequency_hz"]
+        if band_of(center, rate) is not band:
+            raise VestigeError(
+                f"--center-frequency-hz: found {center:g}, expected the {band.name} carrier within half a sample rate "
+                "of it"
+            )
+        component, layout = options["sample_format"], options["layout"]
+        files[band] = BandFile(
+            band=band,
+            path=STDIN,
+            described_in=STDIN,
+            form=SampleFormat(component=component, layout=layout, channels=len(names), channel=channel),
+            sample_rate_hz=rate,
+            center_frequency_hz=center,
+            start=options["start"],
         )
-    return BandFile(
-        band=Band.E6,
-        path=STDIN,
-        described_in=STDIN,
-        form=SampleFormat(component=options["sample_format"], layout=options["layout"]),
-        sample_rate_hz=rate,
-        center_frequency_hz=center,
-        start=options["start"],
+    return files
+
+
+def stdin_stream(file: BandFile, *, capacity_bytes: int) -> SampleStream:
+    """Return the samples of one band on standard input; those of other channels are dropped."""
+    return _split({file.band: file}, capacity_bytes=capacity_bytes, can_wait=True)[file.band]
+
+
+def _split(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
+    """Return the streams of the channels of one pipe."""
+    from dataclasses import replace
+
+    from vestige.recording.live.frame_splitter import FrameSplitter
+    from vestige.recording.samples.sample_stream import SampleStream, reading
+
+    one = next(iter(files.values()))
+    source = sys.stdin.fileno() if one.path == STDIN else one.path
+    if one.form.channels == 1:
+        return {one.band: SampleStream(source, one, capacity_bytes=capacity_bytes, can_wait=can_wait)}
+    opened: Callable[[int], bytes] | None = None
+
+    def read(at_most: int) -> bytes:
+        nonlocal opened
+        opened = opened or reading(source)  # by the thread that reads: a named pipe waits for the program that writes
+        return opened(at_most)
+
+    splitter = FrameSplitter(
+        read,
+        sample_bytes=one.form.sample_bytes,
+        n_channels=one.form.channels,
+        wanted=[file.form.channel for file in files.values()],
+        header_bytes=one.header_bytes,
     )
+    return {
+        band: SampleStream(
+            partial(splitter.read, file.form.channel),
+            replace(file, form=file.form.alone, header_bytes=0),
+            capacity_bytes=capacity_bytes,
+            can_wait=can_wait,
+        )
+        for band, file in files.items()
+    }

@@ -38,12 +38,12 @@ _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 
 
 class _Process(GroupedCommand):
-    """`vestige process`, of which the former option `--follow` is `vestige live` now."""
+    """`vestige process`; samples on standard input, and the former option `--follow`, are for `vestige live`."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        if "--follow" not in args:
+        if not {"--follow", "-"} & set(args):
             return super().make_context(info_name, args, parent, **extra)
         from vestige.cli.live.live import command as live
 
@@ -77,8 +77,6 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
 
-    if recording_path == Path("-"):
-        raise click.UsageError("samples on standard input are for vestige live -")
     check_processor_usage(options)
     options["recording_path"] = recording_path
     recording = open_recording(recording_path, start=options["start"])

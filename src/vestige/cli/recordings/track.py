@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
 from vestige.cli.options import FiniteRange, recording_argument, start_option, threads_option
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
+    from vestige.errors import InputFileError
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.sample_processor.tracking.settings import TrackingSettings
 
@@ -101,32 +103,64 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
 @click.option("-o", "--output", type=_path, required=True, help="Folder to write; must not exist.")
 @start_option
 @tracking_options
+@stdin_options
 def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
     Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, and the correlators.
+    `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which E1 is tracked.
     """
-    from vestige.cli.progress import progress
     from vestige.errors import InputFileError
-    from vestige.recording.recording import open_recording
-    from vestige.recording.tracked.track_recording import track_recording
     from vestige.recording.tracked.tracked_folder import write_tracked
 
     folder: Path = options["output"]
     if folder.exists():
         raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
-    recording = open_recording(recording_path, start=options["start"])
-    if recording.e1 is None:
-        raise InputFileError(recording.description.path, "bands", "no E1", "samples of E1, the band that is tracked")
-    for line in recording.notes:
-        echo(f"warning: {line}", err=True)
-    settings = tracking_settings(options)
-    with progress() as report:
-        tracked = track_recording(recording, settings, workers=options["workers"], progress=report)
+    tracked = _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
     _print(tracked)
     folder.mkdir(parents=True)
     for path in write_tracked(folder, tracked):
         echo(f"wrote {path}")
+
+
+def _tracked(recording_path: Path, options: dict[str, Any]) -> TrackedRecording:
+    from vestige.cli.progress import progress
+    from vestige.recording.recording import open_recording
+    from vestige.recording.tracked.track_recording import track_recording
+
+    if unfit := [f"--{name.replace('_', '-')}" for name in STDIN_OPTIONS if options[name] is not None]:
+        names = ", ".join(unfit).replace("sample-format", "format")
+        raise click.UsageError(f"{names}: for samples on standard input, vestige track -")
+    recording = open_recording(recording_path, start=options["start"])
+    if recording.e1 is None:
+        raise _without_e1(recording.description.path)
+    for line in recording.notes:
+        echo(f"warning: {line}", err=True)
+    with progress() as report:
+        return track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
+
+
+def _tracked_stdin(options: dict[str, Any]) -> TrackedRecording:
+    from vestige.errors import InputFileError
+    from vestige.recording.tracked.track_recording import streamed_batches, track_batches
+    from vestige.records import Band
+
+    file = stdin_description(options, "e1").bands.get(Band.E1)
+    if file is None:
+        raise _without_e1(STDIN)
+    if file.start is None:
+        raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
+    stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
+    tracked = track_batches(streamed_batches(stream), tracking_settings(options), workers=options["workers"])
+    if stream.look().end_sample == file.first_sample:
+        raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
+    return tracked
+
+
+def _without_e1(path: Path) -> InputFileError:
+    from vestige.errors import InputFileError
+
+    return InputFileError(path, "bands", "no E1", "samples of E1, the band that is tracked")
 
 
 def _print(tracked: TrackedRecording) -> None:

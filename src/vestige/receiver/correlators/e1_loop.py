@@ -25,6 +25,11 @@ epoch the receiver has acquired whatever is on air then.
 satellite every second, takes 0.1 s of samples to find it, pulls the carrier in for 0.2 s, and needs 0.2 s more until
 C/N0 and phase lock are good. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
 
+**Side peaks.** R² of BOC(1,1) has peaks half a chip beside the main one, 6 dB lower. A loop keeps the one that is next
+to it: if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking
+loops on samples do the same, since they do not look for side peaks either. Both stand a quarter of their early-late
+spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of 12.3 MHz, where it is 0.166.
+
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
 dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
 (`sample_processor.tracking`) agree on who captures the code as long as the counterfeit has the carrier frequency of the

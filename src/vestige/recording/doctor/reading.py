@@ -73,17 +73,24 @@ def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
     shift_hz = CARRIER_HZ[file.band] - CARRIER_HZ[other.band]
     seen = []
     for one in (
-        replace(file, path=other.path, header_bytes=other.header_bytes, trailing_bytes=other.trailing_bytes),
+        replace(
+            file,
+            path=other.path,
+            header_bytes=other.header_bytes,
+            trailing_bytes=other.trailing_bytes,
+            form=replace(file.form, channels=other.form.channels, channel=other.form.channel),
+        ),
         replace(other, band=file.band, center_frequency_hz=other.center_frequency_hz + shift_hz, start=file.start),
     ):
         alike = (one.form, one.sample_rate_hz, one.center_frequency_hz, one.spectral_inversion)
         if alike not in seen and (one.form.is_complex or _has_intermediate_frequency(one)):
             seen.append(alike)
+            framed = other.form.channels > 1
             yield Reading(
                 kind=FindingKind.SWAPPED_BANDS,
                 file=one,
-                says=f"in {other.path.name}, the file of {other.band.value}",
-                change="exchange the files of E1 and E6 in the description",
+                says=f"in {other.path.name}, the {'channel' if framed else 'file'} of {other.band.value}",
+                change=f"exchange {'E1 and E6 in `frame`' if framed else 'the files of E1 and E6'} in the description",
             )
 
 

@@ -7,10 +7,11 @@ hold:
 ======================= ==========================================================================================
 element                 what is read
 ======================= ==========================================================================================
-`file`                  one for each band, `offset` included; no sequence of files
-`lane`                  one block of one chunk of one lump of one stream, without header and footer
+`file`                  one for each band, or one for both; `offset` included; no sequence of files
+`lane`                  one block of one chunk of one lump, without header and footer
+`lump`                  one stream, or several alike with `ratefactor` 1: a sample of each in turn
 `stream`                8 or 16 bits, `TC` or `INT8` (two's complement), `OB` (offset binary); `IF`, `IQ`, `QI`, `IQn`
-`chunk`                 words of one number, no padding
+`chunk`                 words of one number, those of one sample of each stream, no padding
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
@@ -43,8 +44,8 @@ ION_SUFFIX = ".sdrx"
 ION_SUFFIXES = (ION_SUFFIX, ".xml")
 ION_NAMESPACE = "http://www.ion.org/standards/sdrwg/schema/metadata.xsd"
 SUPPORTED = (
-    "one stream of one band in each file, 8 or 16 bits (TC, INT8 or OB), IF, IQ, QI or IQn, without header, footer and "
-    "padding"
+    "streams of one band each, alike if a file has several, 8 or 16 bits (TC, INT8 or OB), IF, IQ, QI or IQn, without "
+    "header, footer and padding"
 )
 
 ION_NUMBERS: dict[tuple[str, int], SampleType] = {
@@ -94,15 +95,14 @@ def read_ion_metadata(path: Path) -> RecordingDescription:
     notes = []
     for element in document.root:
         if _name(element) == "file" and len(element):
-            file = _band_file(document, element)
-            if file is None:
-                notes.append(
-                    f"{document.text(element, 'url')}: neither the E1 nor the E6 carrier lies in its spectrum; not used"
-                )
-            elif file.band in bands:
-                document.refuse(element, f"two files of {file.band.value}")
-            else:
-                bands[file.band] = file
+            for file in _band_files(document, element):
+                if file is None:
+                    url = document.text(element, "url")
+                    notes.append(f"{url}: neither the E1 nor the E6 carrier lies in its spectrum; not used")
+                elif file.band in bands:
+                    document.refuse(element, f"two files or streams of {file.band.value}")
+                else:
+                    bands[file.band] = file
     if not bands:
         raise InputFileError(path, "file", "no E1 or E6 samples", "a recording of E1 or E6")
     times = {str(file.start): file.start for file in bands.values()}
@@ -134,12 +134,23 @@ class _Document:
 
     def one(self, parent: Element, name: str) -> Element:
         """Return the only child of a name, or the element that it refers to."""
+        found = self._children(parent, name)
+        if len(found) > 1:
+            self.refuse(parent, f"{len(found)} of {name}")
+        return self._referred(parent, found[0])
+
+    def several(self, parent: Element, name: str) -> list[Element]:
+        """Return the children of a name, at least one, or the elements that they refer to."""
+        return [self._referred(parent, child) for child in self._children(parent, name)]
+
+    def _children(self, parent: Element, name: str) -> list[Element]:
         found = [child for child in parent if _name(child) == name]
         if not found:
             raise InputFileError(self.path, self._place(parent), f"no {name}", "one")
-        if len(found) > 1:
-            self.refuse(parent, f"{len(found)} of {name}")
-        (child,) = found
+        return found
+
+    def _referred(self, parent: Element, child: Element) -> Element:
+        name = _name(child)
         if len(child) or (child.text or "").strip():
             return child
         number = child.get("id")
@@ -189,9 +200,8 @@ def _name(element: Element) -> str:
     return element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
 
 
-def _band_file(document: _Document, element: Element) -> BandFile | None:
-    """Return what a `file` describes, or None if it holds neither carrier."""
-    path = document.path
+def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
+    """Return what the streams of a `file` are, None for one that holds neither carrier."""
     for name in ("next", "previous"):
         if document.text(element, name, ""):
             document.refuse(element, f"a sequence of files ({name})")
@@ -201,8 +211,25 @@ def _band_file(document: _Document, element: Element) -> BandFile | None:
         if document.count(block, name, "0"):
             document.refuse(block, name)
     chunk = document.one(block, "chunk")
-    stream = document.one(document.one(chunk, "lump"), "stream")
-    form, q_negated = _form(document, chunk, stream)
+    streams = document.several(document.one(chunk, "lump"), "stream")
+    kinds = {
+        tuple(document.text(one, name, "") for name in ("ratefactor", "quantization", "encoding", "format"))
+        for one in streams
+    }
+    if len(streams) > 1 and (len(kinds) > 1 or next(iter(kinds))[0] != "1"):
+        document.refuse(lane, f"{len(streams)} streams that are not alike, or not one sample of each in turn")
+    return [
+        _band_file(document, element, lane, chunk, stream, (place, len(streams)))
+        for place, stream in enumerate(streams)
+    ]
+
+
+def _band_file(
+    document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
+) -> BandFile | None:
+    """Return what a stream is, None if it holds neither carrier; `place` is its number, and that of all streams."""
+    path = document.path
+    form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")
     low, high = SAMPLE_RATE_RANGE_HZ
     if not low <= rate_hz <= high:
@@ -231,7 +258,7 @@ def _band_file(document: _Document, element: Element) -> BandFile | None:
     )
 
 
-def _form(document: _Document, chunk: Element, stream: Element) -> tuple[SampleFormat, bool]:
+def _form(document: _Document, chunk: Element, stream: Element, place: tuple[int, int]) -> tuple[SampleFormat, bool]:
     """Return how samples are stored, and whether Q is negated."""
     encoding, bits = document.text(stream, "encoding"), document.count(stream, "quantization")
     component = ION_NUMBERS.get((encoding, bits))
@@ -242,15 +269,18 @@ def _form(document: _Document, chunk: Element, stream: Element) -> tuple[SampleF
         document.refuse(stream, f"the format {order}")
     layout, q_negated = _LAYOUTS[order]
     endian = document.text(chunk, "endian", "Undefined")
-    form = SampleFormat(component=component, layout=layout, big_endian=endian == "Big" and bits > 8)
+    form = SampleFormat(
+        component=component, layout=layout, big_endian=endian == "Big" and bits > 8, channel=place[0], channels=place[1]
+    )
     numbers = document.count(stream, "ratefactor") * form.components_per_sample
     if document.count(stream, "packedbits", str(numbers * bits)) != numbers * bits:
         document.refuse(
             stream, f"{document.text(stream, 'packedbits')} packed bits for {numbers} numbers of {bits} bits"
         )
     word_bits = 8 * document.count(chunk, "sizeword")
-    if word_bits != bits or document.count(chunk, "countwords") != numbers:
-        found = f"{document.text(chunk, 'countwords')} words of {word_bits} bits for {numbers} numbers of {bits} bits"
+    if word_bits != bits or document.count(chunk, "countwords") != numbers * place[1]:
+        expected = f"{numbers * place[1]} numbers of {bits} bits"
+        found = f"{document.text(chunk, 'countwords')} words of {word_bits} bits for {expected}"
         document.refuse(chunk, found)
     if bits > 8 and endian not in ("Little", "Big"):
         raise InputFileError(document.path, "chunk.endian", endian, "Little or Big")

@@ -88,11 +88,12 @@ class SampleReader:
         return samples
 
     def _stored(self, first: int, count: int) -> Shaped[np.ndarray, " n_components"]:
-        file, n_components = self.file, count * self.file.form.components_per_sample
+        file = self.file
+        n_components = count * file.form.components_per_sample * file.form.channels
         if self.held is not None:
-            offset = (first - self.first_sample) * file.form.sample_bytes
+            offset = (first - self.first_sample) * file.form.frame_bytes
             return np.frombuffer(self.held, file.form.dtype, n_components, offset)
-        offset = file.header_bytes + (first - file.first_sample) * file.form.sample_bytes
+        offset = file.header_bytes + (first - file.first_sample) * file.form.frame_bytes
         try:
             stored = np.fromfile(file.path, dtype=file.form.dtype, count=n_components, offset=offset)
         except OSError as error:
@@ -144,7 +145,7 @@ def open_samples(file: BandFile) -> SampleReader:
     """
     size, count, rest = _size(file)
     if count < 1:
-        expected = f"at least one sample of {file.form.sample_bytes} bytes"
+        expected = f"at least one sample of {file.form.frame_bytes} bytes"
         if skipped := file.header_bytes + file.trailing_bytes:
             expected += f" beside {skipped} bytes to skip"
         raise InputFileError(file.path, "length", f"{size} bytes", expected)
@@ -162,4 +163,4 @@ def _size(file: BandFile) -> tuple[int, int, int]:
         raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige live")
     with open_file(file.path) as stream:
         size = os.fstat(stream.fileno()).st_size
-    return size, *divmod(size - file.header_bytes - file.trailing_bytes, file.form.sample_bytes)
+    return size, *divmod(size - file.header_bytes - file.trailing_bytes, file.form.frame_bytes)

@@ -3,6 +3,9 @@
 Reading is exact: an integer becomes the float32 of the same value, so nothing is scaled (correlation does not mind).
 That is why 32-bit integers and 64-bit floats are left out: float32 does not hold them.
 
+Samples of several channels may lie in one file or pipe in turn, as a recorder with two front ends writes them: one
+sample of each channel is a frame.
+
 Real (IF-sampled) samples become complex with zero imaginary part. A front end that turns the spectrum round (high-side
 mixing) delivers the conjugate of the signal; reading conjugates once more. Real samples need no such step: their
 spectrum holds the upright signal at the negative frequencies anyway.
@@ -10,7 +13,7 @@ spectrum holds the upright signal at the negative frequencies anyway.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -41,6 +44,8 @@ class SampleFormat:
     component: SampleType  # number type of a real sample, or of each half of a complex one
     layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
     big_endian: bool = False  # byte order of components of more than one byte
+    channels: int = 1  # samples of as many channels lie in turn, one of each in a frame
+    channel: int = 0  # place of this channel in a frame
 
     @property
     def is_complex(self) -> bool:
@@ -63,6 +68,16 @@ class SampleFormat:
         return self.dtype.itemsize * self.components_per_sample
 
     @property
+    def frame_bytes(self) -> int:
+        """Bytes from one sample to the next: those of one sample of every channel."""
+        return self.sample_bytes * self.channels
+
+    @property
+    def alone(self) -> SampleFormat:
+        """The same format without the other channels."""
+        return replace(self, channels=1, channel=0)
+
+    @property
     def sigmf_datatype(self) -> str:
         """Name of the format in SigMF; Q before I has none."""
         if self.layout == "qi":
@@ -72,7 +87,8 @@ class SampleFormat:
 
     def __str__(self) -> str:
         text = {"real": "real", "iq": "I,Q", "qi": "Q,I"}[self.layout]
-        return f"{self.component}{' big-endian' if self.big_endian else ''} {text}"
+        place = f", {self.channel + 1} of {self.channels} channels" if self.channels > 1 else ""
+        return f"{self.component}{' big-endian' if self.big_endian else ''} {text}{place}"
 
 
 def _sigmf_formats() -> dict[str, SampleFormat]:
@@ -92,7 +108,9 @@ SIGMF_FORMATS = _sigmf_formats()
 def decode(
     components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return stored components as complex64 samples, exactly."""
+    """Return stored components as complex64 samples, exactly; of several channels, those of the format's own."""
+    if form.channels > 1:
+        components = components.reshape(-1, form.channels, form.components_per_sample)[:, form.channel].reshape(-1)
     values = components.astype(np.float32)
     if zero := COMPONENTS[form.component][1]:
         values -= zero

@@ -14,8 +14,9 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from vestige.errors import InputFileError
@@ -44,13 +45,17 @@ class _Block:
 
 
 class SampleStream:
-    """Samples of one band out of a file descriptor or a named pipe; starts to read at once.
+    """Samples of one band out of a file descriptor, a named pipe or a function; starts to read at once.
 
-    A named pipe is opened by the thread that reads, because that waits for the program that writes. At most
-    `capacity_bytes` wait. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full.
+    A named pipe is opened by the thread that reads, because that waits for the program that writes. A function is given
+    how many bytes to return at most, returns none at the end, and may raise `OSError`. At most `capacity_bytes` wait.
+    If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. Samples of several channels are
+    split before (`recording.live.frame_splitter`): a stream has those of one.
     """
 
-    def __init__(self, source: int | Path, file: BandFile, *, capacity_bytes: int, can_wait: bool = True) -> None:
+    def __init__(
+        self, source: int | Path | Callable[[int], bytes], file: BandFile, *, capacity_bytes: int, can_wait: bool = True
+    ) -> None:
         self.file = file
         self.capacity_bytes = capacity_bytes
         self.can_wait = can_wait
@@ -73,7 +78,7 @@ class SampleStream:
         with self._changed:
             if self._error is not None:
                 found = self._error.strerror or "an error"
-                place = "standard input" if isinstance(self._source, int) else "pipe"
+                place = "standard input" if self.file.path == Path("-") else "pipe"
                 raise InputFileError(self.file.path, place, found, "samples") from self._error
             read = max(self._end_byte - self.file.header_bytes, 0) // self.file.form.sample_bytes
             return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
@@ -161,16 +166,15 @@ class SampleStream:
         return SampleReader(file=self.file, n_samples=len(held) // size, skipped=skipped, held=held)
 
     def _fill(self) -> None:
-        descriptor = self._source if isinstance(self._source, int) else None
+        read: Callable[[int], bytes] | None = None
         while not self._ended:
             if self.can_wait:
                 with self._changed:
                     self._changed.wait_for(lambda: not self._full)
             block, error = b"", None
             try:
-                if descriptor is None:
-                    descriptor = os.open(self.file.path, os.O_RDONLY)
-                block = os.read(descriptor, BLOCK_BYTES)
+                read = read or reading(self._source)
+                block = read(BLOCK_BYTES)
             except OSError as failure:
                 error = failure
             with self._changed:
@@ -187,3 +191,14 @@ class SampleStream:
         else:
             self._blocks.append(_Block(self._end_byte, bytearray(read)))
         self._n_kept += len(read)
+
+
+def reading(source: int | Path | Callable[[int], bytes]) -> Callable[[int], bytes]:
+    """Return the function that reads a file descriptor or a named pipe, which is opened now; a function stays itself.
+
+    Raises `OSError` if the pipe cannot be opened.
+    """
+    if callable(source):
+        return source
+    descriptor = source if isinstance(source, int) else os.open(source, os.O_RDONLY)
+    return partial(os.read, descriptor)

@@ -8,18 +8,20 @@ own message has told its time is never placed by others: a replay that is second
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from vestige.constants import MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.navigation.inav.page import InavPage
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
+from vestige.recording.samples.sample_stream import SampleStream
 from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TRACKED_STRETCH_S, TrackingReceiver
 
+_LOOK_S = 0.02  # between two looks at a pipe
 MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each RECS: loops would hardly have settled
 
 
@@ -78,16 +80,48 @@ def track_recording(
     if recording.e1 is None:
         raise ValueError("a recording without E1 cannot be tracked")
     reader = recording.e1
+    n_pieces = -(-reader.n_samples // round(TRACKED_STRETCH_S * reader.file.sample_rate_hz))
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress("tracking E1", done, n_pieces)
+
+    return track_batches(tracked_batches(reader), settings, workers=workers, progress=report)
+
+
+def track_batches(
+    batches: Iterable[SampleBatch],
+    settings: TrackingSettings | None = None,
+    *,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> TrackedRecording:
+    """Return what tracking makes of E1 samples that come in pieces, out of a pipe for example.
+
+    Parameters
+    ----------
+    batches
+        Pieces that follow one another.
+    settings, workers
+        As of `track_recording`.
+    progress
+        Called with the number of stretches of `TRACKED_STRETCH_S` that are done.
+
+    Raises
+    ------
+    VestigeError
+        If the rate is too low for tracking, or the samples cannot be read.
+    """
     receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
     epochs: list[ObservationEpoch] = []
     pages: list[InavPage] = []
     untold = 0  # epochs before a message told the time; later ones the receiver has placed, each by its own message
-    for done, stretch in enumerate(receiver.run(tracked_batches(reader)), start=1):
+    for done, stretch in enumerate(receiver.run(batches), start=1):
         epochs += stretch.epochs
         pages += stretch.pages
         untold = untold if receiver.time_is_told else len(epochs)
         if progress is not None:
-            progress("tracking E1", done, -(-reader.n_samples // round(TRACKED_STRETCH_S * reader.file.sample_rate_hz)))
+            progress(done)
     told = receiver.time_tag_error_s if receiver.time_is_told else None
     if told is not None:
         epochs[:untold] = [placed(epoch, told) for epoch in epochs[:untold]]
@@ -101,6 +135,31 @@ def track_recording(
 def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
     """Yield all samples in the pieces that the tracking receiver works on."""
     return reader.blocks(round(TRACKED_STRETCH_S * reader.file.sample_rate_hz))
+
+
+def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
+    """Yield samples out of a pipe as they come, in the same pieces, and let go of them.
+
+    Raises `InputFileError` if reading fails.
+
+    Parameters
+    ----------
+    stream
+        Samples whose writer can wait, with room for two pieces of `TRACKED_STRETCH_S`.
+    """
+    first, count = stream.file.first_sample, round(TRACKED_STRETCH_S * stream.file.sample_rate_hz)
+    while True:
+        state = stream.look()
+        while state.end_sample - first >= count or (state.ended and state.end_sample > first):
+            found = stream.cut(first, min(first + count, state.end_sample))
+            if found is None:
+                raise ValueError("samples of a pipe whose writer can wait were dropped")
+            yield found.read(first, found.n_samples)
+            first += found.n_samples
+            stream.keep((), first)
+        if state.ended:
+            return
+        stream.wait(_LOOK_S)
 
 
 def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:

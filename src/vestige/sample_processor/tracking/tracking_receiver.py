@@ -1,8 +1,9 @@
 """A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
 
 Samples are given in stretches that follow one another; what comes out does not depend on how they are cut. All
-satellites are looked for at the beginning; then one that was never seen every 5 s, and those that were lost every
-second, around their last Doppler. Observables come `epochs_per_s` times a second at whole fractions of a second of the
+satellites are looked for at the beginning; then one that is not tracked every 5 s, those above the horizon by the
+almanac of the message first (`outlook.py`). Satellites that were lost are looked for every second for two minutes,
+around their last Doppler. Observables come `epochs_per_s` times a second at whole fractions of a second of the
 receiver's clock.
 
 The time of transmission is known in steps: the secondary code tells it modulo 100 ms, the message tells it wholly,
@@ -30,6 +31,7 @@ from vestige.sample_processor.acquisition import Acquisition, acquire
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, measure_e1
 from vestige.sample_processor.tracking.channel import Channel, correlator_lags
 from vestige.sample_processor.tracking.channel_track import ChannelTrack, Observables
+from vestige.sample_processor.tracking.outlook import Outlook
 from vestige.sample_processor.tracking.page_sync import ReceivedPage
 from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.signals.definitions import E1C
@@ -39,8 +41,8 @@ EPOCHS_PER_S = 10
 TRACKED_STRETCH_S = 0.2  # of samples between two looks at the loops; longer batches would be new memory each time
 _SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: more than two code periods
 _SEARCHED_PERIODS = 8  # code periods in which satellites are looked for: enough for 30 dBHz
-_NEW_EVERY = 25  # stretches from one satellite that was never seen to the next
 _LOST_EVERY = 5  # stretches from one search for satellites that were lost to the next
+_FORGOTTEN_S = 120.0  # after which a lost satellite is one that is not tracked: its Doppler is another
 _MAX_WAITING = 60  # pages of a satellite that wait for the time, two minutes
 _LOST_SPAN_HZ = 500.0  # around their last Doppler, with all of 100 ms
 
@@ -71,6 +73,10 @@ class TrackingReceiver:
         Observations a second.
     workers
         Threads.
+    search_every_s
+        Time from the search for one satellite that is not tracked to the next.
+    outlook
+        What the message says of the sky.
     """
 
     svids: tuple[int, ...] = tuple(range(1, MAX_SVID + 1))
@@ -79,6 +85,8 @@ class TrackingReceiver:
     time_tag_error_s: float = 0.0
     epochs_per_s: int = EPOCHS_PER_S
     workers: int = 1
+    search_every_s: float = 5.0
+    outlook: Outlook = field(default_factory=Outlook)
     tracks: dict[int, ChannelTrack] = field(default_factory=dict)
     time_is_told: bool = False  # whether a message has told the time
     _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
@@ -88,6 +96,8 @@ class TrackingReceiver:
     _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
     _seen: set[int] = field(default_factory=set)  # satellites in the epoch before
+    _lost_at: dict[int, int] = field(default_factory=dict)  # satellite: stretch in which it was first seen to be lost
+    _last_epoch: ObservationEpoch | None = None
 
     def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
         """Yield what each stretch of samples gives, `TRACKED_STRETCH_S` long; the last one is shorter.
@@ -132,6 +142,8 @@ class TrackingReceiver:
         self.tracks.clear()
         self._waiting.clear()
         self._seen.clear()
+        self._lost_at.clear()
+        self._last_epoch = None
         self._rest = np.empty(0, np.complex64)
         self._stretch, self._origin, self.time_is_told = 0, None, False
 
@@ -150,7 +162,10 @@ class TrackingReceiver:
         pages = {track.svid: received for track, received in zip(running, found, strict=True)}
         placed = self._place(pages, batch)
         power = float(np.vdot(batch.samples, batch.samples).real) / max(batch.samples.size, 1)
+        for page in placed:
+            self.outlook.take(page)
         epochs = self._epochs(batch, power)
+        self._last_epoch = epochs[-1] if epochs else self._last_epoch
         end = batch.first_sample + batch.samples.size
         needed = min((track.channel.first_sample for track in self._alive()), default=end)
         self._rest = batch.samples[min(needed, end) - batch.first_sample :].copy()
@@ -165,11 +180,15 @@ class TrackingReceiver:
         found: list[Acquisition] = []
         if self._stretch == 0:
             found += acquire(window, self.svids, max_stretches=_SEARCHED_PERIODS)
-        elif self._stretch % _NEW_EVERY == 0:
+        elif self._stretch % max(round(self.search_every_s / TRACKED_STRETCH_S), 1) == 0:
+            self._forget_lost()
+            if self._last_epoch is not None and self.time_is_told:
+                self.outlook.locate(self._last_epoch)
             unseen = [svid for svid in self.svids if svid not in self.tracks]
-            if unseen:
-                turn = self._stretch // _NEW_EVERY % len(unseen)
-                found += acquire(window, unseen[turn : turn + 1], max_stretches=_SEARCHED_PERIODS)
+            # a minute by which the clock may be wrong moves no satellite by a degree
+            svid = self.outlook.next_search(unseen, batch.start + -self.time_tag_error_s)
+            if svid is not None:
+                found += acquire(window, (svid,), max_stretches=_SEARCHED_PERIODS)
         if self._stretch % _LOST_EVERY == 0:
             for track in self.tracks.values():
                 if track.channel.lost:
@@ -182,6 +201,15 @@ class TrackingReceiver:
             channel = Channel(measured, window, self.settings, bandwidth_hz=self.bandwidth_hz)
             self.tracks[measured.svid] = ChannelTrack(channel, batch.sample_rate_hz, batch.center_frequency_hz)
             self._waiting.pop(measured.svid, None)
+
+    def _forget_lost(self) -> None:
+        """Forget the satellites that have been lost for long: they are looked for as those that were never seen."""
+        lost = {svid for svid, track in self.tracks.items() if track.channel.lost}
+        self._lost_at = {svid: self._lost_at.get(svid, self._stretch) for svid in sorted(lost)}
+        for svid, stretch in tuple(self._lost_at.items()):
+            if (self._stretch - stretch) * TRACKED_STRETCH_S >= _FORGOTTEN_S:
+                del self.tracks[svid], self._lost_at[svid]
+                self._waiting.pop(svid, None)
 
     def _place(self, pages: dict[int, list[ReceivedPage]], whole: SampleBatch) -> list[InavPage]:
         """Return the pages whose time of transmission is known by now."""

@@ -1,0 +1,107 @@
+"""Samples of several channels out of one pipe: each channel as if it had a pipe of its own.
+
+A recorder with two front ends writes frames, one sample of each channel in turn: `E1[0] E6[0] E1[1] E6[1] …`. The
+channels are read by one thread each. The thread that finds its channel empty reads the pipe for all of them. What the
+others have not taken yet waits, at most `WAITING_BYTES` a channel; then the reader waits for them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+WAITING_BYTES = 1 << 20  # of each channel; the buffers of the streams are elsewhere
+_BLOCK_FRAMES = 1 << 15
+
+
+class FrameSplitter:
+    """Splits the frames of a pipe into channels.
+
+    Half a frame at the end is dropped.
+
+    Parameters
+    ----------
+    read
+        Reads the pipe: at most so many bytes, none at the end; may wait, and raise `OSError`.
+    sample_bytes
+        Bytes of one sample, the same for all channels.
+    n_channels
+        Samples in a frame.
+    wanted
+        The channels that are read; the samples of others are dropped. None for all.
+    header_bytes
+        Bytes before the first frame, which are skipped.
+
+    Examples
+    --------
+    >>> pieces = iter([b"aAbB", b"cC", b""])
+    >>> splitter = FrameSplitter(lambda n: next(pieces), sample_bytes=1, n_channels=2, wanted=[1])
+    >>> splitter.read(1, 10), splitter.read(1, 10), splitter.read(1, 10)
+    (b'AB', b'C', b'')
+    """
+
+    def __init__(
+        self,
+        read: Callable[[int], bytes],
+        *,
+        sample_bytes: int,
+        n_channels: int,
+        wanted: Iterable[int] | None = None,
+        header_bytes: int = 0,
+    ) -> None:
+        self._read = read
+        self._sample_bytes, self._n_channels, self._header = sample_bytes, n_channels, header_bytes
+        self._parts = {one: bytearray() for one in (range(n_channels) if wanted is None else wanted)}
+        self._rest = b""  # of a frame
+        self._reading = self._ended = False
+        self._error: OSError | None = None
+        self._changed = threading.Condition()
+
+    def read(self, channel: int, at_most: int) -> bytes:
+        """Return the next bytes of a channel, as soon as there are any; none at the end.
+
+        Raises `OSError` if the pipe could not be read.
+        """
+        part = self._parts[channel]
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: part or self._ended or (not self._reading and not self._crowded))
+                if part:
+                    found = bytes(part[:at_most])
+                    del part[:at_most]
+                    self._changed.notify_all()
+                    return found
+                if self._error is not None:
+                    raise self._error
+                if self._ended:
+                    return b""
+                self._reading = True
+            self._take()
+
+    @property
+    def _crowded(self) -> bool:
+        return any(len(part) >= WAITING_BYTES for part in self._parts.values())
+
+    def _take(self) -> None:
+        """Read some frames; only one thread does at a time, and no other waits for the lock meanwhile."""
+        block, error = b"", None
+        try:
+            block = self._read(_BLOCK_FRAMES * self._n_channels * self._sample_bytes)
+        except OSError as failure:
+            error = failure
+        ended = not block
+        skipped = min(self._header, len(block))
+        self._header -= skipped
+        frame_bytes = self._n_channels * self._sample_bytes
+        block = self._rest + block[skipped:]
+        whole = len(block) - len(block) % frame_bytes
+        self._rest = block[whole:]
+        frames = np.frombuffer(block, np.dtype((np.void, self._sample_bytes)), whole // self._sample_bytes)
+        frames = frames.reshape(-1, self._n_channels)
+        with self._changed:
+            for channel in self._parts:
+                self._parts[channel] += frames[:, channel].tobytes()
+            self._reading, self._ended, self._error = False, ended, error
+            self._changed.notify_all()

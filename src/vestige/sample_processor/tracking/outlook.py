@@ -1,0 +1,126 @@
+"""Which satellites a tracking receiver should look for: those that are above its horizon, by the almanac.
+
+Every satellite sends the almanac of all in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With the ranges
+of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a degree. So a
+satellite that has risen is found within seconds; in a search of all satellites in turn it may wait for minutes.
+
+The almanac only says what is tried first. A message may be forged, and an almanac may be old, so every fourth search is
+of another satellite. No verdict depends on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.constants import MAX_SVID
+from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.almanac_words import ALMANAC_WORDS, AlmanacSet
+from vestige.navigation.inav.page import InavPage
+from vestige.navigation.inav.words import word_type
+from vestige.navigation.line_of_sight import ReceiverMotion, line_of_sight
+from vestige.navigation.position_fix import UNKNOWNS, position_fix, transmission
+from vestige.records.observation_epoch import ObservationEpoch
+from vestige.time import GalileoTime
+
+HORIZON_DEG = -1.0  # satellites that are about to rise are tried, too
+_SET_S = 60  # in which a satellite sends one set of words 7 to 10
+_LOOK_S = 60.0
+_OTHERS_EVERY = 4  # searches, of which one is of a satellite that is not known to be above the horizon
+_ORBIT_SIGMA_M = 1e4
+
+
+class Outlook:
+    """What a receiver knows of the sky by the almanac in the message and its own ranges.
+
+    Attributes
+    ----------
+    position_m
+        ECEF position to some kilometres; None as long as it is not known.
+    """
+
+    def __init__(self) -> None:
+        self.position_m: Float[np.ndarray, " 3"] | None = None
+        self._words: dict[int, tuple[int, dict[int, int]]] = {}  # satellite: minute, and words of the almanac in it
+        self._orbits: dict[int, Ephemeris] = {}
+        self._searched: dict[int, int] = {}  # satellite: number of its last search
+        self._n_searches = 0
+        self._above: set[int] = set()
+        self._looked_at: GalileoTime | None = None
+
+    @property
+    def known(self) -> frozenset[int]:
+        """Satellites of which the almanac is known."""
+        return frozenset(self._orbits)
+
+    def take(self, page: InavPage) -> None:
+        """Take the next page with a good checksum."""
+        kind = word_type(page.word)
+        if page.is_alert or kind not in ALMANAC_WORDS:
+            return
+        minute = page.time.gst_seconds // _SET_S
+        before, words = self._words.get(page.svid, (minute, {}))
+        words = words if before == minute else {}
+        words[kind] = page.word
+        self._words[page.svid] = minute, words
+        try:
+            found = AlmanacSet.from_words(words, page.time)
+        except ValueError:  # a time of the almanac that no week has
+            return
+        for entry in () if found is None else found.entries:
+            if found is not None and 1 <= entry.svid <= MAX_SVID:
+                self._orbits[entry.svid] = entry.ephemeris(found.t0a)
+
+    def locate(self, epoch: ObservationEpoch) -> None:
+        """Learn the position from an epoch; nothing if fewer than four of its satellites are in the almanac."""
+        svids = sorted(self.known & set(epoch.observations))
+        if len(svids) < UNKNOWNS:
+            return
+        ranges_m = np.array([[epoch.observations[svid].pseudorange_m for svid in svids]])
+        sent = transmission([self._orbits[svid] for svid in svids], epoch.time, np.zeros(1), ranges_m)
+        fix = position_fix(sent, ranges_m, np.full_like(ranges_m, _ORBIT_SIGMA_M))
+        if fix.valid[0]:
+            self.position_m = fix.position_m[0]
+
+    def elevation_deg(self, svid: int, time: GalileoTime) -> float:
+        """Return the elevation of a satellite in degrees; NaN if its almanac or the position is not known."""
+        if self.position_m is None or svid not in self._orbits:
+            return float("nan")
+        rest = np.zeros((1, 3))
+        here = ReceiverMotion(position_m=self.position_m[None, :], velocity_mps=rest, acceleration_mps2=rest)
+        seen = line_of_sight(self._orbits[svid], time, np.zeros(1), here)
+        return float(np.degrees(seen.elevation_rad[0]))
+
+    def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
+        """Return the satellite to look for next; None if there is none to look for.
+
+        Three searches of four are of satellites above `HORIZON_DEG`, as far as there are any. Of equals it is the one
+        whose last search is longest ago.
+
+        Parameters
+        ----------
+        unseen
+            Satellites that are not tracked.
+        time
+            For which elevations are taken.
+        """
+        self._n_searches += 1
+        self._look_up(time)
+        above = [svid for svid in unseen if svid in self._above]
+        others = [svid for svid in unseen if svid not in above]
+        first, second = (others, above) if self._n_searches % _OTHERS_EVERY == 0 else (above, others)
+        found = self._longest_ago(first or second)
+        if found is not None:
+            self._searched[found] = self._n_searches
+        return found
+
+    def _look_up(self, time: GalileoTime) -> None:
+        """Learn which satellites are above the horizon, once a minute: in a minute none moves by half a degree."""
+        if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
+            self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}
+            self._looked_at = time if self._above else None
+
+    def _longest_ago(self, svids: Sequence[int]) -> int | None:
+        return min(svids, key=lambda svid: (self._searched.get(svid, 0), svid), default=None)
