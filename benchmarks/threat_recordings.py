@@ -170,11 +170,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="Folder for the recordings, 0.3 to 0.7 GB each.")
     parser.add_argument("-j", "--workers", type=int, default=1)
     options = parser.parse_args()
-    scenes = [
-        one
-        for one in recorded_scenes(options.seed)
-        if not options.threats or {one.threat.id, one.name} & set(options.threats)
-    ]
+    all_scenes = recorded_scenes(options.seed)
+    known = {name for one in all_scenes for name in (one.threat.id, one.name)}
+    if unknown := set(options.threats) - known:
+        parser.error(f"found {', '.join(sorted(unknown))}, expected {', '.join(sorted(known))}")
+    scenes = [one for one in all_scenes if not options.threats or {one.threat.id, one.name} & set(options.threats)]
     with ProcessPoolExecutor(options.workers) as pool:
         lines = [pool.submit(line, one, options.keep) for one in scenes]
         print("| scene |" + "".join(f" level {level}: table | recording |" for level in LEVEL_NUMBERS))
