@@ -350,8 +350,12 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Fil
     needed = {segment.key_time for segment in assistance.segments}
     absent = sorted(needed - {key.time for key in assistance.keys})
     if absent:
-        found = f"OSNMA keys: {len(absent)} of {len(needed)} are missing, the first is that of {absent[0]}"
-        missing.append(f"{found}; RECS without their key get no verdict")
+        first, more = str(absent[0]), len(absent) - 1
+        which = f"the key of {first} and {more} more are missing" if more else f"the key of {first} is missing"
+        missing.append(
+            f"OSNMA keys: {which}, and RECS without their key get no verdict; `vestige osnma verify` writes a key file "
+            "from navigation pages"
+        )
     elif not assistance.keys:
         missing.append("OSNMA keys: none")
     without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}
