@@ -29,7 +29,7 @@ class InputFileError(VestigeError):
     place
         Where in it: a byte offset, a line, a field.
     found, expected
-        What stands there and what should.
+        The value that stands there, and the one that should.
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:

@@ -85,7 +85,7 @@ def replacement(output: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(output: Path) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes `output` at the end. Of several writers of one output one succeeds.
+    """Yield a folder to write into, which becomes `output` at the end; if several programs write one, one succeeds.
 
     Raises
     ------

@@ -37,7 +37,7 @@ class OwnPartError(VestigeError):
     kind
         `module:Name`.
     found, expected
-        What there is and what should be.
+        The value that is there, and the one that should be.
     """
 
     def __init__(self, kind: str, found: str, expected: str) -> None:
@@ -123,7 +123,7 @@ def made(kind: str, cls: Any, **settings: int) -> Any:
     cls
         The class.
     settings
-        What it is made with.
+        Arguments with which the object is made.
 
     Raises
     ------
@@ -159,9 +159,9 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
     part
         The part.
     name
-        What returned the values.
+        Name of the method that returned the values.
     values, shape
-        What it returned, and the shape that they need: epochs first.
+        The values that it returned, and the shape that they need: epochs first.
 
     Raises
     ------

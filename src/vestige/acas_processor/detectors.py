@@ -28,7 +28,7 @@ The scan only moves forward, and every tap that satisfies threshold and constrai
 together find just *the first tap that exceeds the threshold and both its neighbours*, and step 4 moves on to the
 first tap from there whose successor is no improvement: two searches for a first True, for all epochs at once.
 
-Comparisons are strict. A magnitude equal to the threshold does not exceed it. Of equal maxima the maximum detector
+Comparisons are strict. A magnitude equal to the threshold does not exceed it. Among equal maxima the maximum detector
 takes the earliest. To the early detector two equal taps n apart are no peak: with noise that has probability zero,
 without noise it happens for a peak exactly halfway between two taps.
 """

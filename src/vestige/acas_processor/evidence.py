@@ -27,11 +27,11 @@ class Evidence:
     elevation_rad
         float64[n, m], seen from the last known position; NaN if there was none yet.
     observed, references
-        What was measured of each quantity, and what is usual of it.
+        Measured quantities of each check, and their reference levels.
     subframes
         OSNMA of the subframes that ended in the block.
     clock, rates, misses, carrier
-        What is remembered of the epochs before the block.
+        Memory of the epochs before the block, one for each check that needs it.
     """
 
     measured: MeasurementBlock

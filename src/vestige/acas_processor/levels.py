@@ -16,9 +16,9 @@ looks at (one satellite or the whole receiver), and how often.
 Checks are evidence of different weight. A check that finds a second signal, or E6 where E1 is not, says SPOOFED:
 somebody sends what the satellite did not. No E6 at all is NOT_DETECTED. What jamming, a building or a bad oscillator
 might do too is SUSPECT, and so is every other satellite when one is found twice: a meaconer repeats the whole band, and
-its copy of a weak satellite may hide the true signal. Of several failures the gravest counts. A check that was not run
-is no evidence: without steps 1 and 2 nothing follows (NOT_AVAILABLE); of the others the reason of the verdict says
-which are missing. Between two RECS only the monitors speak.
+its copy of a weak satellite may hide the true signal. If several checks fail, the gravest failure counts. A check that
+was not run is no evidence. Without steps 1 and 2 nothing follows (NOT_AVAILABLE); the reason of the verdict says which
+of the others are missing. Between two RECS only the monitors speak.
 
 A row says everything that the processor needs to know of a check: how it is made from the settings, whether it compares
 with reference levels, and where its false-alarm probability comes from. So a new check is a file in `checks/`, a row

@@ -39,7 +39,7 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
     Parameters
     ----------
     message
-        What stands in the place of a message, 424 bits.
+        The 424 bits in the place of a message.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class EphemerisIssue:
     start
         It is sent from the first subframe on that starts at this time or later, until the next issue.
     ephemeris
-        What is sent.
+        The ephemeris that is sent.
     """
 
     start: GalileoTime
@@ -74,7 +74,7 @@ class SatelliteWords:
     issues
         Its ephemerides with the times at which they are issued, in any order; the IODnav of successive ones differ.
     system
-        What all satellites send alike.
+        Data that all satellites send alike.
     fec2
         Whether the satellite sends FEC2 and reduced CED.
 

@@ -6,7 +6,7 @@ A run is one campaign with one attack; *attacked* are its epochs from the attack
 what the processor says: statuses, and with every RECS the ranges that are in use, with the largest error that the
 attack made of them since the RECS before. What the RECS after the stop says of that time counts as well. An error is
 *harmful* beyond twice what the range test allows, 2κσ: smaller ones may pass because the noise of E6 makes up for them.
-Of a run is said, and more than one may be true,
+These words are said of a run, and more than one may be true:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts or with the RECS after
     missed       a harmful range was in use at any time

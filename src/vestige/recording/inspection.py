@@ -96,7 +96,7 @@ def inspect_recording(
     assistance
         Folder with RECS, keys and so on; by default the folder of the recording with its subfolders.
     public_key, merkle_tree
-        What OSNMA keys must lead to, in place of what the assistance folder holds.
+        Trust anchors of OSNMA, used in place of those in the assistance folder.
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
     signals

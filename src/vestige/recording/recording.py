@@ -39,7 +39,7 @@ class Recording:
     Attributes
     ----------
     description
-        What is known without reading samples; `time_uncertainty_s` is infinite if nothing states it.
+        Description of the samples; `time_uncertainty_s` is infinite if nothing states it.
     e1, e6
         The samples of the bands, or None. `SampleReader.read` reads by the counter that both share.
     observations

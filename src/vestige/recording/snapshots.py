@@ -54,14 +54,14 @@ class RecordingSource:
     time_uncertainty_s
         Bound on the receiver clock's error, in place of the recording's own.
     time_tag_error_s
-        By how much the time tag of the samples is late, as the message or `time_tag_search` tell it. It says where in
-        the recording a RECS is, and places what 100 ms of E1 leave open, a multiple of 100 ms.
+        Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. It decides
+        where in the recording a RECS is, and resolves the multiple of 100 ms that 100 ms of E1 leave open.
     searchable
         Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
     cn0_estimator
-        Of E1 where it is measured in the samples, as `measure_e1`.
+        Estimator of the C/N0 of E1, as of `measure_e1`, where E1 is measured in the samples.
     channels
-        What the receiver has beside samples and assistance.
+        Second OSNMA channel and accelerations, if there are any.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
     """

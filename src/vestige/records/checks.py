@@ -55,7 +55,8 @@ class CheckSeries:
     Attributes
     ----------
     name, unit
-        What it is called, a `CheckName` or the name of a check that a user wrote; the unit of statistic and threshold.
+        Name of the check, a `CheckName` or the name of a check that a user wrote, and the unit of statistic and
+        threshold.
     p_fa
         False-alarm probability of one test.
     statistic, threshold

@@ -21,11 +21,11 @@ class ObservationEpoch:
     time
         Receiver-clock time of the observations.
     observations
-        By SVID. Whatever but the pseudorange was not measured is NaN.
+        Observations by SVID. NaN stands for what was not measured; the pseudorange always is.
     slipped
         Satellites whose carrier phase is not continuous with the epoch before.
     taps
-        By SVID, complex64[k]: correlators of E1-C over the 100 ms before, in standard deviations of the noise per
+        Correlators by SVID, complex64[k]: those of E1-C over the 100 ms before, in standard deviations of the noise per
         dimension if the samples were noise alone. Empty if the source has none.
     tap_chips
         Their offsets from the prompt in chips; positive is later.

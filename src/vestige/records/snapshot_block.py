@@ -193,9 +193,9 @@ class SnapshotBlock:
     recs
         bool[n]: epochs with RECS.
     e1
-        What E1 tracking says.
+        Measurements of E1 tracking.
     front_end
-        What the front ends say of themselves.
+        Power and gain of the front ends, by band.
     e6
         Answers `correlate`; None without E6.
     searches

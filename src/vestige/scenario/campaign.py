@@ -100,7 +100,7 @@ class ReceiverTable(Section):
     signal
         Whether E6-C is on air at all; without it, neither line of sight nor rays, every detection is a false alarm.
     time_uncertainty_s
-        What the receiver believes of its clock.
+        Error of its clock that the receiver believes possible, in s.
     clock_offset_s
         Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know it, and it
         may be larger than `time_uncertainty_s` says. With `correlators` only.
@@ -175,11 +175,11 @@ class CampaignScenario(Section):
     fidelity
         `samples`, the reference, or `correlators`, the same distribution without samples.
     attack
-        What the attacker does, one `[[attack]]` each, all at once.
+        Attacks, one `[[attack]]` each, all at once.
     constellation, trajectory
         Where satellites and receiver are; without them there is a single line of sight.
     position
-        What the receiver believes of its pseudoranges.
+        Standard deviations of pseudoranges that the receiver assumes.
     osnma
         Events and keys of the OSNMA operator.
     atmosphere

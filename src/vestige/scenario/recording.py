@@ -22,7 +22,7 @@ class ReceiverSection(Section):
     clock_offset_s
         Receiver clock minus Galileo System Time.
     time_uncertainty_s
-        What the receiver believes of its clock.
+        Error of its clock that the receiver believes possible, in s.
     hardware_bias_e1_e6_m
         Delay of the E6 front end minus that of E1.
     """

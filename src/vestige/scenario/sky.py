@@ -41,7 +41,7 @@ class Constellation(Section):
     mask_deg
         Elevation mask.
     cn0_fall_db
-        By how much the C/N0 at the horizon is below that at the zenith, which is `receiver.cn0_dbhz`.
+        Difference in dB between the C/N0 at the zenith, which is `receiver.cn0_dbhz`, and that at the horizon.
     ionosphere_common
         Share of the ionosphere's variance that all satellites have in common.
     svids

@@ -29,7 +29,7 @@ class SignalDefinition:
     Attributes
     ----------
     name
-        As the ICD writes it, `E6-C`.
+        Name in the ICD, as `E6-C`.
     code_length
         Chips of the primary code.
     secondary_length

@@ -29,7 +29,7 @@ class Pulse:
     Parameters
     ----------
     name
-        As the field writes it, `BPSK`, `BOC(1,1)`.
+        Usual name, as `BPSK` or `BOC(1,1)`.
     levels
         Amplitude on each of the equal sub-chips, mean square 1.
     """

@@ -38,7 +38,7 @@ class BetweenRecs(CheckedAttack):
     guard_s
         Time after and before a RECS at which it is off.
     phase, bands
-        As for a lift-off. The noise that E6 would repeat is never recorded, and left out.
+        The same as for a lift-off. The noise that E6 would repeat is never recorded, and left out.
     """
 
     top_m: float

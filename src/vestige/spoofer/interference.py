@@ -29,7 +29,7 @@ class Jam(CheckedAttack):
     waveform
         Wideband, CW, chirp or pulsed.
     bands
-        What is jammed; E6 alone leaves tracking on E1 alone.
+        Bands that are jammed; E6 alone leaves tracking on E1 alone.
     noise_bandwidth_hz
         Bandwidth in which N is meant.
     """

@@ -58,7 +58,7 @@ class Ramp:
     first, last
         Values before `start_s` and after `stop_s`.
     start_s, stop_s
-        In s after the scenario's start.
+        Times in s after the scenario's start.
     smooth
         Half a cosine instead of the straight line.
     """
@@ -95,7 +95,7 @@ class Sine:
     first, turn, last
         Values before `start_s`, at `turn_s` and after `stop_s`.
     start_s, turn_s, stop_s
-        In s after the scenario's start.
+        Times in s after the scenario's start.
     """
 
     first: float

@@ -184,7 +184,7 @@ class Meaconing(CheckedAttack):
     power_db
         Relative to the true signal.
     bands
-        What is repeated.
+        Bands that are repeated.
     reception_gain_db
         G in dB, C/N0 of the attacker's reception over the victim's.
     acquired
@@ -264,7 +264,7 @@ class Nulling(CheckedAttack):
     phase_error_rad
         e.
     bands
-        What is nulled. E6 is outside Assumption 2.
+        Bands that are nulled. E6 is outside Assumption 2.
     """
 
     gain_db: Profile = -1.0

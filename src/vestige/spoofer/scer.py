@@ -47,7 +47,7 @@ class Scer(CheckedAttack):
     reception_gain_db
         G in dB, C/N0 of the attacker's reception over the victim's.
     chips
-        What the attacker makes of E6-C: repeats it with its noise, or sends hard or soft decisions on each chip.
+        Treatment of E6-C: it is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
         Whether E1-B carries the true symbols from their beginning on, or those that the attacker estimates meanwhile
         (in recordings; campaigns do not generate E1-B).

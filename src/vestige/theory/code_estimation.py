@@ -92,7 +92,7 @@ def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
     energy_over_n0
         γ as a ratio, above 0.
     estimation
-        What the attacker transmits.
+        Chips or symbols that the attacker transmits: repeated, hard or soft decisions.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
     reception_gain_db
         G, C/N0 of the attacker's reception over it in dB.
     estimation
-        What the attacker transmits.
+        Chips or symbols that the attacker transmits: repeated, hard or soft decisions.
 
     Examples
     --------

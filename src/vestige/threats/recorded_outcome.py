@@ -113,7 +113,7 @@ def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: Tr
     steps
         The processor's answers, one epoch each, in the order of time.
     errors
-        What the attack did to the tracked ranges.
+        Errors of the tracked ranges that the attack caused.
     """
     svids, start, n = svids_of(recorded), recorded.scenario().start_time, len(steps)
     shape = (n, len(svids))

@@ -50,9 +50,9 @@ class ShortRecording(Section):
     Attributes
     ----------
     name
-        What the receiver does, among the recordings of a scene.
+        State of the receiver when the attack begins, among the recordings of a scene.
     faster
-        By how much all that the attacker does is faster than in the scene.
+        Factor by which all that the attacker does is faster than in the scene.
     first_s, end_s
         Which part of the scene is recorded, in s after its start, with the attack so much faster.
     every_s
@@ -149,7 +149,7 @@ def scene_scenario(
     settings
         Values of the user's that replace those of the scene, as of `--set`; those of attacks only where there are some.
     attacks
-        In place of `scene_attacks`.
+        Attacks, used in place of `scene_attacks`.
 
     Raises
     ------

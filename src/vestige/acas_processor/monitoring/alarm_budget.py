@@ -26,8 +26,8 @@ For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise 
 κ = 4.27.
 Checks that a user wrote keep their own probability, on top of a.
 
-Of those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is taken.
-The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
+Among those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is
+taken. The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class MonitoringSettings:
     fix
         Orbits, and what is assumed of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
-        As below.
+        Settings of the check with this name; the class of each one describes them.
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception

@@ -165,7 +165,7 @@ def open_results(
     partial
         Whether a campaign that has not ended is accepted.
     damaged
-        What is made of epochs whose values do not agree with their hash. With `leave out` they are missing like those
+        How epochs are treated whose values do not agree with their hash. With `leave out` they are missing like those
         of a campaign that has not ended, which needs `partial`, and `Results.damaged` has them.
     verify
         Whether all values are read once and compared with their hashes; a million epochs take some seconds.

@@ -91,7 +91,7 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     "--flank-from",
     "flank_from_m",
     type=FiniteNumber(),
-    help="range-histogram: fit an exponential law beyond this offset, in m.",
+    help="For range-histogram: fit an exponential law beyond this offset, in m.",
 )
 @parts_option
 def command(

@@ -20,7 +20,7 @@ _SUFFIXES = (".html", ".htm")
 @click.command()
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.html) to write.")
-@click.option("--question", default="", metavar="TEXT", help="What the page answers, in your words.")
+@click.option("--question", default="", metavar="TEXT", help="Question that the page answers, in your words.")
 @parts_option
 def command(result: Path, output: Path, question: str) -> None:
     """Write one page about RESULT, and print the name of the file.

@@ -167,9 +167,9 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
     Parameters
     ----------
     options
-        By the names of the parameters of `stdin_options`, and `start`.
+        Values by the names of the parameters of `stdin_options`, and `start`.
     default_band
-        What `--band` is if it was left out.
+        Value of `--band` if it was left out.
     """
     from dataclasses import replace
 

@@ -112,7 +112,7 @@ def prepared(
     options
         Options of `vestige process`, by the names of its parameters.
     tracked
-        What tracking made of E1; None if E1 was not tracked.
+        Result of tracking E1; None if E1 was not tracked.
     """
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.snapshots import RecordingSource, time_span

@@ -24,7 +24,7 @@ def processor_from_options(options: dict[str, Any], tracked: TrackedRecording | 
     options
         Options of the command line, by the names of their parameters (`process_options`).
     tracked
-        What tracking made of E1: its orbits and correlators are used; None if E1 was not tracked.
+        Result of tracking E1, whose orbits and correlators are used; None if E1 was not tracked.
 
     Raises
     ------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from functools import partial
 from pathlib import Path
@@ -24,19 +23,23 @@ from vestige.cli.options import (
     recording_argument,
     start_option,
 )
+from vestige.cli.recordings.search_input import (
+    arrival_window_in,
+    clock_bound_s,
+    decrypted_recs,
+    grouped_by_transmission,
+    opened_recording,
+    reader_of,
+    say_jump,
+)
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from vestige.cli.recordings.search_report import Answer
-    from vestige.crypto.recs.recs_segment import CipherMode
-    from vestige.recording.recording import Recording
     from vestige.recording.samples.sample_file import SampleReader
     from vestige.recording.search_log import SearchLog
-    from vestige.records import Assistance, ChipSequence
-    from vestige.sample_processor.search.e1_jump import Jump
+    from vestige.records import ChipSequence
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
     from vestige.time import GalileoTime
 
@@ -110,8 +113,8 @@ def e1(
     from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_list import list_e1
 
-    recording = _open(recording_path, start)
-    reader = _reader(recording, Band.E1)
+    recording = opened_recording(recording_path, start)
+    reader = reader_of(recording, Band.E1)
     batch = reader.read(reader.first_sample, min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples))
     with progress() as report:
         found = list_e1(
@@ -123,7 +126,7 @@ def e1(
             progress=lambda done, total: report("E1 search", done, total),
         )
     for jump in found.jumps:
-        _say_jump(jump)
+        say_jump(jump)
     if plot is not None:
         from vestige.cli.recordings.search_figure import draw_e1
 
@@ -177,18 +180,18 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     from vestige.sample_processor.search.e1_search import search_e1
     from vestige.signals.open_e6c import repeated_after_s
 
-    recording = _open(recording_path, start)
-    e1_reader, e6 = _reader(recording, Band.E1), _reader(recording, Band.E6)
-    around_s = _around_s(recording, options["uncertainty_s"])
+    recording = opened_recording(recording_path, start)
+    e1_reader, e6 = reader_of(recording, Band.E1), reader_of(recording, Band.E6)
+    around_s = clock_bound_s(recording, options["uncertainty_s"])
     folder = assistance_folder(recording_path, options["assistance_path"])
-    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
+    codes, assistance = decrypted_recs(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     count = min(round(E1_WINDOW_S * e1_reader.file.sample_rate_hz), e1_reader.n_samples)
     batch = e1_reader.read(e1_reader.first_sample, count)
-    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=_say_jump)
+    signals = search_e1(batch, dict.fromkeys(code.svid for code in codes), jumped=say_jump)
     figure = SearchFigure(options["plot"], codes, "E6, handed over from E1")
     answers = []
     for code in codes:
-        first, last = _window(e6, code, around_s)
+        first, last = arrival_window_in(e6, code, around_s)
         stretches = [
             stretch
             for signal in signals
@@ -219,7 +222,13 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @_p_fa
 @_uncertainty
 @cipher_mode_option
-@click.option("--integration-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="4", show_default=True)
+@click.option(
+    "--integration-ms",
+    type=click.Choice(["1", "2", "4", "8", "16"]),
+    default="4",
+    show_default=True,
+    help="Coherent integration time in ms.",
+)
 @_doppler_span
 @click.option(
     "--engine",
@@ -252,12 +261,12 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     from vestige.signals.open_e6c import is_open_e6c
     from vestige.theory.search_budget import search_budget
 
-    recording = _open(recording_path, start)
+    recording = opened_recording(recording_path, start)
     folder = assistance_folder(recording_path, options["assistance_path"])
     check_output(options["output"], (recording_path, *recording.description.files, folder))
-    e6 = _reader(recording, Band.E6)
-    around_s = _around_s(recording, options["uncertainty_s"])
-    codes, assistance = _codes(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
+    e6 = reader_of(recording, Band.E6)
+    around_s = clock_bound_s(recording, options["uncertainty_s"])
+    codes, assistance = decrypted_recs(recording, folder, parse_svids(svids), around_s, cipher_mode(options))
     engine = choose_engine(options["engine"])
     search = ExhaustiveSearch(
         integration_s=float(options["integration_ms"]) * 1e-3,
@@ -269,8 +278,8 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     log = _log(e6, codes, search, {**options, "uncertainty_s": around_s})
     answers: list[Answer] = []
     unsearched: GalileoTime | None = None
-    for group in _together(codes):
-        first, last = _window(e6, group[0], around_s)
+    for group in grouped_by_transmission(codes):
+        first, last = arrival_window_in(e6, group[0], around_s)
         hypotheses = search.hypotheses(searchable(e6, search.integration_s, first, last)[1], len(group))
         budget = search_budget(
             hypotheses,
@@ -322,77 +331,3 @@ def _log(
         "budget": "correlated neighbours" if options["correlated_neighbours"] else "independent hypotheses",
     }
     return SearchLog.open(options["output"], of)
-
-
-def _say_jump(jump: Jump) -> None:
-    echo(
-        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
-        "sample: samples are missing there, or one signal takes the place of another",
-        err=True,
-    )
-
-
-def _open(path: Path, start: GalileoTime | None) -> Recording:
-    from vestige.recording.recording import open_recording
-
-    recording = open_recording(path, start=start)
-    for line in recording.notes:
-        echo(f"warning: {line}", err=True)
-    return recording
-
-
-def _reader(recording: Recording, band: Any) -> SampleReader:
-    from vestige.errors import VestigeError
-
-    reader = recording.reader(band)
-    if reader is None:
-        raise VestigeError(f"the recording has no {band.value} samples")
-    return reader
-
-
-def _codes(
-    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float, mode: CipherMode
-) -> tuple[list[ChipSequence], Assistance]:
-    """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
-    from vestige.crypto.recs.recs_segment import decrypt
-    from vestige.errors import VestigeError
-    from vestige.recording.assistance.folder import read_assistance
-    from vestige.recording.snapshots import time_span
-
-    found = read_assistance(
-        folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
-    )
-    for line in (*found.problems, *found.missing, *found.warnings):
-        echo(f"warning: {line}", err=True)
-    keys = {key.time: key for key in found.assistance.keys}
-    segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
-    if not segments:
-        raise VestigeError(f"{folder}: no RECS of these satellites with a validated key")
-    return [decrypt(one, keys[one.key_time], mode=mode) for one in segments], found.assistance
-
-
-def _around_s(recording: Recording, uncertainty_s: float | None) -> float:
-    """Return the bound on the clock's error; says what follows if there is none."""
-    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
-    if math.isinf(around_s):
-        echo(
-            "warning: no bound on the time tag's error (--uncertainty-s): "
-            "nothing that is found is provably from before the disclosure of its key",
-            err=True,
-        )
-    return around_s
-
-
-def _window(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
-    """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
-    from vestige.acas_processor.searches.vestigial import arrival_window
-
-    return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
-
-
-def _together(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
-    """Return the RECS of one transmission together: they are searched over the same samples."""
-    groups: dict[GalileoTime, list[ChipSequence]] = {}
-    for code in codes:
-        groups.setdefault(code.transmit_time, []).append(code)
-    return list(groups.values())

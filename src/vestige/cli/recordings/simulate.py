@@ -28,22 +28,33 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--band",
     type=click.Choice(["e1", "e6", "both"]),
-    help="Band whose samples go to the pipe, with -o -; both: E1, E6, E1, …",
+    help="Band whose samples go to the pipe, with -o -. For both, a sample of E1 and one of E6 alternate.",
 )
-@click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign [all].")
+@click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign. [default: all]")
 @set_option
 @click.option(
-    "--format", "component", type=click.Choice(["int8", "int16", "float32"]), default="int8", show_default=True
+    "--format",
+    "component",
+    type=click.Choice(["int8", "int16", "float32"]),
+    default="int8",
+    show_default=True,
+    help="Type of the numbers of a sample.",
 )
 @click.option(
     "--export",
     "exports",
     multiple=True,
     type=click.Choice(["gnss-sdr", "pocketsdr", "saslib"]),
-    help="Also write what this receiver reads.",
+    help="Also write the files that this receiver reads. May be given several times.",
 )
-@threads_option("Threads that make samples.")
-@click.option("--max-gb", type=FiniteRange(0, 1e6), default=10.0, show_default=True, help="Refuse to write more.")
+@threads_option("Number of threads that make samples.")
+@click.option(
+    "--max-gb",
+    type=FiniteRange(0, 1e6),
+    default=10.0,
+    show_default=True,
+    help="Refuse to write more gigabytes than these.",
+)
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
     """Write E1 and E6 samples of SCENARIO as a SigMF collection, with what belongs to them.

@@ -72,7 +72,7 @@ class ChainRegister:
     Attributes
     ----------
     chains
-        In the order in which their first root keys came.
+        Chains in the order in which their first root keys came.
     n_changes
         How often more keys were refused: a withdrawal was new, or an earlier time of it.
     """

@@ -111,7 +111,7 @@ class BitLayout:
     total_bits
         Length of the word or page; the fields must add up to it.
     fields
-        In the order of transmission.
+        Fields in the order of transmission.
     """
 
     total_bits: int

@@ -34,7 +34,7 @@ def other_signals_density(
     relative_power
         Power of line of sight, multipath and spoofing signals together, over that of the line of sight.
     front_end
-        What the samples go through.
+        Filter, gain control and quantiser of the samples.
 
     Examples
     --------

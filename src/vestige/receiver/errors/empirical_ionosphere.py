@@ -32,7 +32,7 @@ class EmpiricalIonosphere:
     samples_m
         Differential residuals E6 − E1 in m, in any order.
     correlation, tau_s, code_only
-        As of a `HeavyTailedIonosphere`.
+        The same as for a `HeavyTailedIonosphere`.
     """
 
     samples_m: Float[np.ndarray, " n"]

@@ -184,7 +184,7 @@ def record_band(
     Parameters
     ----------
     band, sky, reference, front_end, noise_key, interference
-        As in `BandRecorder`.
+        The same as for `BandRecorder`.
     first_sample, n_samples
         Number of the first sample, and how many.
     pool

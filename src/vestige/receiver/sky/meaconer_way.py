@@ -34,7 +34,7 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
     Parameters
     ----------
     attacks
-        As a scenario names them.
+        Attacks as a scenario names them.
     path
         The satellite and the victim.
     duration_s

@@ -4,9 +4,9 @@ A page is lost with the probability that belongs to the C/N0 of what E1 tracks a
 of an attack is at the time of the page: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
 breaks every page that is on air with it.
 
-An E1 loop on a counterfeit with data of the attacker's own demodulates those, with good checksums: no key among them
-validates, and no tag is over them. On a counterfeit that repeats the satellite's data it has the true ones. Of a key
-that comes later the loop of the epoch is asked, as it is for the C/N0.
+An E1 loop on a spoofing signal with navigation data of the attacker's own demodulates those, with good checksums: no
+key among them validates, and no tag covers them. On a spoofing signal that repeats the satellite's data it has the true
+ones. A key that comes later is received if the loop of the epoch received it, as it is for the C/N0.
 
 At an epoch at which E1 acquires a satellite, the page that has just ended is lost.
 

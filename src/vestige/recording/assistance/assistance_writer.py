@@ -36,7 +36,7 @@ def write_assistance(
     folder
         The folder, made if it is not there. Files of the same names are overwritten.
     assistance
-        What is written. Group delays are rounded to 2⁻³² s.
+        RECS, group delays and keys to write. Group delays are rounded to 2⁻³² s.
     roots
         Verified root keys that the keys lead to; a key file cannot do without.
     alerts

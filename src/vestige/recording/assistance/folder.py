@@ -52,9 +52,9 @@ class AssistanceFile:
     Attributes
     ----------
     content
-        What it holds, in one line.
+        Content of the file in one line.
     signature
-        What is known of its origin; None for kinds that are not signed.
+        Status of its signature; None for kinds that are not signed.
     """
 
     path: Path
@@ -70,13 +70,13 @@ class AssistanceFolder:
     Attributes
     ----------
     assistance
-        What the processor gets: segments and keys in the order of time.
+        Input of the processor: segments and keys in the order of time.
     files
         The files that were used.
     problems
         Why others, or parts of them, were not.
     missing
-        What is not there and the processor would want, one line for each kind.
+        One line for each kind of data that is not there and that the processor would want.
     """
 
     assistance: Assistance
@@ -146,10 +146,11 @@ def read_assistance(
     strict
         Raise the first problem instead of collecting it.
     remembered
-        What the same call found before, brought up to date: RECS and BGD files that did not change are not read again.
+        Files that the same call read before. It is brought up to date, and RECS and BGD files that did not change are
+        not read again.
     message
-        What the receiver itself has decoded, and the recording that it is from. Its keys are used like those of a file
-        of navigation pages.
+        Message that the receiver itself has decoded, and the recording that it is from. Its keys are used like those of
+        a file of navigation pages.
 
     Raises
     ------

@@ -72,7 +72,7 @@ def examine_e6(
     try_s
         Processor time for which other descriptions are tried, in s.
     span_hz
-        By how much the Dopplers on E6 may differ from those that E1 gives.
+        Largest difference in Hz between the Dopplers on E6 and those that E1 gives.
     """
     findings: list[Finding] = []
     sky = [(one.svid, one.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ) for one in e1[:_LOOKED_AT]]

@@ -45,7 +45,7 @@ class LiveRecording:
     Parameters
     ----------
     description
-        What it is.
+        Description of the recording.
     observations
         The file of E1 observations, which need not be there yet; None to measure them in the E1 samples.
     replaceable

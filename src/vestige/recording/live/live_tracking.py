@@ -84,7 +84,7 @@ class LiveTracking:
     track
         The observations, for any time for which they are kept.
     time_tag_error_s
-        By how much the time tag of the samples is late; None as long as no message has told the time.
+        Error of the samples' time tag in s, positive if it is late; None as long as no message has told the time.
     end_sample
         Number after that of the last sample that was tracked.
     """

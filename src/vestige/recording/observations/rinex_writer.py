@@ -39,7 +39,7 @@ def write_rinex_observations(
     version
         `3.05` or `4.00`.
     signal
-        What was tracked: `1C` E1-C, `1B` E1-B.
+        Signal that was tracked: `1C` is E1-C, `1B` E1-B.
     approximate_position_m
         Earth-centred, earth-fixed position of the antenna; zeros if not known.
     created

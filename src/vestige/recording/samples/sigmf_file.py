@@ -17,7 +17,7 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
                                        sample in Galileo System Time. `core:datetime` says the same to a microsecond
 ======= ============================== =============================================================================
 
-Of two bands the counter rules: their time tags must agree with it. Labels that only `core:datetime` gives may be off
+For two bands the counter rules: their time tags must agree with it. Labels that only `core:datetime` gives may be off
 by a millisecond (many recorders write no more digits) if both files state a `core:global_index`; without one, they
 must be equal, since nothing else says how the bands lie to each other.
 """

@@ -36,8 +36,8 @@ class TrackedRecording:
     pages
         I/NAV pages with good checksums, with the time that the message tells.
     time_tag_error_s
-        By how much the time tag of the samples is late by the message, give or take the receiver's travel time of
-        10 ms; None if no message told the time.
+        Error of the samples' time tag in s, positive if it is late, from the message, give or take the receiver's
+        travel time of 10 ms; None if no message told the time.
     """
 
     epochs: tuple[ObservationEpoch, ...]
@@ -103,7 +103,7 @@ def track_batches(
     batches
         Pieces that follow one another.
     settings, workers
-        As of `track_recording`.
+        The same as for `track_recording`.
     progress
         Called with the number of stretches of `TRACKED_STRETCH_S` that are done.
 

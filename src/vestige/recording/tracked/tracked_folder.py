@@ -39,7 +39,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording) -> tuple[Path, ...]:
     folder
         Must exist.
     tracked
-        What the loops made of a recording.
+        Result of tracking a recording.
     """
     epochs = [epoch for epoch in tracked.epochs if epoch.observations]
     offset_s = clock_set_s(tracked)

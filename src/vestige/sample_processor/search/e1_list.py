@@ -70,7 +70,7 @@ def list_e1(
     batch
         E1 samples, at least 8 ms; up to 100 ms are used, and 60 ms without a jump are needed for measured values.
     overall_pfa, doppler_span_hz, periods, progress
-        As in `search_e1`.
+        The same as for `search_e1`.
     """
     jumps: list[Jump] = []
     wanted = tuple(svids)

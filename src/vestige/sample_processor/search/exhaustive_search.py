@@ -54,7 +54,7 @@ class SearchState:
     done, total
         Hypotheses.
     peaks
-        What it has found so far, in order of time.
+        Signals that it has found so far, in order of time.
     block_start
         Time of the first code offset of the block that was done last.
     block_magnitude

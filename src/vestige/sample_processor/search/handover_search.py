@@ -100,7 +100,7 @@ def search_handover(
     source
         E6 samples. Places at which they do not hold the whole segment are not searched.
     line
-        What one signal on E1 says.
+        Hand-over from one signal on E1.
     first_start, last_start
         Time uncertainty: when the first chip may arrive at the earliest and at the latest.
     threshold

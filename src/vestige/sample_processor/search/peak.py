@@ -51,7 +51,7 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
     handover
         Where the cell is, with the chips that were correlated.
     threshold
-        That the cell stood above, in standard deviations of the noise per dimension.
+        Threshold that the cell exceeded, in standard deviations of the noise per dimension.
     """
     chips = handover.chips
     duration_s = (chips.chips.size + 4) / chips.chip_rate_hz + 2 * _MARGIN_S

@@ -78,7 +78,7 @@ def row_products(
     Parameters
     ----------
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
-        As `half_chip_sums`; chip 0 is the first of row 0.
+        The same as for `half_chip_sums`; chip 0 is the first of row 0.
     first_row
         Number of the row that goes to the first place.
     code

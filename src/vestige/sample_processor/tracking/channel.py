@@ -108,7 +108,7 @@ class Channel:
     Parameters
     ----------
     found
-        What an acquisition measured; the channel starts where the samples of it started.
+        Result of an acquisition; the channel starts where the samples of it started.
     batch
         Those samples. Only their rate, centre frequency and counter are used.
     settings

@@ -36,7 +36,7 @@ class Observables:
     doppler_hz
         Doppler over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
-        Of E1-C.
+        C/N0 of E1-C.
     """
 
     transmit_s: Float[np.ndarray, " n"]

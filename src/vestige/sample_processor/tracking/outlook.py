@@ -96,8 +96,8 @@ class Outlook:
     def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
         """Return the satellite to look for next; None if there is none to look for.
 
-        Three searches of four are of satellites above `HORIZON_DEG`, as far as there are any. Of equals it is the one
-        whose last search is longest ago.
+        Three searches of four are of satellites above `HORIZON_DEG`, as far as there are any. Among those the satellite
+        comes first whose last search is longest ago.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ them with the symbol that it has decoded, and compares.
 Theory of operation
 -------------------
 With the amplitude of the signal 1 and C/N0 = c, the mean over a part of w seconds has noise of variance 1/(2 c w) per
-dimension. Of n unpredictable symbols b_k, with the carrier in phase, the test uses
+dimension. For n unpredictable symbols b_k, with the carrier in phase, the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 

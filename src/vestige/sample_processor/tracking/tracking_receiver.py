@@ -68,7 +68,7 @@ class TrackingReceiver:
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
     time_tag_error_s
-        By how much the time tag of the samples is late, as far as it is known.
+        Error of the samples' time tag in s, positive if it is late, as far as it is known.
     epochs_per_s
         Observations a second.
     workers
@@ -76,7 +76,7 @@ class TrackingReceiver:
     search_every_s
         Time from the search for one satellite that is not tracked to the next.
     outlook
-        What the message says of the sky.
+        Almanac of the message and the position that follows from it.
     """
 
     svids: tuple[int, ...] = tuple(range(1, MAX_SVID + 1))

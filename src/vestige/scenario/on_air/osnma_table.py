@@ -32,7 +32,7 @@ class OsnmaEventTable(Section):
     Attributes
     ----------
     kind
-        What happens.
+        Kind of the event.
     start_s
         From then on the event is on air.
     in_force_s
@@ -106,7 +106,7 @@ class OsnmaTable(Section):
     Attributes
     ----------
     event
-        What happens, one `[[osnma.event]]` each.
+        Events of the broadcast, one `[[osnma.event]]` each.
     private_key
         PEM file of the key that signs, on P-256 and without a password; a relative path starts at the scenario file.
     merkle_tree

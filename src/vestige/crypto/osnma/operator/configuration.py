@@ -42,7 +42,7 @@ class OperatorConfiguration:
     nma_status
         NMAS while nothing is wrong: 1 test, 2 operational.
     events
-        What happens, in any order.
+        Events of the broadcast, in any order.
     notice
         The notice of an alert message, at most 39 bytes.
 

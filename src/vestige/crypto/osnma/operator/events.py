@@ -54,7 +54,7 @@ class OsnmaEvent:
     Parameters
     ----------
     kind
-        What happens.
+        Kind of the event.
     announced
         From then on the event is on air (step 1).
     in_force
@@ -160,7 +160,7 @@ def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: Galil
     Parameters
     ----------
     events
-        What happens.
+        Events of the broadcast.
     svids
         All satellites that the receiver can have in view.
     time

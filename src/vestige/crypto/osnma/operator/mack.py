@@ -78,7 +78,7 @@ def authenticate(
     nma_status
         NMAS of the NMA header of the subframe; the tags cover it.
     contents
-        What each tag is for, in the order of the slots.
+        Purpose of each tag, in the order of the slots.
     key_of
         Gives the key that is on air in the subframe that starts at a time.
     parameters

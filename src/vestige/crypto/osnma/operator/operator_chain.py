@@ -132,11 +132,12 @@ def draw_chain(
     Parameters
     ----------
     seed, start, n_keys, parameters
-        As for `draw_keys`.
+        The same as for `draw_keys`.
     chain_id
         CID 0 … 3.
     header, pkid, private_key
-        What the DSM-KROOTs are signed with at first, as for `OperatorChain.signed_root`.
+        Header, key identifier and key with which the DSM-KROOTs are signed at first, as for
+        `OperatorChain.signed_root`.
     redraw
         False: keep alpha as it is.
     """

@@ -82,7 +82,7 @@ class OsnmaService:
     Attributes
     ----------
     events
-        What happens while it broadcasts.
+        Events of the broadcast.
     key
         A private key of the user's; None: all keys follow from the seed.
 

@@ -20,7 +20,7 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
     seed
         Any bytes; a secret if what is drawn is to be one.
     name
-        What the bytes are for; other names give independent bytes.
+        Purpose of the bytes; other names give independent bytes.
     n_bytes
         Number of bytes, 0 … 32.
 
@@ -49,7 +49,7 @@ def draw_private_key(seed: bytes, name: str) -> ec.EllipticCurvePrivateKey:
     seed
         Any bytes; they are the secret.
     name
-        What the key is for.
+        Purpose of the key.
 
     Examples
     --------

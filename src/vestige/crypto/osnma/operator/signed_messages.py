@@ -122,7 +122,7 @@ def alert_dsm(notice: bytes, leaf: int, siblings: Sequence[bytes]) -> bytes:
     notice
         The notice, at most `NOTICE_BYTES` bytes; it is filled with spaces.
     leaf, siblings
-        As for `public_key_dsm`.
+        The same as for `public_key_dsm`.
     """
     return bytes([_ALERT_NB << 4 | leaf]) + b"".join(siblings) + _alert_content(notice)
 

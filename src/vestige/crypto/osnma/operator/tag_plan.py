@@ -82,7 +82,7 @@ def plan_tags(
     time
         Start of the subframe.
     history
-        What was sent up to the subframe before.
+        Words that were sent up to the subframe before.
     parameters
         Parameters of the chain on air.
 

@@ -51,7 +51,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
     pkid
         PKID of the key that signs at the start.
     events
-        In any order.
+        Events of the broadcast, in any order.
 
     Raises
     ------

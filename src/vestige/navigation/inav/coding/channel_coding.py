@@ -44,7 +44,7 @@ def interleaved(symbols: UInt8[np.ndarray, "*n k"]) -> UInt8[np.ndarray, "*n k"]
     Parameters
     ----------
     symbols
-        In the order of the encoder.
+        Symbols in the order of the encoder.
     """
     return symbols.reshape(*symbols.shape[:-1], -1, _ROWS).swapaxes(-1, -2).reshape(symbols.shape)
 
@@ -55,7 +55,7 @@ def deinterleaved(symbols: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k
     Parameters
     ----------
     symbols
-        In the order of transmission.
+        Symbols in the order of transmission.
     """
     return symbols.reshape(*symbols.shape[:-1], _ROWS, -1).swapaxes(-1, -2).reshape(symbols.shape)
 

@@ -25,7 +25,7 @@ class EngineChoice:
     name
         `cuda`, `segment` or `fft`.
     where
-        What it runs on: the name of the GPU, or "processor".
+        Name of the GPU on which it runs, or "processor".
     passed_over
         Why `auto` did not take the faster ones, a line for each.
     """

@@ -114,9 +114,9 @@ class EngineUnavailableError(UnsupportedError):
     engine
         Its name.
     found
-        What is missing.
+        The part that is missing.
     remedy
-        What to do now.
+        The next thing to do.
     """
 
     def __init__(self, engine: str, found: str, remedy: str) -> None:

@@ -1,0 +1,95 @@
+"""What `vestige search` reads: the recording, the RECS in it, and when they may arrive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vestige.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from vestige.crypto.recs.recs_segment import CipherMode
+    from vestige.recording.recording import Recording
+    from vestige.recording.samples.sample_file import SampleReader
+    from vestige.records import Assistance, ChipSequence
+    from vestige.sample_processor.search.e1_jump import Jump
+    from vestige.time import GalileoTime
+
+
+def say_jump(jump: Jump) -> None:
+    """Warn of a signal that jumps."""
+    echo(
+        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
+        "sample: samples are missing there, or one signal takes the place of another",
+        err=True,
+    )
+
+
+def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
+    """Return the recording, and warn of what is to be noted of it."""
+    from vestige.recording.recording import open_recording
+
+    recording = open_recording(path, start=start)
+    for line in recording.notes:
+        echo(f"warning: {line}", err=True)
+    return recording
+
+
+def reader_of(recording: Recording, band: Any) -> SampleReader:
+    """Return the samples of a band; raises `VestigeError` if there are none."""
+    from vestige.errors import VestigeError
+
+    reader = recording.reader(band)
+    if reader is None:
+        raise VestigeError(f"the recording has no {band.value} samples")
+    return reader
+
+
+def decrypted_recs(
+    recording: Recording, folder: Path, svids: tuple[int, ...], around_s: float, mode: CipherMode
+) -> tuple[list[ChipSequence], Assistance]:
+    """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
+    from vestige.crypto.recs.recs_segment import decrypt
+    from vestige.errors import VestigeError
+    from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.snapshots import time_span
+
+    found = read_assistance(
+        folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
+    )
+    for line in (*found.problems, *found.missing, *found.warnings):
+        echo(f"warning: {line}", err=True)
+    keys = {key.time: key for key in found.assistance.keys}
+    segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
+    if not segments:
+        raise VestigeError(f"{folder}: no RECS of these satellites with a validated key")
+    return [decrypt(one, keys[one.key_time], mode=mode) for one in segments], found.assistance
+
+
+def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
+    """Return the bound on the clock's error; says what follows if there is none."""
+    around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
+    if math.isinf(around_s):
+        echo(
+            "warning: no bound on the time tag's error (--uncertainty-s): "
+            "nothing that is found is provably from before the disclosure of its key",
+            err=True,
+        )
+    return around_s
+
+
+def arrival_window_in(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
+    """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
+    from vestige.acas_processor.searches.vestigial import arrival_window
+
+    return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
+
+
+def grouped_by_transmission(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
+    """Return the RECS of one transmission together: they are searched over the same samples."""
+    groups: dict[GalileoTime, list[ChipSequence]] = {}
+    for code in codes:
+        groups.setdefault(code.transmit_time, []).append(code)
+    return list(groups.values())
