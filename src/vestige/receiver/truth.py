@@ -101,7 +101,7 @@ class TruthProcess:
         self._multipath = models.multipath and models.multipath.process(own)
         self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_dbhz)
         self._loop = E1Loop(
-            of.spoofer,
+            of.spoofer_as_received,
             of.svid,
             interval_s=self._interval_s,
             cn0_dbhz=cn0_dbhz,
@@ -116,7 +116,10 @@ class TruthProcess:
         models = self._of.models
         clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
         elevation, path = self._of.elevation, self._of.line_of_sight
-        seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
+        if elevation is None:
+            seen = single_line_of_sight(path, times_s)
+        else:
+            seen = elevation.seen(times_s - self._of.clock_offset_s, clock_m)
         geometry = seen.geometry
         code_m, carrier_m, doppler_hz = (
             _advanced(models.e1_tracking, self._tracking, times_s, 3) if self._tracking else (zero, zero, zero)
@@ -148,8 +151,8 @@ class TruthProcess:
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
             e1=e1,
-            e1_attack=self._of.spoofer.effects(Band.E1, self._of.svid, times_s),
-            e6=self._of.spoofer.effects(Band.E6, self._of.svid, times_s),
+            e1_attack=self._of.spoofer_as_received.effects(Band.E1, self._of.svid, times_s),
+            e6=self._of.spoofer_as_received.effects(Band.E6, self._of.svid, times_s),
             rays=rays,
             geometry=geometry,
         )
