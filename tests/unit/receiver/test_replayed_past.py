@@ -92,8 +92,12 @@ def test_the_phase_has_the_rate_of_the_doppler() -> None:
         assert turned_hz == pytest.approx(effects.doppler_hz[1:, 0], abs=0.02, rel=0)
 
 
-def test_nothing_changes_without_delay() -> None:
-    attack = 'attack=[{kind="nulling", gain_db=-1.0}, {kind="meaconing", delay_s=5.0, power_db=3.0, start_s=60.0}]'
+def test_no_bit_changes_for_delays_of_microseconds() -> None:
+    """Nor for an attack that is not on."""
+    attack = (
+        'attack=[{kind="nulling", gain_db=-1.0}, {kind="meaconing", delay_s=9e-6, power_db=3.0}, '
+        '{kind="meaconing", delay_s=5.0, power_db=3.0, start_s=60.0}]'
+    )
     simulation = sky_scenario(*EXACT, "epochs=12", attack).simulations[0]
     assert isinstance(simulation.spoofer_as_received, SpooferUnderSky)
     times_s = np.arange(12.0)
