@@ -48,6 +48,7 @@ from vestige.receiver.samples.sampled_epoch import (
     window,
 )
 from vestige.receiver.sky.elevation import ElevationEffects
+from vestige.receiver.sky.replayed_past import SpooferUnderSky, replay_delay_m
 from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
 from vestige.records import ChipSequence, EncryptedSegment, FrontEndStatus, SampleBatch
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
@@ -141,6 +142,30 @@ class Simulation:
         return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
 
     @property
+    def spoofer_as_received(self) -> Spoofer:
+        """The attacker as E1 and the drawn correlators meet him; samples get the past of the sky by themselves."""
+        if self.elevation is None or not self.spoofer.attacks:
+            return self.spoofer
+        return SpooferUnderSky(
+            attacks=self.spoofer.attacks, path=self.elevation.path, clock_offset_s=self.clock_offset_s
+        )
+
+    def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+        """Return by how much later than the true RECS those arrive that E1 leads to, times c.
+
+        It is the error of E1 as long as that is not seconds. Under a sky the error of seconds holds what the satellite
+        moved in them as well; the RECS itself is late by the delay alone.
+        """
+        error_m = truth.e1.error_m
+        rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
+        if self.elevation is None or not rows.size:
+            return error_m
+        found_m = error_m.copy()
+        system_s = truth.time_s[rows] - self.clock_offset_s
+        found_m[rows] = replay_delay_m(self.elevation.path, system_s, error_m[rows])
+        return found_m
+
+    @property
     def clock_offset_m(self) -> float:
         """Constant error of the receiver's clock, times c."""
         return self.clock_offset_s * SPEED_OF_LIGHT_MPS
@@ -159,7 +184,7 @@ class Simulation:
 
         That clock may be wrong by `clock_offset_s`. Never before its time tag, which may be ahead of that clock.
         """
-        expected_s = arrived.dt_s + (truth.e1.error_m + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
+        expected_s = arrived.dt_s + (self.repeated_later_m(truth) + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
         return np.maximum(received_s, received_s - self.seconds_late_m(truth) / SPEED_OF_LIGHT_MPS)
 

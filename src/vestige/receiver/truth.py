@@ -27,6 +27,7 @@ from vestige.receiver.errors.error_process import (
 from vestige.receiver.errors.multipath import RayBlock
 from vestige.receiver.errors.tracking_noise import noise_growth
 from vestige.receiver.sky.elevation import SatelliteGeometry, single_line_of_sight
+from vestige.receiver.sky.replayed_past import SpooferUnderSky
 from vestige.records import Band
 from vestige.spoofer.spoofer import BandEffects
 
@@ -124,12 +125,17 @@ class TruthProcess:
         models = self._of.models
         clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
         elevation, path = self._of.elevation, self._of.line_of_sight
-        seen = single_line_of_sight(path, times_s) if elevation is None else elevation.seen(times_s, clock_m)
+        if elevation is None:
+            seen = single_line_of_sight(path, times_s)
+        else:
+            seen = elevation.seen(times_s - self._of.clock_offset_s, clock_m)
         geometry = seen.geometry
         code_m, carrier_m, doppler_hz = (
             _advanced(models.e1_tracking, self._tracking, times_s, 3) if self._tracking else (zero, zero, zero)
         )
-        e1 = self._loop.advance(first, count)
+        spoofer, e1 = self._of.spoofer_as_received, self._loop.advance(first, count)
+        if isinstance(spoofer, SpooferUnderSky):
+            e1 = spoofer.tracked(times_s, e1)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
         iono_diff_m = _advanced(models.ionosphere, self._ionosphere, times_s) if self._ionosphere else zero
         rays = (
@@ -157,8 +163,8 @@ class TruthProcess:
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
             e1=e1,
-            e1_attack=self._of.spoofer.effects(Band.E1, self._of.svid, times_s),
-            e6=self._of.spoofer.effects(Band.E6, self._of.svid, times_s),
+            e1_attack=spoofer.effects(Band.E1, self._of.svid, times_s),
+            e6=spoofer.effects(Band.E6, self._of.svid, times_s),
             rays=rays,
             geometry=geometry,
         )

@@ -77,7 +77,7 @@ class TruthAround:
     def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
         """Return two blocks as one; effects of attacks follow from the times, and are not joined."""
         times_s = np.concatenate([before.time_s, after.time_s])
-        spoofer, svid = self._of.spoofer, self._of.svid
+        spoofer, svid = self._of.spoofer_as_received, self._of.svid
         joined: dict[str, Any] = {
             "e1_attack": spoofer.effects(Band.E1, svid, times_s),
             "e6": spoofer.effects(Band.E6, svid, times_s),

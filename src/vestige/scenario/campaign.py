@@ -276,8 +276,8 @@ class CampaignScenario(Section):
             self.constellation,
             self.trajectory,
             self.start_time,
-            duration_s=self.epochs * self.interval_s,
-            longest_delay_s=longest_delay_s(self.attack),
+            duration_s=self.epochs * self.interval_s + max(-self.receiver.clock_offset_s, 0.0),
+            longest_delay_s=longest_delay_s(self.attack) + max(self.receiver.clock_offset_s, 0.0),
         )
         return tuple(
             replace(

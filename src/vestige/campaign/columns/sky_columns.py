@@ -106,7 +106,7 @@ def true_place_m(
 ) -> Float[np.ndarray, "n 3"]:
     """Return where the receiver of a sky is at times on its own clock."""
     trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
-    return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS).position_m
+    return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS - scenario.receiver.clock_offset_s).position_m
 
 
 class _Truth(NamedTuple):

@@ -61,11 +61,11 @@ class PlacedMeaconing(Meaconing):
 
 def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s: float) -> PlacedMeaconing:
     given = {one.name: getattr(attack, one.name) for one in fields(attack)}
-    return PlacedMeaconing(**given, way_m=_way_over(antenna, path, duration_s))
+    return PlacedMeaconing(**given, way_m=_way_over(antenna, path, duration_s, attack.delay_s))
 
 
-def _way_over(antenna: Place, path: SatelliteRange, duration_s: float) -> Table:
-    """Return by how much longer the way over an antenna is than the direct one, in m."""
+def _way_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> Table:
+    """Return by how much longer the way over an antenna was than the direct one `delay_s` before, in m."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )
@@ -73,7 +73,8 @@ def _way_over(antenna: Place, path: SatelliteRange, duration_s: float) -> Table:
     around_s = _AROUND_S if isinstance(path.trajectory, StaticTrajectory) else 0.0
     n_times = math.ceil((duration_s + 2 * around_s) / step_s) + 1
     times_s = np.linspace(-around_s, duration_s + around_s, n_times)
-    to_antenna_m = replace(path, trajectory=fixed).range_m(times_s)
-    onward_m = np.linalg.norm(fixed.motion(times_s).position_m - path.trajectory.motion(times_s).position_m, axis=1)
-    way_m = to_antenna_m + onward_m - path.range_m(times_s)
+    then_s = times_s - delay_s
+    to_antenna_m = replace(path, trajectory=fixed).range_m(then_s)
+    onward_m = np.linalg.norm(fixed.motion(then_s).position_m - path.trajectory.motion(then_s).position_m, axis=1)
+    way_m = to_antenna_m + onward_m - path.range_m(then_s)
     return Table(time_s=tuple(times_s.tolist()), values=tuple(way_m.tolist()))

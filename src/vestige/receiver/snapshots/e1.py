@@ -23,7 +23,7 @@ from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS, band_power_rise_db, e1_taps, power_noise_db, power_with_rays
 from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
-from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.sky_e1 import sky_e1
@@ -81,7 +81,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
         pseudorange_m=seen(pseudorange_m(of)),
         carrier_phase_cycles=seen(-to_hz * of.each(_carrier_m)),
         doppler_hz=seen(to_hz * of.each(range_rate_mps)),
-        doppler_rate_hz_per_s=seen(to_hz * of.each(lambda _, truth: truth.acceleration_mps2)),
+        doppler_rate_hz_per_s=seen(to_hz * of.each(range_acceleration_mps2)),
         cn0_dbhz=seen(single(np.stack(cn0_dbhz, axis=1))),
         taps=None
         if taps is None
@@ -108,6 +108,18 @@ def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, "
 def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)
     """Return its rate, as the Doppler says it."""
     return truth.rate_mps + truth.clock_drift_mps + truth.e1_rate_noise_mps + truth.e1.rate_error_mps
+
+
+def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
+    """Return its acceleration, as the rate of the Doppler says it: that of what E1 follows."""
+    later_s = np.where(truth.e1.captured, simulation.repeated_later_m(truth), 0.0) / SPEED_OF_LIGHT_MPS
+    rows = np.flatnonzero(np.abs(later_s) > CLOCK_FOLLOWS_S)
+    if simulation.elevation is None or not rows.size:
+        return truth.acceleration_mps2
+    found_mps2 = truth.acceleration_mps2.copy()
+    sent_s = truth.time_s[rows] - simulation.clock_offset_s - later_s[rows]
+    found_mps2[rows] = simulation.elevation.path.acceleration_mps2(sent_s)
+    return found_mps2
 
 
 def reported_cn0_dbhz(

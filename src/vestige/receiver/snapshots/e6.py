@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from vestige.constants import GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
+from vestige.constants import E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.correlators.other_signals import other_signals_density
 from vestige.receiver.draws import rows_of
-from vestige.receiver.snapshots.e1 import pseudorange_m, range_rate_mps, single
+from vestige.receiver.snapshots.e1 import pseudorange_m, range_acceleration_mps2, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
@@ -150,39 +150,44 @@ class SimulatedE6Samples:
         return SkySamples(of=self.of, band=Band.E6)
 
     def _expected_s(self, row: int, column: int) -> float:
-        """Return when E1 puts the RECS number `row` of a satellite of a sky, in s after the start."""
+        """Return when the RECS number `row` of a satellite of a sky arrives that E1 leads to, in s after the start."""
         truth, arrived = self.of.of_recs[column], self.of.arrived[column]
-        return float(truth.time_s[row] + arrived.dt_s[row] + truth.e1.error_m[row] / SPEED_OF_LIGHT_MPS)
+        return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
         """Return what is added to the time of samples so that they meet a hand-over without the seconds of a meaconer.
 
         The receiver's clock goes on in these seconds. A hand-over has the clock of the epoch.
         """
-        late_s = float(self._seconds_late_m[column][epoch]) / SPEED_OF_LIGHT_MPS
-        if not late_s:
+        if not self._seconds_late_m[column][epoch]:
             return 0.0
+        row = (epoch - self.of.rows.start) // self.of.every
+        late_s = float(self._repeated_later_m[column][row]) / SPEED_OF_LIGHT_MPS
         early_m, late_m = self._sky.paths[column].clock_m(np.array([expected_s - late_s, expected_s]))
         return -late_s - float(late_m - early_m) / SPEED_OF_LIGHT_MPS
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over as it would be if no meaconer were seconds late.
 
-        A hand-over carries the pseudorange on for as long as it says that the signal travels. A meaconer's seconds are
-        no travel, and in the model nothing moves in them; so they are taken off, here and from the labels of the
-        samples. On a single line of sight the clock that follows has done that already.
+        A hand-over carries the observation of the epoch on to the reception of the RECS. That is a meaconer's seconds
+        away, in which the clock wanders off; a receiver takes the observation of that moment. There satellite and clock
+        are where they are in the RECS, so the hand-over is that of the true signal, and the seconds are taken off
+        the labels of the samples. On a single line of sight the clock that follows has done that already.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
             return handover
         here = self._here(epoch, column)
         range_m, rate_mps = float(pseudorange_m(self.of)[epoch, column]), float(range_rate_mps(simulation, here)[0])
-        acceleration_mps2 = float(here.acceleration_mps2[0])
-        with_s, without_s = (_travel_s(one_m, rate_mps, acceleration_mps2) for one_m in (range_m, range_m - late_m))
+        late = range_m, rate_mps, float(range_acceleration_mps2(simulation, here)[0])
+        true = range_m - late_m, rate_mps - float(here.e1.rate_error_mps[0]), float(here.acceleration_mps2[0])
+        late_s, true_s = _travel_s(*late), _travel_s(*true)
+        to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
         return replace(
             handover,
-            start_time=handover.start_time + (without_s - with_s),
-            doppler_hz=handover.doppler_hz + handover.doppler_rate_hz_per_s * (without_s - with_s),
+            start_time=handover.start_time + (true_s - late_s),
+            doppler_hz=to_hz * (true[1] + true[2] * true_s),
+            doppler_rate_hz_per_s=to_hz * true[2],
         )
 
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
@@ -200,6 +205,12 @@ class SimulatedE6Samples:
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
         """By how much each satellite is late where that is seconds, times c."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
+
+    @cached_property
+    def _repeated_later_m(self) -> tuple[Float[np.ndarray, " k"], ...]:
+        """By how much later than the true RECS those of each satellite arrive that E1 leads to, times c."""
+        of = self.of
+        return tuple(one.repeated_later_m(truth) for one, truth in zip(of.simulations, of.of_recs, strict=True))
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
         """Return the truth of one satellite and one epoch."""

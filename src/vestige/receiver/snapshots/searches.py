@@ -151,7 +151,7 @@ class DrawnSearches:
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [
-                one.e1.error_m if abs(simulation.clock_offset_m) <= window_m else np.zeros(of.n)
+                simulation.repeated_later_m(one) if abs(simulation.clock_offset_m) <= window_m else np.zeros(of.n)
                 for simulation, one in zip(of.simulations, of.truth, strict=True)
             ],
             axis=1,

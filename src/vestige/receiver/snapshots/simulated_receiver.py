@@ -123,7 +123,11 @@ class SimulatedReceiver:
         if self.accelerometers is None or elevation is None:
             return None
         delta_velocity_mps = self.accelerometers.delta_velocity_mps(
-            elevation.path.trajectory, of.truth[0].time_s, self.interval_s, seed=of.seed, first=of.first
+            elevation.path.trajectory,
+            of.truth[0].time_s - self.simulations[0].clock_offset_s,
+            self.interval_s,
+            seed=of.seed,
+            first=of.first,
         )
         rows = np.flatnonzero(np.isfinite(delta_velocity_mps[:, 0]))
         return VelocityIncrements(

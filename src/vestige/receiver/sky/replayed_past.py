@@ -1,0 +1,134 @@
+"""What a replay makes of a sky: its signals come from where the satellites were when they sent them.
+
+A spoofing signal that is τ late brings what the receiver could have received τ before. With ρ the range of the line of
+sight, the receiver gets at t, beyond the direct signal,
+
+    delay    c τ + ρ(t − τ) − ρ(t)
+    rate     its derivative, and the carrier with it
+
+The receiver computes the satellite's place at t − τ − ρ/c, so all ranges fit together, as they do in samples
+(`samples.attacked_sky`). 5 s are up to 4 km. Delays up to 10 µs are left as they are: there it is less than 1 cm.
+Strength, ionosphere and multipath stay those of t.
+
+A single line of sight needs none of this. Its receiver has no other clock than the signal (`snapshots.e1`), so its time
+is that of the replay, and at that time the range is that of the replay, too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicHermiteSpline
+
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.receiver.correlators.e1_loop import E1Tracking
+from vestige.receiver.sky.elevation import SatelliteRange
+from vestige.receiver.sky.trajectory import StaticTrajectory
+from vestige.records import Band
+from vestige.signals.definitions import CARRIER_HZ
+from vestige.spoofer.spoofer import BandEffects, Spoofer
+
+# Cubics between exact ranges and rates so far apart are right to 1 µm for who stands, to 2 mm where 4 m/s² begin.
+_STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
+_LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
+_FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s: each step gains five decimals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpooferUnderSky(Spoofer):
+    """The attacker as one satellite of a sky meets him: each spoofing signal has the geometry of its transmission.
+
+    Attributes
+    ----------
+    path
+        The satellite and the receiver.
+    clock_offset_s
+        Receiver clock minus system time in s, a constant.
+    """
+
+    path: SatelliteRange
+    clock_offset_s: float = 0.0
+
+    def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
+        """Return what the receiver sees in one band, at times in s after the start on its own clock."""
+        own = Spoofer.effects(self, band, svid, times_s)
+        late_m = np.where(own.power_db > -math.inf, own.delay_m, 0.0)
+        moved_m, moved_mps = self.moved(times_s, late_m, own.delay_rate_mps)
+        cycles = CARRIER_HZ[band] / SPEED_OF_LIGHT_MPS * moved_m
+        return replace(
+            own,
+            delay_m=own.delay_m + moved_m,
+            delay_rate_mps=own.delay_rate_mps + moved_mps,
+            phase_rad=own.phase_rad - 2 * np.pi * (cycles - np.floor(cycles)),
+            doppler_hz=own.doppler_hz - CARRIER_HZ[band] / SPEED_OF_LIGHT_MPS * moved_mps,
+        )
+
+    def moved(
+        self,
+        times_s: Float[np.ndarray, " n"],
+        late_m: Float[np.ndarray, "n k"],
+        late_mps: Float[np.ndarray, "n k"],
+    ) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
+        """Return ρ(t − τ) − ρ(t) and its derivative, 0 for short delays; c τ is `late_m`, its rate `late_mps`."""
+        moved_m, moved_mps = np.zeros((2, *late_m.shape))
+        late = np.abs(late_m) > _LEAST_DELAY_M
+        rows = np.flatnonzero(np.any(late, axis=1))
+        if not rows.size:
+            return moved_m, moved_mps
+        now_s = (times_s[rows] - self.clock_offset_s)[:, None]
+        then_s = now_s - late_m[rows] / SPEED_OF_LIGHT_MPS
+        both_s = np.concatenate([now_s, then_s], axis=1)
+        range_m = _curve(self.path, float(np.min(both_s)), float(np.max(both_s)))
+        rate_mps = range_m.derivative()
+        then_mps = rate_mps(then_s) * (1 - late_mps[rows] / SPEED_OF_LIGHT_MPS)
+        moved_m[rows] = np.where(late[rows], range_m(then_s) - range_m(now_s), 0.0)
+        moved_mps[rows] = np.where(late[rows], then_mps - rate_mps(now_s), 0.0)
+        return moved_m, moved_mps
+
+    def tracked(self, times_s: Float[np.ndarray, " n"], loop: E1Tracking) -> E1Tracking:
+        """Return what E1 tracking follows under the sky, from where the loop is among the delays of the attacks.
+
+        Signals so late that their past matters are far apart, so the loop follows one of them.
+        """
+        late_m = np.stack([loop.error_m, loop.worst_error_m], axis=1)
+        late_mps = np.repeat(loop.rate_error_mps[:, None], 2, axis=1)
+        moved_m, moved_mps = self.moved(times_s, late_m, late_mps)
+        return replace(
+            loop,
+            error_m=loop.error_m + moved_m[:, 0],
+            worst_error_m=loop.worst_error_m + moved_m[:, 1],
+            rate_error_mps=loop.rate_error_mps + moved_mps[:, 0],
+        )
+
+
+def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
+    """Return the range between two system times; its knots do not depend on them, so a block's cut changes no bit."""
+    step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
+    low, high = math.floor(first_s / step_s), math.floor(last_s / step_s) + 1
+    knots_s = np.arange(low, high + 1) * step_s
+    sight = path.sight(knots_s)
+    range_m, rate_mps = sight.range_m - sight.satellite_clock_m, sight.rate_mps - sight.satellite_clock_mps
+    return CubicHermiteSpline(knots_s, range_m, rate_mps)
+
+
+def replay_delay_m(
+    path: SatelliteRange, times_s: Float[np.ndarray, " n"], late_m: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return c τ of signals that are received later than the direct one: c τ + ρ(t − τ) − ρ(t) solved for c τ.
+
+    Parameters
+    ----------
+    path
+        The satellite and the receiver.
+    times_s
+        Times of reception t in s after the start, in system time.
+    late_m
+        Delay of the signals in m.
+    """
+    delay_m = late_m
+    for _ in range(_FIXED_POINT_STEPS):
+        delay_m = late_m - (path.range_m(times_s - delay_m / SPEED_OF_LIGHT_MPS) - path.range_m(times_s))
+    return delay_m
