@@ -6,7 +6,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, WithJsonSchema, model_validator
+from pydantic import (
+    Field,
+    PrivateAttr,
+    SerializerFunctionWrapHandler,
+    WithJsonSchema,
+    model_serializer,
+    model_validator,
+)
 
 from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.detectors import DETECTORS, Detector, OwnDetector
@@ -133,6 +140,14 @@ class ProcessorTable(Section):
             )
         self.processor()  # raises ValueError if its bank of correlators is impossible
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_what_follows(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave κ out where it follows from `alarms_per_day`, so that what was written can be read."""
+        table: dict[str, Any] = dump(self)
+        if self.alarms_per_day is not None:
+            table.pop("kappa", None)
+        return table
 
     def processor(self, monitoring: MonitoringSettings | None = None) -> AcasProcessor:
         """Return the processor that the table describes, with settings for the checks of levels 2 and 3."""

@@ -16,6 +16,7 @@ from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.scenario.scenario_processor import processor_of
+from vestige.scenario.stored import stored_scenario
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 TRUTH = (
@@ -133,6 +134,13 @@ def test_alarms_a_day_and_e6_over_e1_reach_the_processor() -> None:
     assert (found.e6_over_e1_db, found.miss_prediction.e6_over_e1_db) == (-1.5, -1.5)
     assert found.range_kappa > found.kappa == 3.0
     assert found.range_limit_m == pytest.approx(found.range_kappa * found.budget.sigma_m)
+
+
+def test_results_with_alarms_a_day_can_be_read() -> None:
+    """What is stored of such a scenario has no κ beside it; κ alone is stored as before."""
+    stored = sky_scenario("processor.alarms_per_day=2").model_dump_json(by_alias=True)
+    assert stored_scenario(stored).processor.alarms_per_day == 2.0
+    assert stored_scenario(sky_scenario("processor.kappa=2.5").model_dump_json(by_alias=True)).processor.kappa == 2.5
 
 
 def test_kappa_beside_alarms_a_day_is_refused() -> None:
