@@ -23,10 +23,10 @@ from vestige.records import Band
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, band_limited_correlation
 
-EPOCHS = 16
+EPOCHS = 12
 RATE_HZ = 6.2e6
 LIFT_OFF = (
-    'attack=[{kind="lift-off", start_s=0, power_db=3, delay_m={kind="ramp", first=0, last=110, start_s=1, stop_s=15}}]'
+    'attack=[{kind="lift-off", start_s=0, power_db=3, delay_m={kind="ramp", first=0, last=110, start_s=1, stop_s=11}}]'
 )
 FAR_AND_JAMMED = (
     'attack=[{kind="meaconing", delay_s=0.013, power_db=3}, '
@@ -35,7 +35,14 @@ FAR_AND_JAMMED = (
 WIDEBAND = 'attack=[{kind="jamming", bands=["E1"], j_over_n_db=10, waveform={kind="wideband"}}]'
 STILL = (*CLEAN, "receiver.e1_tracking=none")  # the loops stand at the line of sight
 LOUD_DBHZ = 68.0  # where the other codes are several times the noise of the receiver
-LOUD = (*STILL, f"receiver.cn0_e1_dbhz={LOUD_DBHZ}", "constellation.cn0_fall_db=0", "constellation.svids=[7, 13]")
+LOUD = (
+    *STILL,
+    f"receiver.cn0_e1_dbhz={LOUD_DBHZ}",
+    "constellation.cn0_fall_db=0",
+    "constellation.svids=[7, 13]",
+    "epochs=16",
+    "recs.every=16",
+)
 ALIGNED = (108, 120)  # correlation of the codes of E1-B and E1-C of these two at delay zero, in chips
 FILTER = (*STILL, "receiver.front_end={bandwidth_hz=5.2e6, bits=3, oversampling=2}")
 PARTS = {"magnitude": np.abs, "real": np.real, "imaginary": np.imag, "phase": np.angle}
@@ -123,7 +130,7 @@ def test_what_is_left_of_the_difference_is_noise(attack: str) -> None:
 
 @pytest.mark.parametrize("fidelity", ["correlators", "samples"])
 def test_the_other_codes_are_noise(fidelity: str) -> None:
-    """That of the other satellite in every dimension; the own E1-B in phase with the signal, and not in early − late."""
+    """Those of the other satellite in each dimension; the own E1-B in phase with the signal, not in early − late."""
     found = taken(fidelity, *LOUD)
     noise = found.taps - found.taps.mean(axis=0)
     early_less_late = noise[..., 0] - noise[..., -1]
