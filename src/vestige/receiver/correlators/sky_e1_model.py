@@ -131,14 +131,15 @@ def code_noise(
         `strangers_hz` of the satellite.
     """
     factor = np.linalg.cholesky(strangers_covariance_s(sample_rate_hz))
-    normal = drawn_rows(
-        first,
-        of_strangers_hz.size,
-        lambda block: stream(seed, "E1 codes", block, svid).standard_normal((DRAW_BLOCK, 2 * len(TAP_CHIPS) + 1)),
-    )
-    real, imaginary, own = np.split(normal, [len(TAP_CHIPS), 2 * len(TAP_CHIPS)], axis=1)
-    of_own = signals * own * (_aligned(svid) / np.sqrt(INTEGRATION_S * E1C.chip_rate_hz))
-    return of_own + np.sqrt(of_strangers_hz)[:, None] * ((real + 1j * imaginary) @ factor.T)
+
+    def draw(block: int) -> Complex128[np.ndarray, "n n_taps_and_1"]:
+        real, imaginary = stream(seed, "E1 codes", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS) + 1))
+        strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T  # its last bits depend on the number of rows
+        return np.concatenate([strangers, real[:, -1:] + 0j], axis=1)
+
+    drawn = drawn_rows(first, of_strangers_hz.size, draw)
+    of_own = signals * drawn[:, -1:].real * (_aligned(svid) / np.sqrt(INTEGRATION_S * E1C.chip_rate_hz))
+    return of_own + np.sqrt(of_strangers_hz)[:, None] * drawn[:, :-1]
 
 
 @lru_cache(maxsize=64)
