@@ -13,6 +13,7 @@ on E1-C. Averaged over both, the cross term cancels and the spectrum is MBOC = 1
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -94,15 +95,40 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
     delay_chips
         Delay τ in chips.
     """
-    return np.interp(delay_chips, *_corners(pulse))
+    return cross_correlation(pulse, pulse, delay_chips)
+
+
+def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the correlation of an unfiltered signal with the replica of another pulse, with the same random code.
+
+    Both pulses have the same symmetry about the middle of the chip, so it is even; it is zero beyond one chip.
+
+    Parameters
+    ----------
+    received, replica
+        Their pulses.
+    delay_chips
+        How much later the received pulse is than the replica, in chips.
+
+    Examples
+    --------
+    A receiver that takes E1-C as BOC(1,1) loses 0.4 dB, √(10/11):
+
+    >>> import numpy as np
+    >>> from vestige.signals.pulse import BOC11, CBOC_MINUS, cross_correlation
+    >>> cross_correlation(CBOC_MINUS, BOC11, np.zeros(1)).round(4)[0].item()
+    0.9535
+    """
+    return np.interp(delay_chips, *_corners(received, replica))
 
 
 @lru_cache(maxsize=16)
-def _corners(pulse: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return delays in chips and values where the autocorrelation bends; it is straight between them."""
-    levels = np.asarray(pulse.levels)
-    values = np.pad(np.correlate(levels, levels, mode="full") / levels.size, 1)
-    return np.arange(-levels.size, levels.size + 1) / levels.size, values
+def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return delays in chips and values where the correlation bends; it is straight between them."""
+    n = math.lcm(len(received.levels), len(replica.levels))
+    first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
+    values = np.pad(np.correlate(first, second, mode="full") / n, 1)
+    return np.arange(-n, n + 1) / n, values
 
 
 def band_limited_autocorrelation(

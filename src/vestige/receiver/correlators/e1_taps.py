@@ -18,14 +18,15 @@ g the gain control, which holds the power of the band W,
 so a counterfeit beats with the true signal while they overlap. The power is read over T_P with the scatter of noise,
 4.343 dB/√(W T_P). The front end itself does not drift here.
 
-This is the limit of continuous time without a front end. At the fidelity `samples` correlators and power come out of
-samples: on a single line of sight with the same distribution (`e1_samples`), under a sky out of the sum of all
-satellites (`snapshots.sky_e1`).
+This is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it is in
+`e1_samples`. Under a sky it is CBOC(6,1,1/11), as on air: its correlation with BOC(1,1) takes the place of R in ξ,
+0.4 dB less at the peak, and all other signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signals.definitions import E1C
-from vestige.signals.pulse import BOC11, autocorrelation
+from vestige.signals.pulse import BOC11, Pulse, autocorrelation, cross_correlation
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
@@ -71,6 +72,30 @@ def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_ra
     )
 
 
+def apart_chips(arrived: Arriving) -> Float[np.ndarray, "n k"]:
+    """Return by how much the loops have settled later than each signal arrives, in chips."""
+    return (arrived.settled_m[:, None] - arrived.delay_m) * _CHIPS_A_METRE
+
+
+def e1_signals(
+    truth: TruthBlock,
+    cn0_dbhz: Float[np.ndarray, " n"],
+    multipath_m: Float[np.ndarray, " n"],
+    *,
+    with_rays: bool,
+    pulse: Pulse,
+) -> Complex128[np.ndarray, "n n_taps"]:
+    """Return ξ without noise of a signal of some pulse; the other parameters are those of `e1_taps`."""
+    arrived = arriving(truth, multipath_m, with_rays=with_rays)
+    turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
+    strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
+    apart_m = arrived.settled_m[:, None, None] - arrived.delay_m[..., None]
+    chips = apart_m * _CHIPS_A_METRE + np.array(TAP_CHIPS)
+    shape = cross_correlation(pulse, BOC11, chips.ravel()).reshape(chips.shape)
+    signals = np.einsum("nr,nrt->nt", strength, shape)
+    return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals
+
+
 def e1_taps(
     truth: TruthBlock,
     cn0_dbhz: Float[np.ndarray, " n"],
@@ -81,19 +106,18 @@ def e1_taps(
     svid: int,
     first: int,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ of one satellite before the gain control.
+    """Return ξ of one satellite alone, in BOC(1,1), before the gain control.
 
     `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by rays.
     """
-    n, arrived = truth.time_s.size, arriving(truth, multipath_m, with_rays=with_rays)
-    turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
-    strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
-    apart_m = arrived.settled_m[:, None, None] - arrived.delay_m[..., None]
-    chips = apart_m * _CHIPS_A_METRE + np.array(TAP_CHIPS)
-    shape = autocorrelation(BOC11, chips.ravel()).reshape(chips.shape)
-    signals = np.einsum("nr,nrt->nt", strength, shape)
-    noise = _noise(seed, svid, first, n) * np.sqrt(1 + truth.e1_attack.rise(Band.E1))[:, None]
-    return np.sqrt(2 * 10 ** (cn0_dbhz / 10) * INTEGRATION_S)[:, None] * signals + noise
+    signals = e1_signals(truth, cn0_dbhz, multipath_m, with_rays=with_rays, pulse=BOC11)
+    return signals + receiver_noise(truth, seed=seed, svid=svid, first=first)
+
+
+def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Complex128[np.ndarray, "n n_taps"]:
+    """Return the noise of ξ: that of the receiver and what an attack adds."""
+    noise = _noise(seed, svid, first, truth.time_s.size)
+    return noise * np.sqrt(1 + truth.e1_attack.rise(Band.E1))[:, None]
 
 
 def power_with_rays(
@@ -134,12 +158,14 @@ def _beating_power(
 
 
 def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
-    """Return by how much the power of E1 is above that without attack, −20 log₁₀ g, in dB.
+    """Return by how much the power of E1 in BOC(1,1) is above that without attack, −20 log₁₀ g, in dB.
 
     `cn0_dbhz` is that of the true signals, NaN out of view.
     """
-    relative_power = np.stack([_power(one) for one in truth], axis=1)
-    return _rise_db(truth[0].e1_attack, cn0_dbhz, relative_power, POWER_BANDWIDTH_HZ)
+    relative_power = np.stack(
+        [power_with_beat(one, partial(autocorrelation, BOC11), with_rays=False) for one in truth], axis=1
+    )
+    return rise_over_nominal_db(truth[0].e1_attack, cn0_dbhz, relative_power, POWER_BANDWIDTH_HZ)
 
 
 def e6_power_rise_db(
@@ -147,15 +173,28 @@ def e6_power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the same of E6, where signals that overlap are far below the noise: without their beat."""
     relative_power = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
-    return _rise_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
+    return rise_over_nominal_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
 
 
-def _rise_db(
+def rise_over_nominal_db(
     effects: BandEffects,
     cn0_dbhz: Float[np.ndarray, "n m"],
     relative_power: Float[np.ndarray, "n m"],
     bandwidth_hz: float,
 ) -> Float[np.ndarray, " n"]:
+    """Return the rise of a band's power in dB.
+
+    Parameters
+    ----------
+    effects
+        Noise and jamming of an attack in the band.
+    cn0_dbhz
+        Power of the lines of sight over N0; NaN out of view.
+    relative_power
+        Power of all signals of each satellite over that of its line of sight.
+    bandwidth_hz
+        Bandwidth in which the power is measured.
+    """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / bandwidth_hz
     added = effects.white.copy()
     for jamming in effects.jammers:
@@ -163,18 +202,31 @@ def _rise_db(
     return 10 * np.log10((1 + np.sum(share * relative_power, axis=1) + added) / (1 + share.sum(axis=1)))
 
 
-def _power(truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the power of true signal and counterfeits over that of the true one, beating while they overlap."""
-    one, attack = np.ones((truth.time_s.size, 1)), truth.e1_attack
-    amplitude = np.concatenate([one + 0j, attack.amplitude], axis=1)
-    delay_m = np.concatenate([0 * one, attack.delay_m], axis=1)
-    doppler_hz = np.concatenate([0 * one, attack.doppler_hz], axis=1)
-    apart_chips, turns = (
+def power_with_beat(
+    truth: TruthBlock, overlap: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " k"]], *, with_rays: bool
+) -> Float[np.ndarray, " n"]:
+    """Return η: the power of a satellite's signals over that of its line of sight, beating while they overlap.
+
+    Parameters
+    ----------
+    truth
+        True state of the satellite's signals.
+    overlap
+        What two signals have in common that are so many chips apart.
+    with_rays
+        Whether rays are among them.
+    """
+    one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
+    first = (one + 0j, 0 * one, 0 * one)
+    counterfeits = (attack.amplitude, attack.delay_m, attack.doppler_hz)
+    reflections = (rays.amplitude_e1, rays.delay_m, rays.doppler_hz * _RAY_DOPPLER)
+    present = (first, reflections, counterfeits) if with_rays else (first, counterfeits)
+    amplitude, delay_m, doppler_hz = (np.concatenate(parts, axis=1) for parts in zip(*present, strict=True))
+    chips, turns = (
         (values[:, :, None] - values[:, None, :]) * unit
         for values, unit in ((delay_m, _CHIPS_A_METRE), (doppler_hz, POWER_AVERAGING_S))
     )
-    overlap = autocorrelation(BOC11, apart_chips.ravel()).reshape(apart_chips.shape)
-    beat = overlap * np.exp(1j * np.pi * turns) * np.sinc(turns)
+    beat = overlap(chips.ravel()).reshape(chips.shape) * np.exp(1j * np.pi * turns) * np.sinc(turns)
     return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 

@@ -21,7 +21,22 @@ from jaxtyping import Bool, Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import LOCK_DBHZ
-from vestige.receiver.correlators.e1_taps import TAP_CHIPS, band_power_rise_db, e1_taps, power_noise_db, power_with_rays
+from vestige.receiver.correlators.e1_taps import (
+    TAP_CHIPS,
+    band_power_rise_db,
+    e1_signals,
+    e1_taps,
+    power_noise_db,
+    power_with_rays,
+    receiver_noise,
+)
+from vestige.receiver.correlators.sky_e1_model import (
+    code_noise,
+    folding_rate_hz,
+    sky_power,
+    sky_power_rise_db,
+    strangers_hz,
+)
 from vestige.receiver.samples.e1_samples import sampled_e1_taps, sampled_power_rise_db
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Fidelity, Simulation
 from vestige.receiver.snapshots.cn0_estimate import CN0_INTEGRATION_S, PROMPTS, estimated_cn0_dbhz
@@ -31,6 +46,7 @@ from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
+from vestige.signals.definitions import E1C
 
 _LEAST_POWER = 1e-6  # of a prompt correlator in a deep fade
 
@@ -147,11 +163,14 @@ def _taps_and_power(
     """Return correlators behind the gain control, and what that says of itself."""
     nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.geometry.amplitude))
     saturated = np.zeros(of.n, np.bool_)
-    if fidelity == "samples" and of.simulations[0].elevation is not None:
+    if of.simulations[0].elevation is None:
+        taps, rise_db, read_db = _each_alone(of, fidelity, nominal_dbhz)
+    elif fidelity == "samples":
         taps, rise_db, saturated = sky_e1(SkySamples(of=of, band=Band.E1), shown, nominal_dbhz)
         read_db = rise_db
     else:
-        taps, rise_db, read_db = _each_alone(of, fidelity, nominal_dbhz)
+        taps, rise_db = _drawn_sky(of, nominal_dbhz)
+        read_db = rise_db + power_noise_db(of.seed, of.first, of.n)
     read_db = single(read_db)
     front_end = FrontEndBlock(agc_gain_db=-read_db, total_power_db=read_db, saturated=saturated)
     return taps * 10 ** (-rise_db / 20)[:, None, None], front_end
@@ -160,7 +179,7 @@ def _taps_and_power(
 def _each_alone(
     of: ReceiverTruth, fidelity: Fidelity, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return correlators before the gain control, drawn or out of samples of each satellite alone.
+    """Return correlators of a single line of sight before the gain control, drawn or out of its samples.
 
     With them come the power of the band over that without attack, and how the receiver reads it, in dB.
     """
@@ -183,3 +202,25 @@ def _each_alone(
         for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True))
     ]
     return np.stack(taps, axis=1), rise_db, read_db
+
+
+def _drawn_sky(
+    of: ReceiverTruth, nominal_dbhz: Float[np.ndarray, "n m"]
+) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"]]:
+    """Return correlators of a sky before the gain control, and the power over that without attack in dB, drawn."""
+    with_rays, rate_hz = of.simulations[0].models.e1_multipath, folding_rate_hz(of.simulations[0].front_end)
+    received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
+    relative_power = of.each(lambda _, truth: sky_power(truth, with_rays=with_rays, sample_rate_hz=rate_hz))
+    strangers = strangers_hz(of.truth, received_dbhz, of.e1_multipath_m, relative_power, with_rays=with_rays)
+    taps = []
+    for column, (simulation, truth) in enumerate(zip(of.simulations, of.truth, strict=True)):
+        signals = e1_signals(
+            truth, nominal_dbhz[:, column], of.e1_multipath_m[:, column], with_rays=with_rays, pulse=E1C.pulse
+        )
+        drawn = {"seed": of.seed, "svid": simulation.svid, "first": of.first}
+        noise = receiver_noise(truth, **drawn) + code_noise(
+            signals, strangers[:, column], sample_rate_hz=rate_hz, **drawn
+        )
+        taps.append(signals + noise)
+    rise_db = sky_power_rise_db(of.truth, received_dbhz, relative_power, sample_rate_hz=rate_hz)
+    return np.stack(taps, axis=1), rise_db

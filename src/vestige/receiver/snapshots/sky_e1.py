@@ -9,11 +9,11 @@ arrival of the chip that is sent at the epoch, and later by what noise, multipat
 has the meaning that it has in `e1_taps`: noise of the receiver has σ = 1 per dimension, and phases are relative to that
 of the line of sight when it brings that chip.
 
-A signal on air is not the ideal one of `e1_taps`. It is CBOC(6,1,1/11), of which BOC(1,1) correlates √(10/11), 0.4 dB
-less. All other components add their noise, as on E6.
+A signal on air is CBOC(6,1,1/11), of which BOC(1,1) correlates √(10/11), 0.4 dB less. All other components add their
+noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
 
 **Power.** It is measured in W = 2 MHz about the carrier over the 10 ms that hold the arrival at the epoch. Without an
-attack it is 1 + Σ 2 p C/N0_i / W times the noise, where each of two components has the part p of its power within W.
+attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) of both components is within W.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from jaxtyping import Bool, Complex128, Float
 
 from vestige.constants import E1_CARRIER_HZ, MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import INTEGRATION_S, POWER_BANDWIDTH_HZ, TAP_CHIPS, arriving
+from vestige.receiver.correlators.sky_e1_model import folding_rate_hz, passed_components
 from vestige.receiver.samples.e1_samples import e1c_replica
 from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.records import Band, Handover
 from vestige.sample_processor.correlator import correlate
-from vestige.signals.definitions import E1B, E1C
-from vestige.signals.pulse import band_limited_autocorrelation
+from vestige.signals.definitions import E1C
 
 _MARGIN_S = 5e-6  # of samples on both sides: the taps, and a Doppler that makes the code longer
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
@@ -74,7 +74,7 @@ def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.
                 expected_cn0_dbhz=of.simulations[column].cn0_e1_dbhz,
             )
             taps[row, column] = _correlated(sky, begin_s, handover) * np.exp(2j * np.pi * (cycles % 1.0))
-    return SkyE1(taps=taps, rise_db=10 * np.log10(power / _nominal_power(cn0_dbhz, width_hz)), saturated=saturated)
+    return SkyE1(taps=taps, rise_db=10 * np.log10(power / _nominal_power(sky, cn0_dbhz, width_hz)), saturated=saturated)
 
 
 def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex128[np.ndarray, " n_taps"]:
@@ -110,10 +110,8 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
     return tuple(np.stack(values, axis=1) for values in zip(*found, strict=True))
 
 
-def _nominal_power(cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
+def _nominal_power(sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
     """Return the power within a bandwidth about the carrier over the noise there, without attack."""
-    passed = sum(
-        band_limited_autocorrelation(one.pulse, np.zeros(1), chip_rate_hz=one.chip_rate_hz, bandwidth_hz=width_hz)[0]
-        for one in (E1B, E1C)
-    )
+    rate_hz = folding_rate_hz(sky.of.simulations[0].front_end)
+    passed = passed_components(np.zeros(1), bandwidth_hz=width_hz, sample_rate_hz=rate_hz)
     return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz

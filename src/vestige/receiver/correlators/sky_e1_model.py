@@ -1,0 +1,207 @@
+"""What a whole sky makes of E1, for correlators and power that are drawn: noise of all codes, power of all signals.
+
+Theory of operation
+-------------------
+Each satellite sends E1-B and E1-C, of C/N0 c_j each, CBOC(6,1,1/11) with + and −. A correlator takes E1-C as BOC(1,1).
+
+**Strangers** are all signals that are not aligned with the replica: those of other satellites, and the own ones that
+are a chip or more away. Their power u = Σ c_j p_j is that of one component over N0, in Hz, with p the power of a
+satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart has the
+covariance u A(δ) in each dimension, where the receiver's own noise has that of the replicas,
+
+    A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
+
+R_B and R_C are the autocorrelations of both components and R that of BOC(1,1). A(0) is 0.59 µs in continuous time,
+and 18 % more at 6.2 MHz, as sampling folds BOC(6,1) into the band. Seven others of 45 dBHz raise the noise by 13 %.
+
+**The satellite's own E1-B** is aligned with the replica: in each code period of N = 4092 chips it gives what E1-C
+gives, times X/N, and ±1 with its symbol. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are
+random, so over T it is noise of the shape and the phase of the signals, with the variance X²/(N T R_c) of theirs.
+
+**Power** is that within W about the carrier. Two signals τ apart have P(τ) of both components there in common,
+
+    P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
+
+so a satellite adds P(0) c η/W to the noise, η as in `e1_taps` with the overlap P(τ)/P(0), and rays count.
+
+A filter of the front end is left out: samples that have one (`front_end.bandwidth_hz`) have rounder correlators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Complex128, Float
+
+from vestige.receiver.correlators.e1_taps import (
+    INTEGRATION_S,
+    POWER_BANDWIDTH_HZ,
+    TAP_CHIPS,
+    apart_chips,
+    arriving,
+    power_with_beat,
+    rise_over_nominal_db,
+)
+from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.truth import TruthBlock
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E1B, E1C
+from vestige.signals.pulse import BOC11, autocorrelation
+from vestige.streams import stream
+
+_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # beyond, the filtered signals have nothing in common
+
+
+def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:
+    """Return η, the power of all signals of a satellite within W over that of its line of sight."""
+    table = _overlaps(sample_rate_hz)
+    return power_with_beat(
+        truth, lambda chips: np.interp(chips, _GRID_CHIPS, table, left=0.0, right=0.0), with_rays=with_rays
+    )
+
+
+def sky_power_rise_db(
+    truth: Sequence[TruthBlock],
+    cn0_dbhz: Float[np.ndarray, "n m"],
+    relative_power: Float[np.ndarray, "n m"],
+    *,
+    sample_rate_hz: float,
+) -> Float[np.ndarray, " n"]:
+    """Return by how much the power of E1 is above that without attack, in dB.
+
+    Parameters
+    ----------
+    truth
+        That of each satellite.
+    cn0_dbhz
+        C/N0 of a component of the lines of sight without interference; NaN out of view.
+    relative_power
+        `sky_power` of each.
+    """
+    passed = passed_components(np.zeros(1), bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
+    passed_dbhz = cn0_dbhz + 10 * np.log10(passed)
+    return rise_over_nominal_db(truth[0].e1_attack, passed_dbhz, relative_power, POWER_BANDWIDTH_HZ)
+
+
+def strangers_hz(
+    truth: Sequence[TruthBlock],
+    cn0_dbhz: Float[np.ndarray, "n m"],
+    multipath_m: Float[np.ndarray, "n m"],
+    relative_power: Float[np.ndarray, "n m"],
+    *,
+    with_rays: bool,
+) -> Float[np.ndarray, "n m"]:
+    """Return u, the power over N0 of one component of all signals that no chip of each satellite's replica meets.
+
+    Parameters
+    ----------
+    truth, multipath_m
+        As `e1_taps` has them, of each satellite.
+    cn0_dbhz, relative_power
+        As `sky_power_rise_db` has them.
+    """
+    strength_hz = np.nan_to_num(10 ** (cn0_dbhz / 10))
+    of_all_hz = strength_hz * relative_power
+    far = np.empty(cn0_dbhz.shape)
+    for column, own in enumerate(truth):
+        arrived = arriving(own, multipath_m[:, column], with_rays=with_rays)
+        far[:, column] = np.sum(np.abs(arrived.amplitude) ** 2 * (np.abs(apart_chips(arrived)) >= 1), axis=1)
+    return of_all_hz.sum(axis=1, keepdims=True) - of_all_hz + strength_hz * far
+
+
+def code_noise(
+    signals: Complex128[np.ndarray, "n n_taps"],
+    of_strangers_hz: Float[np.ndarray, " n"],
+    *,
+    sample_rate_hz: float,
+    seed: int,
+    svid: int,
+    first: int,
+) -> Complex128[np.ndarray, "n n_taps"]:
+    """Return what all other codes add to the correlators of one satellite.
+
+    Parameters
+    ----------
+    signals
+        ξ that E1-C gives without noise.
+    of_strangers_hz
+        `strangers_hz` of the satellite.
+    """
+    factor = np.linalg.cholesky(strangers_covariance_s(sample_rate_hz))
+
+    def draw(block: int) -> Complex128[np.ndarray, "n n_taps_and_1"]:
+        real, imaginary = stream(seed, "E1 codes", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS) + 1))
+        strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T  # its last bits depend on the number of rows
+        return np.concatenate([strangers, real[:, -1:] + 0j], axis=1)
+
+    drawn = drawn_rows(first, of_strangers_hz.size, draw)
+    of_own = signals * drawn[:, -1:].real * (_aligned(svid) / np.sqrt(INTEGRATION_S * E1C.chip_rate_hz))
+    return of_own + np.sqrt(of_strangers_hz)[:, None] * drawn[:, :-1]
+
+
+@lru_cache(maxsize=64)
+def _aligned(svid: int) -> float:
+    """Return X/√N, what the codes of E1-B and E1-C of a satellite have in common at delay zero."""
+    own, pilot = (primary_code(one, svid).astype(np.float64) for one in (E1B, E1C))
+    return float(own @ pilot) / np.sqrt(E1C.code_length)
+
+
+@lru_cache(maxsize=4)
+def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
+    """Return A in s, between the correlators.
+
+    Examples
+    --------
+    >>> strangers_covariance_s(12.5e6)[0, 0].round(9).item()
+    6.09e-07
+    """
+    reach = int(2 * sample_rate_hz / E1C.chip_rate_hz)
+    chips = np.arange(-reach, reach + 1) * (E1C.chip_rate_hz / sample_rate_hz)
+    received = sum(autocorrelation(one.pulse, chips) for one in (E1B, E1C))
+    lags = np.subtract.outer(TAP_CHIPS, TAP_CHIPS)
+    behind = autocorrelation(BOC11, np.subtract.outer(lags.ravel(), chips).ravel()).reshape(-1, chips.size)
+    return (behind @ received / sample_rate_hz).reshape(lags.shape)
+
+
+def folding_rate_hz(front_end: FrontEnd) -> float:
+    """Return f_s, the rate at which what is beyond half of it is folded; a filter keeps it out of the samples."""
+    return front_end.sample_rate_hz if front_end.bandwidth_hz is None else front_end.input_rate_hz
+
+
+def passed_components(
+    delay_chips: Float[np.ndarray, " n"], *, bandwidth_hz: float, sample_rate_hz: float
+) -> Float[np.ndarray, " n"]:
+    """Return P, what two signals of a satellite have in common within a bandwidth about the carrier.
+
+    Parameters
+    ----------
+    delay_chips
+        τ in chips.
+    bandwidth_hz
+        W, two-sided.
+    sample_rate_hz
+        f_s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> passed_components(np.zeros(1), bandwidth_hz=2e6, sample_rate_hz=1e9).round(3)[0].item()
+    1.139
+    """
+    chips_a_sample = E1C.chip_rate_hz / sample_rate_hz
+    reach = int((1 + np.max(np.abs(delay_chips))) / chips_a_sample) + 1
+    samples = np.arange(-reach, reach + 1)
+    apart = np.subtract.outer(delay_chips, samples * chips_a_sample)
+    both = sum(autocorrelation(one.pulse, apart.ravel()) for one in (E1B, E1C))
+    weight = np.sinc(bandwidth_hz / sample_rate_hz * samples) * (bandwidth_hz / sample_rate_hz)
+    return np.reshape(both, apart.shape) @ weight
+
+
+@lru_cache(maxsize=4)
+def _overlaps(sample_rate_hz: float) -> Float[np.ndarray, " n"]:
+    """Return P(τ)/P(0) on the grid."""
+    found = passed_components(_GRID_CHIPS, bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
+    return found / found[_GRID_CHIPS.size // 2]
