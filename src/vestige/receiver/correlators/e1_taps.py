@@ -212,7 +212,7 @@ def power_with_beat(
     truth
         True state of the satellite's signals.
     overlap
-        What two signals have in common that are so many chips apart.
+        Correlation of two signals that are so many chips apart.
     with_rays
         Whether rays are among them.
     """

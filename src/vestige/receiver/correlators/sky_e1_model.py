@@ -75,7 +75,7 @@ def sky_power_rise_db(
     Parameters
     ----------
     truth
-        That of each satellite.
+        Truth of each satellite.
     cn0_dbhz
         C/N0 of a component of the lines of sight without interference; NaN out of view.
     relative_power
@@ -99,9 +99,9 @@ def strangers_hz(
     Parameters
     ----------
     truth, multipath_m
-        As `e1_taps` has them, of each satellite.
+        The same as for `e1_taps`, for each satellite.
     cn0_dbhz, relative_power
-        As `sky_power_rise_db` has them.
+        The same as for `sky_power_rise_db`.
     """
     strength_hz = np.nan_to_num(10 ** (cn0_dbhz / 10))
     of_all_hz = strength_hz * relative_power
