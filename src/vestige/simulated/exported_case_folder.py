@@ -35,7 +35,7 @@ _MESSAGE = """\
 
 def simulated(case: AcasTestCase) -> SimulatedRecording:
     """Return the recording of a test case, all files included."""
-    simulation = case.simulation
+    simulation, atmosphere = case.simulation, case.scenario.atmosphere
     return SimulatedRecording(
         sky={band: case.sky(band) for band in Band},
         reference=simulation.start,
@@ -47,6 +47,8 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
         companions=lambda folder: write_companions(case, folder),
         interference=case.interference,
         own_parts=tuple(case.scenario.own_parts),
+        troposphere=atmosphere.troposphere is not None,
+        ionosphere=atmosphere.ionosphere is not None,
     )
 
 
