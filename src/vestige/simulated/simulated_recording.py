@@ -27,7 +27,7 @@ from vestige.receiver.samples.recorder import (
     stretch_samples,
 )
 from vestige.recording.recording import open_recording
-from vestige.recording.samples.exports import COPY_BYTES, ExportedSky, export
+from vestige.recording.samples.exports import COPY_BYTES, ExportedSky, check_export, export
 from vestige.recording.samples.ion_metadata import ION_SUFFIX
 from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, write_ion_metadata
 from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
@@ -164,6 +164,11 @@ class SimulatedRecording:
         own = SampleFormat(component=component, layout="iq").sample_bytes
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
 
+    def check_exports(self, component: SampleType, exports: Sequence[str]) -> None:
+        """Raise `UnsupportedError` if a receiver among `exports` could not read the samples."""
+        for name in exports:
+            check_export(name, SampleFormat(component=component, layout="iq"), self.sample_rate_hz)
+
     def seconds_to_write(self) -> float:
         """Return about how long writing takes on this machine, from a short stretch of each band, in s."""
         n_samples = min(len(self.samples), int(_PROBE_S * self.sample_rate_hz))
@@ -211,9 +216,12 @@ class SimulatedRecording:
         ------
         InputFileError
             If `folder` exists, another process writes it, or what a killed process left is another recording.
+        UnsupportedError
+            If one of `exports` cannot read such samples; nothing is written then.
         VestigeError
             If the samples do not fit on the disk.
         """
+        self.check_exports(component, exports)
         form = SampleFormat(component=component, layout="iq")
         with unfinished_recording(folder, self._identity(scenario_text, component)) as unfinished:
             part, left = unfinished.folder, dict(unfinished.samples)

@@ -26,7 +26,7 @@ from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.recording.samples.sample_format import SampleFormat, encode
-from vestige.recording.samples.saslib_export import export_saslib
+from vestige.recording.samples.saslib_export import check_saslib_form, export_saslib
 from vestige.records import Band
 
 
@@ -200,10 +200,7 @@ def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tup
     paths = []
     for band, reader in _bands(recording):
         file = reader.file
-        if file.form.layout != "iq" or file.form.component not in _ITEMS or file.form.big_endian:
-            raise UnsupportedError(f"{file.path}: gnss-sdr reads int8, int16 and float32 I,Q, not {file.form}")
-        if file.sample_rate_hz % 1:
-            raise UnsupportedError(f"{file.path}: gnss-sdr takes whole Hz, not {file.sample_rate_hz} Hz")
+        check_export("gnss-sdr", file.form, file.sample_rate_hz)
         signal, settings = _GNSS_SDR_BAND[band]
         item, adapter = _ITEMS[file.form.component]
         channels = "".join(
@@ -275,6 +272,27 @@ COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # of a sample in the 
 
 _CI8 = SampleFormat(component="int8", layout="iq")
 _OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted
+
+
+def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:
+    """Raise `UnsupportedError` if one of `EXPORTS` cannot read samples of a form and rate, before there are any.
+
+    Examples
+    --------
+    >>> from vestige.recording.samples.exports import check_export
+    >>> from vestige.recording.samples.sample_format import SampleFormat
+    >>> check_export("saslib", SampleFormat(component="int16", layout="iq"), 12.5e6)
+    """
+    if name == "saslib":
+        check_saslib_form(form)
+    if name == "gnss-sdr":
+        if form.layout != "iq" or form.component not in _ITEMS or form.big_endian:
+            raise UnsupportedError(f"--export gnss-sdr: gnss-sdr reads int8, int16 and float32 I,Q, not {form}")
+        if sample_rate_hz % 1:
+            raise UnsupportedError(
+                f"--export gnss-sdr: found {sample_rate_hz} Hz, expected a whole number of Hz; change "
+                "receiver.sample_rate_hz"
+            )
 
 
 def export(name: str, recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
