@@ -85,7 +85,7 @@ def gnss_sdr(folder: Path, case: AcasTestCase, band: Band, timeout_s: float, *, 
     with ThreadPoolExecutor(2) as pool, SigmfWriter(folder / name, form=form, scale=20.0) as writer:
         for batch in recording.record(band, pool=pool):
             writer.append(batch)
-    export("gnss-sdr", open_recording(folder / f"{name}.sigmf-meta"), folder, [one.svid for one in case.satellites])
+    export("gnss-sdr", open_recording(folder / f"{name}.sigmf-meta"), folder, recording.exported_sky)
     printed = run_gnss_sdr(folder, name, timeout_s)
     if not keep:
         (folder / f"{name}.sigmf-data").unlink()

@@ -21,6 +21,7 @@ from vestige.crypto.recs.recs_segment import decrypt
 from vestige.errors import UnsupportedError
 from vestige.recording.assistance.folder import read_assistance
 from vestige.recording.recording import open_recording
+from vestige.simulated import simulated_recording
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
 SETTINGS = (
@@ -106,8 +107,11 @@ def test_the_readme_says_rate_and_satellites(folder: Path) -> None:
     assert "7,8" in text
 
 
-def test_other_numbers_than_int16_are_refused(tmp_path: Path) -> None:
+def test_other_numbers_than_int16_are_refused_before_a_sample_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(simulated_recording, "record_band")
     error = invoked("-o", tmp_path / "a")
     assert isinstance(error, UnsupportedError)
-    assert "GalileoSASlib reads int16 I,Q, not int8 I,Q; write it with --format int16" in str(error)
+    assert str(error) == ("--export saslib: GalileoSASlib reads int16 I,Q, not int8 I,Q; write it with --format int16")
     assert list(tmp_path.iterdir()) == []

@@ -300,10 +300,14 @@ def test_absurd_sizes_are_refused_unless_asked_for(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_gnss_sdr_takes_whole_hertz(tmp_path: Path) -> None:
+def test_gnss_sdr_takes_whole_hertz(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(simulated_recording, "record_band")  # it is refused before a sample is made
     settings = (*SETTINGS, "--set", "receiver.sample_rate_hz=6200000.5")
     result = _invoke(simulate, QUICK, "--epochs", "0:1", "-o", tmp_path / "a", *settings, "--export", "gnss-sdr")
     assert isinstance(result.exception, UnsupportedError)
+    assert str(result.exception) == (
+        "--export gnss-sdr: found 6200000.5 Hz, expected a whole number of Hz; change receiver.sample_rate_hz"
+    )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -20,10 +20,15 @@ from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonospher
 from vestige.navigation.inav.words import word_type
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import open_observations
+from vestige.recording.recording import open_recording
+from vestige.recording.samples.exports import export
+from vestige.recording.samples.sample_format import SampleFormat
+from vestige.recording.samples.sigmf_writer import SigmfWriter
+from vestige.records import Band, SampleBatch
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.simulated.exported_case import AcasTestCase
-from vestige.simulated.exported_case_folder import write_companions
+from vestige.simulated.exported_case_folder import simulated, write_companions
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
 ON = 'atmosphere={troposphere={kind="saastamoinen"}, ionosphere={kind="ntcm-g", ai0_sfu=400.1, ai1_sfu_per_deg=0.5}}'
@@ -112,6 +117,40 @@ def written(command: click.Command, *arguments: object) -> str:
     if result.exception is not None:
         raise result.exception
     return result.stdout
+
+
+@pytest.mark.parametrize(
+    ("tables", "troposphere", "ionosphere"),
+    [
+        ('{troposphere={kind="saastamoinen"}}', "Saastamoinen", "OFF"),
+        ('{ionosphere={kind="ntcm-g", ai0_sfu=100}}', "OFF", "Broadcast"),
+        ("{}", "OFF", "OFF"),
+    ],
+)
+def test_gnss_sdr_corrects_what_the_signals_have(
+    tmp_path: Path, tables: str, troposphere: str, ionosphere: str
+) -> None:
+    recording = simulated(case(f"atmosphere={tables}"))
+    form = SampleFormat(component="int8", layout="iq")
+    with SigmfWriter(tmp_path / "e1", form=form, scale=20.0) as writer:
+        writer.append(
+            SampleBatch(
+                band=Band.E1,
+                samples=np.zeros(10, np.complex64),
+                sample_rate_hz=12.5e6,
+                center_frequency_hz=E1_CARRIER_HZ,
+                first_sample=0,
+                start=recording.reference,
+            )
+        )
+    (path,) = export("gnss-sdr", open_recording(writer.meta), tmp_path, recording.exported_sky)
+    lines = path.read_text().splitlines()
+    assert [line for line in lines if "_model=" in line] == [
+        f"PVT.trop_model={troposphere}",
+        f"PVT.iono_model={ionosphere}",
+    ]
+    assert ("; the signals have no troposphere" in lines) == (troposphere == "OFF")
+    assert ("; the signals have no ionosphere but the errors of the scenario" in lines) == (ionosphere == "OFF")
 
 
 @pytest.mark.slow

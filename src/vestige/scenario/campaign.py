@@ -11,9 +11,13 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode
+from vestige.navigation.line_of_sight import ReceiverMotion
 from vestige.own_parts import digest, is_own, kind_of
 from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.errors.accelerometer import Accelerometers
@@ -310,6 +314,28 @@ class CampaignScenario(Section):
             accelerometers=self.receiver.accelerometers,
             with_taps=self.constellation is not None or self.processor.level > 1,
         )
+
+    def receiver_motion(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> ReceiverMotion:
+        """Return where the antenna of a sky truly is, and how it moves.
+
+        Parameters
+        ----------
+        time_s
+            Times after the start, on the receiver's own clock.
+        clock_m
+            How far `receiver.clock` is ahead then, times c.
+
+        Raises
+        ------
+        ValueError
+            If there is a single line of sight instead, which has no place.
+        """
+        trajectory = next(
+            (one.elevation.path.trajectory for one in self.simulations if one.elevation is not None), None
+        )
+        if trajectory is None:
+            raise ValueError("a single line of sight has no place")
+        return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS - self.receiver.clock_offset_s)
 
     @property
     def own_parts(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
 from vestige.broadcast.sky_message import SkyMessage, make_sky_message
 from vestige.constants import MEDIAN_TRAVEL_TIME_S, SUBFRAME_S
@@ -25,6 +26,7 @@ from vestige.receiver.simulation import Simulation
 from vestige.records import Assistance, Band, EncryptedSegment, GroupDelay
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.scenario.campaign import CampaignScenario
+from vestige.simulated.exported_receiver import ExportedReceiver
 from vestige.simulated.exported_satellite import ExportedSatellite
 from vestige.time import GalileoTime
 
@@ -134,16 +136,29 @@ class AcasTestCase:
             return {}
         return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
+    @property
+    def tag_s(self) -> Float[np.ndarray, " n"]:
+        """Time tags of the E1 observations, in s after the scenario's start on the receiver's clock."""
+        return self.satellites[0].truth.time_s + MEDIAN_TRAVEL_TIME_S
+
+    @cached_property
+    def receiver(self) -> ExportedReceiver | None:
+        """The receiver of a sky; None on a single line of sight, where it has no place."""
+        if self.scenario.constellation is None:
+            return None
+        path = self.satellites[0].path
+        return ExportedReceiver(scenario=self.scenario, path=path, first=self.first, tag_s=self.tag_s)
+
     def observations(self) -> tuple[ObservationEpoch, ...]:
         """Return what E1 tracking says while the chips of each epoch arrive; epochs without any satellite are not."""
         every = [
             ObservationEpoch(
-                time=self.simulation.start + (float(sent_s) + MEDIAN_TRAVEL_TIME_S),
+                time=self.simulation.start + float(tag_s),
                 observations={
                     one.svid: found for one in self.satellites if (found := one.observations[row]) is not None
                 },
             )
-            for row, sent_s in enumerate(self.satellites[0].truth.time_s)
+            for row, tag_s in enumerate(self.tag_s)
         ]
         return tuple(epoch for epoch in every if epoch.observations)
 

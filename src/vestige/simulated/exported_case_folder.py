@@ -22,11 +22,12 @@ ACAS test case, written by vestige. docs/test_cases.md of vestige explains every
 {observed}  assistance/                                          RECS, group delays, OSNMA keys and who signs them
   scenario.toml                                        how it was made
   truth.csv                                            what a receiver must not know
-
+{place}
 {satellites}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
 Check it: vestige inspect FOLDER; vestige process FOLDER{mode}
 """
 
+_PLACE = "  receiver_truth.csv                                   where the receiver truly is, and its clock\n"
 _MESSAGE = """\
   rinex/navigation.rnx                                 ephemerides, as they are broadcast
   inav_pages.csv                                       I/NAV pages of E1-B, a line a satellite, as official test vectors
@@ -35,7 +36,7 @@ _MESSAGE = """\
 
 def simulated(case: AcasTestCase) -> SimulatedRecording:
     """Return the recording of a test case, all files included."""
-    simulation = case.simulation
+    simulation, atmosphere = case.simulation, case.scenario.atmosphere
     return SimulatedRecording(
         sky={band: case.sky(band) for band in Band},
         reference=simulation.start,
@@ -47,6 +48,8 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
         companions=lambda folder: write_companions(case, folder),
         interference=case.interference,
         own_parts=tuple(case.scenario.own_parts),
+        troposphere=atmosphere.troposphere is not None,
+        ionosphere=atmosphere.ionosphere is not None,
     )
 
 
@@ -58,7 +61,8 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
     if epochs:
         write_csv_observations(folder / "observations.csv", epochs)
         # in a folder of its own, because a recording has one file of observations; CSV loses no digit
-        write_rinex_observations(rinex / "observations.rnx", epochs)
+        place_m = (0.0, 0.0, 0.0) if case.receiver is None else case.receiver.first_place_m
+        write_rinex_observations(rinex / "observations.rnx", epochs, approximate_position_m=place_m)
     report = None if case.heard is None else case.heard.report()
     write_assistance(
         folder / "assistance",
@@ -72,10 +76,15 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         ionosphere = case.scenario.atmosphere.models().ionosphere
         write_rinex_navigation(rinex / "navigation.rnx", issued, ionosphere=ionosphere)
         write_test_vector(folder / "inav_pages.csv", case.message.pages)
-    table = case.truth_table()
-    rows = [",".join(row) for row in zip(*table.values(), strict=True)]
-    (folder / "truth.csv").write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")
+    _write_table(folder / "truth.csv", case.truth_table())
+    if case.receiver is not None:
+        _write_table(folder / "receiver_truth.csv", case.receiver.table())
     (folder / "README.txt").write_text(_readme(case), encoding="ascii", newline="\n")
+
+
+def _write_table(path: Path, table: dict[str, list[str]]) -> None:
+    rows = [",".join(row) for row in zip(*table.values(), strict=True)]
+    path.write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")
 
 
 def _readme(case: AcasTestCase) -> str:
@@ -86,6 +95,7 @@ def _readme(case: AcasTestCase) -> str:
         rate=simulation.front_end.sample_rate_hz,
         satellites=" ".join(f"E{one.svid:02d}" for one in case.satellites),
         observed=(observed if case.observations() else "") + (_MESSAGE if case.message is not None else ""),
+        place="" if case.receiver is None else _PLACE,
         first=case.first,
         last=case.end - 1,
         seed=simulation.seed,

@@ -14,7 +14,7 @@ from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.satellite_on_air import SatelliteOnAir, broadcast_group_delay_s, continuous_truth
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
-from vestige.receiver.snapshots.e1 import reported_cn0_dbhz
+from vestige.receiver.snapshots.e1 import is_tracked, reported_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
 from vestige.receiver.truth_around import TAIL_S, epochs_around
 from vestige.records import Band, E1Observation
@@ -93,8 +93,9 @@ class ExportedSatellite:
     def observations(self) -> tuple[E1Observation | None, ...]:
         """What E1 tracking says while the chips of each epoch arrive, 86 ms after they were sent.
 
-        None below the mask. A receiver that follows a meaconer of seconds has another time than the samples: then there
-        is nothing here.
+        None where the campaign has no E1 measurement either: below the mask, without lock, and while E1 acquires the
+        satellite. A receiver that follows a meaconer of seconds has another time than the samples: then there is
+        nothing here.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S
@@ -107,7 +108,8 @@ class ExportedSatellite:
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
         multipath_m = self.simulation.e1_multipath_m(truth)
         cn0_dbhz = reported_cn0_dbhz(self.simulation, truth, multipath_m, first=self.first)
-        shown = truth.geometry.in_view & (np.abs(truth.e1.error_m) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
+        same_time = np.abs(truth.e1.error_m) < CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS
+        shown = is_tracked(self.simulation, truth) & same_time
         return tuple(
             E1Observation(
                 svid=self.svid,

@@ -27,7 +27,7 @@ from vestige.receiver.samples.recorder import (
     stretch_samples,
 )
 from vestige.recording.recording import open_recording
-from vestige.recording.samples.exports import COPY_BYTES, export
+from vestige.recording.samples.exports import COPY_BYTES, ExportedSky, check_export, export
 from vestige.recording.samples.ion_metadata import ION_SUFFIX
 from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, write_ion_metadata
 from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
@@ -61,6 +61,8 @@ class SimulatedRecording:
     companions: Callable[[Path], None]  # writes all other files of the folder
     interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, where there is any
     own_parts: tuple[str, ...] = ()  # the user's own classes that made it, `module:Name@digest`
+    troposphere: bool = False  # whether one delays the signals
+    ionosphere: bool = False  # whether the one of the message does
 
     @property
     def sample_rate_hz(self) -> float:
@@ -162,6 +164,11 @@ class SimulatedRecording:
         own = SampleFormat(component=component, layout="iq").sample_bytes
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
 
+    def check_exports(self, component: SampleType, exports: Sequence[str]) -> None:
+        """Raise `UnsupportedError` if a receiver among `exports` could not read the samples."""
+        for name in exports:
+            check_export(name, SampleFormat(component=component, layout="iq"), self.sample_rate_hz)
+
     def seconds_to_write(self) -> float:
         """Return about how long writing takes on this machine, from a short stretch of each band, in s."""
         n_samples = min(len(self.samples), int(_PROBE_S * self.sample_rate_hz))
@@ -209,9 +216,12 @@ class SimulatedRecording:
         ------
         InputFileError
             If `folder` exists, another process writes it, or what a killed process left is another recording.
+        UnsupportedError
+            If one of `exports` cannot read such samples; nothing is written then.
         VestigeError
             If the samples do not fit on the disk.
         """
+        self.check_exports(component, exports)
         form = SampleFormat(component=component, layout="iq")
         with unfinished_recording(folder, self._identity(scenario_text, component)) as unfinished:
             part, left = unfinished.folder, dict(unfinished.samples)
@@ -225,12 +235,18 @@ class SimulatedRecording:
             self.companions(part)
             metas = self._write_samples(unfinished, form, workers, progress)
             write_collection(part / "recording", metas)
-            recording, svids = open_recording(part), sorted({one.svid for sky in self.sky.values() for one in sky})
+            recording = open_recording(part)
             if has_ion_encoding(component):
                 write_ion_metadata(part / f"recording{ION_SUFFIX}", recording.description)
             for name in exports:
-                export(name, recording, part, svids)
+                export(name, recording, part, self.exported_sky)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
+
+    @property
+    def exported_sky(self) -> ExportedSky:
+        """What the files for other receivers say of the signals."""
+        svids = {one.svid for sky in self.sky.values() for one in sky}
+        return ExportedSky(svids=tuple(sorted(svids)), troposphere=self.troposphere, ionosphere=self.ionosphere)
 
     def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
         """Return all that the bits of the samples depend on, by the name that a user has for it."""

@@ -15,6 +15,7 @@ from vestige.simulated.exported_case import PLACED_M, AcasTestCase, with_default
 from vestige.simulated.exported_case_folder import simulated
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
+NIGHT = QUICK.with_name("night.toml")
 SETTINGS = ("receiver.sample_rate_hz=6.2e6", "interval_s=0.1", "epochs=500", "recs.duration_ms=4")
 
 
@@ -135,3 +136,20 @@ def test_the_front_end_of_the_scenario_is_that_of_the_recording() -> None:
     for band in Band:
         levels = np.unique(next(iter(one.record(band, at_most=10_000))).samples.view(np.float32))
         assert levels.tolist() == [-3.0, -1.0, 1.0, 3.0]
+
+
+@pytest.mark.parametrize("waveform", ["wideband", "chirp"])
+def test_observations_are_missing_where_the_campaign_has_none(waveform: str) -> None:
+    """A jammer takes the lock from epoch 5 to 8, then E1 is acquired again, in `vestige run` and in the files."""
+    jammer = f'attack=[{{kind="jamming", start_s=5, stop_s=9, waveform={{kind="{waveform}"}}, j_over_n_db=30.0}}]'
+    scenario = load_scenario(NIGHT, ("constellation.svids=[7, 8]", "epochs=14", "receiver.reacquisition_s=2.0", jammer))
+    assert isinstance(scenario, CampaignScenario)
+    truth = tuple(one.advance(0, 14) for one in scenario.simulated_receiver.truth())
+    campaign = scenario.simulated_receiver.snapshots(0, truth).e1
+    satellites = AcasTestCase(scenario=scenario, first=2, end=14).satellites
+    shown = np.array([[found is not None for found in one.observations] for one in satellites]).T
+    assert np.array_equal(shown, campaign.seen[2:])
+    assert shown[:3].all()
+    assert not shown[3:7].any()
+    assert not shown[7].any()  # it acquires
+    assert shown[-1].all()

@@ -25,7 +25,6 @@ from jaxtyping import Float, Int64
 from vestige.acas_processor.measurement import FixBlock, spread_over_block
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.plan import Coord, column_table
-from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
 from vestige.navigation.position_fix import UNKNOWNS, Fix, dilution, local_geometry
 from vestige.receiver.truth import TruthBlock
@@ -105,8 +104,7 @@ def true_place_m(
     scenario: CampaignScenario, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n 3"]:
     """Return where the receiver of a sky is at times on its own clock."""
-    trajectory = next(one.elevation.path.trajectory for one in scenario.simulations if one.elevation is not None)
-    return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS - scenario.receiver.clock_offset_s).position_m
+    return scenario.receiver_motion(time_s, clock_m).position_m
 
 
 class _Truth(NamedTuple):

@@ -92,6 +92,7 @@ def command(scenario: Path, **options: Any) -> None:
         return
     if options["output"].exists():
         raise InputFileError(options["output"], "output folder", "something there already", "a name that is not taken")
+    source.check_exports(options["component"], options["exports"])
     gigabytes = source.n_bytes(options["component"], options["exports"]) / 1e9
     size = f"{source.duration_s:g} s of E1 and E6: {gigabytes:.3g} GB"
     if gigabytes > options["max_gb"]:

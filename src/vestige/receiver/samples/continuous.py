@@ -60,6 +60,10 @@ class ContinuousTruth:
         """Return c times the receiver clock's error in it."""
         return self._clock(t_s)[0]
 
+    def clock_drift_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return its derivative in m/s."""
+        return self._clock(t_s)[1]
+
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return dP/dt in m/s."""
         clock_m, drift_mps, _ = self._clock(t_s)

@@ -71,9 +71,9 @@ def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarra
     return simulation.clock_offset_m - clock_follows_m(simulation, truth)
 
 
-def is_tracked(of: ReceiverTruth) -> Bool[np.ndarray, "n m"]:
-    """Return whether E1 shows each satellite."""
-    return of.in_view & ~of.acquiring & (of.each(tracked_cn0_dbhz) > LOCK_DBHZ)
+def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
+    """Return whether E1 shows the satellite: it is in view, is not being acquired, and is strong enough to be held."""
+    return truth.geometry.in_view & ~truth.e1.acquiring & (tracked_cn0_dbhz(simulation, truth) > LOCK_DBHZ)
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
@@ -81,7 +81,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
 
     `with_taps` says whether E1 is tracked between two RECS.
     """
-    shown = is_tracked(of)
+    shown = np.stack([is_tracked(*one) for one in zip(of.simulations, of.truth, strict=True)], axis=1)
     taps, front_end = _taps_and_power(of, fidelity, shown) if with_taps else (None, None)
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
 

@@ -15,7 +15,8 @@ does; 10 Hz holds it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,30 @@ from vestige.recording.adc_statistics import adc_statistics
 from vestige.recording.recording import Recording
 from vestige.recording.samples.sample_file import SampleReader
 from vestige.recording.samples.sample_format import SampleFormat, encode
-from vestige.recording.samples.saslib_export import export_saslib
+from vestige.recording.samples.saslib_export import check_saslib_form, export_saslib
 from vestige.records import Band
 
-Export = Callable[[Recording, Path, Iterable[int]], tuple[Path, ...]]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedSky:
+    """What is known of the signals in a recording beside its files.
+
+    Attributes
+    ----------
+    svids
+        The satellites.
+    troposphere
+        Whether the signals are delayed by a troposphere.
+    ionosphere
+        Whether they are delayed by the ionosphere that word 5 of the message describes.
+    """
+
+    svids: tuple[int, ...]
+    troposphere: bool = False
+    ionosphere: bool = False
+
+
+Export = Callable[[Recording, Path, ExportedSky], tuple[Path, ...]]
 
 _CHUNK = 1 << 22  # samples
 _POCKETSDR_RMS, _POCKETSDR_LIMIT = 2.0, 7.0
@@ -73,9 +94,7 @@ PVT.implementation=RTKLIB_PVT
 PVT.positioning_mode=Single
 PVT.output_rate_ms=100
 PVT.display_rate_ms=1000
-; vestige's sky has no troposphere and no ionosphere but the errors of the scenario
-PVT.iono_model=OFF
-PVT.trop_model=OFF
+{atmosphere}
 PVT.output_enabled={fix}
 PVT.rinex_output_enabled={fix}
 PVT.rinex_version=3
@@ -86,6 +105,25 @@ PVT.kml_output_enabled=false
 PVT.xml_output_enabled=false
 PVT.rtcm_output_file_enabled=false
 """
+
+# whether the recording has a troposphere, an ionosphere: what gnss-sdr is told
+_GNSS_SDR_TROPOSPHERE = {
+    False: """\
+; the signals have no troposphere
+PVT.trop_model=OFF""",
+    True: """\
+; the signals have a troposphere, with the zenith delays of Saastamoinen
+PVT.trop_model=Saastamoinen""",
+}
+_GNSS_SDR_IONOSPHERE = {
+    False: """\
+; the signals have no ionosphere but the errors of the scenario
+PVT.iono_model=OFF""",
+    True: """\
+; the signals have the ionosphere of word 5 (NTCM-G); gnss-sdr has Klobuchar's model alone and takes coefficients of its
+; own, as a Galileo message has none of them: the fix keeps the difference, mostly in its height
+PVT.iono_model=Broadcast""",
+}
 
 _GNSS_SDR_BAND = {
     Band.E1: (
@@ -152,24 +190,22 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 }
 
 
-def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
     """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, to be run there, and return their paths.
+
+    Its corrections of troposphere and ionosphere are on where the signals have them.
 
     Raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
     """
-    satellites = tuple(svids)
     paths = []
     for band, reader in _bands(recording):
         file = reader.file
-        if file.form.layout != "iq" or file.form.component not in _ITEMS or file.form.big_endian:
-            raise UnsupportedError(f"{file.path}: gnss-sdr reads int8, int16 and float32 I,Q, not {file.form}")
-        if file.sample_rate_hz % 1:
-            raise UnsupportedError(f"{file.path}: gnss-sdr takes whole Hz, not {file.sample_rate_hz} Hz")
+        check_export("gnss-sdr", file.form, file.sample_rate_hz)
         signal, settings = _GNSS_SDR_BAND[band]
         item, adapter = _ITEMS[file.form.component]
         channels = "".join(
             f"Channel{number}.signal={signal}\nChannel{number}.satellite={svid}\n"
-            for number, svid in enumerate(satellites)
+            for number, svid in enumerate(sky.svids)
         )
         common = _GNSS_SDR_COMMON.format(
             rate=round(file.sample_rate_hz),
@@ -177,8 +213,9 @@ def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) ->
             item=item,
             adapter=adapter,
             signal=signal,
-            count=len(satellites),
+            count=len(sky.svids),
             channels=channels.rstrip(),
+            atmosphere="\n".join((_GNSS_SDR_TROPOSPHERE[sky.troposphere], _GNSS_SDR_IONOSPHERE[sky.ionosphere])),
             fix="true" if band is Band.E1 else "false",
         )
         paths.append(folder / f"{band.value.lower()}.conf")
@@ -186,12 +223,12 @@ def export_gnss_sdr(recording: Recording, folder: Path, svids: Iterable[int]) ->
     return tuple(paths)
 
 
-def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+def export_pocketsdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
     """Write samples, tag files, options and a README.txt of commands for PocketSDR into `folder`; return their paths.
 
     The samples are int8 I and −Q of rms 2, clipped at ±7.
     """
-    satellites = ",".join(str(svid) for svid in svids)
+    satellites = ",".join(str(svid) for svid in sky.svids)
     paths, commands = [], []
     for band, reader in _bands(recording):
         path = folder / f"{band.value.lower()}.bin"
@@ -227,19 +264,42 @@ def export_pocketsdr(recording: Recording, folder: Path, svids: Iterable[int]) -
 
 
 EXPORTS: Mapping[str, Export] = {
-    "gnss-sdr": export_gnss_sdr, "pocketsdr": export_pocketsdr, "saslib": export_saslib,
-}  # fmt: skip
+    "gnss-sdr": export_gnss_sdr,
+    "pocketsdr": export_pocketsdr,
+    "saslib": lambda recording, folder, sky: export_saslib(recording, folder, sky.svids),
+}
 COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # of a sample in the export's own copy
 
 _CI8 = SampleFormat(component="int8", layout="iq")
 _OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted
 
 
-def export(name: str, recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
+def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:
+    """Raise `UnsupportedError` if one of `EXPORTS` cannot read samples of a form and rate, before there are any.
+
+    Examples
+    --------
+    >>> from vestige.recording.samples.exports import check_export
+    >>> from vestige.recording.samples.sample_format import SampleFormat
+    >>> check_export("saslib", SampleFormat(component="int16", layout="iq"), 12.5e6)
+    """
+    if name == "saslib":
+        check_saslib_form(form)
+    if name == "gnss-sdr":
+        if form.layout != "iq" or form.component not in _ITEMS or form.big_endian:
+            raise UnsupportedError(f"--export gnss-sdr: gnss-sdr reads int8, int16 and float32 I,Q, not {form}")
+        if sample_rate_hz % 1:
+            raise UnsupportedError(
+                f"--export gnss-sdr: found {sample_rate_hz} Hz, expected a whole number of Hz; change "
+                "receiver.sample_rate_hz"
+            )
+
+
+def export(name: str, recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
     """Write the files of one of `EXPORTS` into a folder of that name in `folder` and return their paths."""
     place = folder / name
     place.mkdir()
-    return EXPORTS[name](recording, place, svids)
+    return EXPORTS[name](recording, place, sky)
 
 
 def _bands(recording: Recording) -> tuple[tuple[Band, SampleReader], ...]:

@@ -76,13 +76,20 @@ def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> t
     return (*samples, table, readme)
 
 
+def check_saslib_form(form: SampleFormat) -> None:
+    """Raise `UnsupportedError` if GalileoSASlib cannot read samples of this form."""
+    if form != _SC16:
+        raise UnsupportedError(
+            f"--export saslib: GalileoSASlib reads int16 I,Q, not {form}; write it with --format int16"
+        )
+
+
 def _samples(reader: SampleReader, folder: Path) -> Path:
     """Give the samples of a band the name that says when they begin."""
     file = reader.file
-    if file.form != _SC16 or file.spectral_inversion or file.header_bytes:
-        raise UnsupportedError(
-            f"{file.path}: GalileoSASlib reads int16 I,Q, not {file.form}; write it with --format int16"
-        )
+    check_saslib_form(file.form)
+    if file.spectral_inversion or file.header_bytes:
+        raise UnsupportedError(f"{file.path}: GalileoSASlib reads upright samples without a header")
     path = folder / f"{Band(file.band).value}_{reader.start.utc:%Y%m%d_%H%M%SZ}.sc16"
     try:
         os.link(file.path, path)
