@@ -2,10 +2,11 @@
 
 E1-B, E1-C, E6-B and encrypted E6-C of each satellite with noise, quantised to int8: what `vestige simulate` makes but
 for the disk. The straightforward version is the definition (`waveform.Component.received`): complex128, component by
-component, a floor, a look-up and an `np.exp` each, over a few milliseconds. Both are checked to give the same samples
-without noise before anything is timed.
+component, a floor, a look-up and an `np.exp` each, over 10 ms. Its pseudoranges are interpolated, so the ratio compares
+how samples are made and not how orbits are computed. Both are checked to give the same samples without noise.
 
-`work` is CPU time a recorded second on one thread; `wall` is with two threads, which says something on an idle machine.
+`work_s` is CPU time a recorded second on one thread, and `ratio` divides CPU times. `wall_s` is with two threads; its
+bar is for an idle machine only.
 
     python benchmarks/sky.py [--satellites 8] [--rate 12.5e6] [--seconds 4] [--json FILE]
 
@@ -30,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band
@@ -38,6 +40,7 @@ from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.signal_generator.noise_kernel import noise_key
+from vestige.signal_generator.range_model import RangeHistory
 from vestige.signal_generator.synthesis import amplitude
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.simulated.exported_case import AcasTestCase
@@ -45,7 +48,18 @@ from vestige.simulated.exported_case import AcasTestCase
 NIGHT = Path(__file__).parents[1] / "scenarios" / "night.toml"
 BARS = {"ratio": 25.0, "wall_s": 1.0, "memory_mb": 400.0}
 FORM = SampleFormat(component="int8", layout="iq")
-_PLAIN_SAMPLES = 20_000
+_PLAIN_S = 0.01  # length of the straightforward version, in s; its CPU time is scaled to a second
+
+
+def interpolated_range_m(path: RangeHistory, t_s: np.ndarray) -> np.ndarray:
+    """Return the pseudorange at the sample times, from the cubic through its values at four of them.
+
+    Over 10 ms the error is below 1e-6 m. Without interpolation the orbits take four fifths of the straightforward
+    version, and the ratio would say little about how samples are made.
+    """
+    known_s = t_s[[0, t_s.size // 3, 2 * t_s.size // 3, -1]]
+    known_m = path.range_m(known_s)
+    return known_m[0] + Polynomial.fit(known_s, known_m - known_m[0], 3)(t_s)
 
 
 def plain(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int) -> np.ndarray:
@@ -53,7 +67,7 @@ def plain(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int
     t = (round(rate_hz / 2) + np.arange(n)) / rate_hz
     x = np.zeros(n, complex)
     for one in sky:
-        held, p = one.propagation(0.5), one.pseudorange.range_m(t)
+        held, p = one.propagation(0.5), interpolated_range_m(one.pseudorange, t)
         p_code = p + held.delay_m
         turn = np.exp(2j * np.pi * CARRIER_HZ[band] / 299_792_458.0 * (p_code - p))
         for component in one.components:
@@ -100,17 +114,11 @@ def main() -> None:
         skies = {band: sky + sky[: options.satellites - len(sky)] for band, sky in skies.items()}
     skies = {band: sky[: options.satellites] for band, sky in skies.items()}
 
-    n, at = _PLAIN_SAMPLES, round(options.rate / 2)
-    straightforward_s = 0.0
-    for band, sky in skies.items():
-        fast = np.concatenate([*made(sky, band, options.rate, first_sample=at, n_samples=n, noise_key=None)])
-        before = time.process_time()
-        slow = plain(sky, band, options.rate, n)
-        noise = np.random.default_rng(1).normal(size=(2, n)) * np.sqrt(0.5)
-        np.clip(np.rint(20 * (slow + noise[0] + 1j * noise[1]).view(float)), -128, 127).astype(np.int8)
-        straightforward_s += (time.process_time() - before) * options.rate / n
-        error = np.abs(fast - slow) / amplitude(sky[0].cn0_dbhz, options.rate)
-        assert np.quantile(error, 0.999) < 5e-3, error.max()
+    n, at = round(_PLAIN_S * options.rate), round(options.rate / 2)
+    fast = {  # also compiles, before anything is timed
+        band: np.concatenate([*made(sky, band, options.rate, first_sample=at, n_samples=n, noise_key=None)])
+        for band, sky in skies.items()
+    }
     samples = round(options.seconds * options.rate)
     before = time.process_time()
     for band, sky in skies.items():
@@ -121,6 +129,19 @@ def main() -> None:
         sizes = [bands.submit(recorded, sky, band, options.rate, samples, pool) for band, sky in skies.items()]
         assert sum(one.result() for one in sizes) == 4 * samples
     wall_s = (time.perf_counter() - started) / options.seconds
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # before the straightforward version
+    straightforward_s = 0.0
+    for band, sky in skies.items():
+        before = time.process_time()
+        slow = plain(sky, band, options.rate, n)
+        noise = np.random.default_rng(1).normal(size=(2, n)) * np.sqrt(0.5)
+        np.clip(np.rint(20 * (slow + noise[0] + 1j * noise[1]).view(float)), -128, 127).astype(np.int8)
+        straightforward_s += (time.process_time() - before) * options.rate / n
+        t = (at + np.arange(0, n, n // 100)) / options.rate
+        for one in sky:
+            np.testing.assert_allclose(interpolated_range_m(one.pseudorange, t), one.pseudorange.range_m(t), 0, 1e-6)
+        error = np.abs(fast[band] - slow) / amplitude(sky[0].cn0_dbhz, options.rate)
+        assert np.quantile(error, 0.999) < 5e-3, error.max()
     found = {
         "satellites": options.satellites,
         "rate_hz": options.rate,
@@ -128,16 +149,14 @@ def main() -> None:
         "wall_s": wall_s,
         "straightforward_s": straightforward_s,
         "ratio": straightforward_s / work_s,
-        "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "memory_mb": memory_mb,
     }
     for name, value in found.items():
         print(f"{name:18} {value:12.4g}")
     if options.json:
         options.json.write_text(json.dumps(found | {"machine": platform.processor()}))
     standard = options.satellites == 8 and options.rate == 12.5e6
-    missed = standard and (
-        found["ratio"] < BARS["ratio"] or wall_s > BARS["wall_s"] or found["memory_mb"] > BARS["memory_mb"]
-    )
+    missed = standard and (found["ratio"] < BARS["ratio"] or wall_s > BARS["wall_s"] or memory_mb > BARS["memory_mb"])
     sys.exit(int(missed))
 
 

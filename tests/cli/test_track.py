@@ -116,20 +116,22 @@ def test_process_needs_samples_recs_and_keys_only(sky: Path, tmp_path: Path) -> 
         if "sigmf" in path.name:
             (alone / path.name).symlink_to(path)
     shutil.copytree(sky / "assistance", alone / "assistance")
-    result = json.loads(_written(process, alone, "--json").stdout)
+    said = _written(process, alone, "--json")
+    result, early = json.loads(said.stdout), "1 of 4 RECS times are before E1 was tracked, from 2026-11-22T22:00:00.5"
+    assert early in said.stderr
     assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
     assert len(result["verdicts"]) == 12
     last = result["positions"][-1]
     assert last["latitude_deg"] == pytest.approx(48.1, abs=5e-5)
     assert last["longitude_deg"] == pytest.approx(11.6, abs=8e-5)
-    late = json.loads(
-        _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 15, "--json").stdout
-    )
+    said = _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 15, "--json")
+    late = json.loads(said.stdout)
+    assert early in said.stderr
     assert [one["status"] for one in late["verdicts"]] == [one["status"] for one in result["verdicts"]]
     later = _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 60, "--json")
-    said = json.loads(later.stdout)["verdicts"]
-    assert {one["status"] for one in said} == {"NOT_AVAILABLE"}
-    assert "key" in said[0]["reason"]
+    unknown = json.loads(later.stdout)["verdicts"]
+    assert {one["status"] for one in unknown} == {"NOT_AVAILABLE"}
+    assert "key" in unknown[0]["reason"]
 
 
 def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:

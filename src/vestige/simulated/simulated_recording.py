@@ -33,6 +33,7 @@ from vestige.recording.samples.ion_metadata_writer import has_ion_encoding, writ
 from vestige.recording.samples.sample_format import SampleFormat, SampleType, encode
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
+from vestige.simulated.clipping import clipping_warning, largest_level, n_clipped
 from vestige.simulated.unfinished_recording import UnfinishedRecording, unfinished_recording
 from vestige.source_version import processor_name, vestige_version
 from vestige.time import GalileoTime
@@ -110,6 +111,7 @@ class SimulatedRecording:
         component: SampleType = "int8",
         workers: int = 2,
         progress: Report | None = None,
+        say: Say | None = None,
     ) -> None:
         """Give samples to `write`, some 10 ms at a time.
 
@@ -128,6 +130,8 @@ class SimulatedRecording:
             Number of threads that make samples; it changes no bit.
         progress
             Called with the bands, the number of samples of each that are written, and the number of all.
+        say
+            Called with one line at the end if samples clip.
 
         Raises
         ------
@@ -137,14 +141,23 @@ class SimulatedRecording:
         chosen = (bands,) if isinstance(bands, Band) else tuple(bands)
         form, scale, done = SampleFormat(component=component, layout="iq"), self.scale(component), 0
         name = " and ".join(band.value for band in chosen)
+        largest, clipped = largest_level(component, self.front_end), dict.fromkeys(chosen, 0)
         with ThreadPoolExecutor(workers) as makers, ExitStack() as made:
             each = [made.enter_context(closing(self._rest(band, 0, makers))) for band in chosen]
             for batches in zip(*each, strict=True):
                 parts = [encode(batch.samples, form, scale=scale).reshape(-1, 2) for batch in batches]
+                for band, part in zip(chosen, parts, strict=True):
+                    clipped[band] += n_clipped(part, largest)
                 write(np.stack(parts, axis=1).tobytes())
                 done += batches[0].samples.size
                 if progress is not None:
                     progress(f"{name} samples", done, len(self.samples))
+        shares = {band: n / max(2 * done, 1) for band, n in clipped.items()}
+        self._say_clipping(shares, say)
+
+    def _say_clipping(self, shares: Mapping[Band, float], say: Say | None) -> None:
+        if say is not None and (line := clipping_warning(shares, self.front_end)):
+            say(line)
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(
@@ -210,7 +223,7 @@ class SimulatedRecording:
         progress
             Called with the band, the number of samples that are written, and the number of all.
         say
-            Called with one line if a recording is resumed.
+            Called with one line if a recording is resumed, and with one at the end if samples clip.
 
         Raises
         ------
@@ -233,13 +246,14 @@ class SimulatedRecording:
                 say(f"{folder}: resumes an interrupted recording; already there: {', '.join(there)}")
             (part / "scenario.toml").write_text(scenario_text, encoding="utf-8", newline="\n")
             self.companions(part)
-            metas = self._write_samples(unfinished, form, workers, progress)
+            metas, clipped = self._write_samples(unfinished, form, workers, progress)
             write_collection(part / "recording", metas)
             recording = open_recording(part)
             if has_ion_encoding(component):
                 write_ion_metadata(part / f"recording{ION_SUFFIX}", recording.description)
             for name in exports:
                 export(name, recording, part, self.exported_sky)
+        self._say_clipping(clipped, say)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
 
     @property
@@ -265,12 +279,16 @@ class SimulatedRecording:
 
     def _write_samples(
         self, unfinished: UnfinishedRecording, form: SampleFormat, workers: int, progress: Report | None
-    ) -> list[Path]:
-        """Write both bands at once and return their metadata; each has a thread that takes what the workers make."""
+    ) -> tuple[list[Path], dict[Band, float]]:
+        """Write both bands at once; return their metadata files, and the share of their numbers that clip.
+
+        Each band has a thread that takes what the workers make.
+        """
         stop = threading.Event()
         left = dict(unfinished.samples)
+        largest = largest_level(form.component, self.front_end)
 
-        def written(band: Band) -> Path:
+        def written(band: Band) -> tuple[Path, float]:
             done = left.get(band, 0)
             with SigmfWriter(
                 unfinished.folder / band.value.lower(),
@@ -280,6 +298,7 @@ class SimulatedRecording:
                 time_uncertainty_s=self.time_uncertainty_s,
                 description=self.description,
                 kept=(self._first_batch(band), done) if done else None,
+                counted=lambda components: n_clipped(components, largest),
             ) as writer:
                 for number, batch in enumerate(self._rest(band, done, makers), start=1):
                     if stop.is_set():
@@ -293,12 +312,13 @@ class SimulatedRecording:
                         progress(f"{band.value} samples", done, len(self.samples))
                 writer.flush()
                 unfinished.keep(band, done)
-            return writer.meta
+            return writer.meta, writer.count_share
 
         with ThreadPoolExecutor(workers) as makers, ThreadPoolExecutor(len(Band)) as pool:
             futures = [pool.submit(written, band) for band in Band]
             try:
-                return [future.result() for future in futures]
+                bands = [future.result() for future in futures]
             except BaseException:
                 stop.set()
                 raise
+        return [meta for meta, _ in bands], {band: share for band, (_, share) in zip(Band, bands, strict=True)}

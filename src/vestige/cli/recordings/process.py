@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from vestige.cli.recordings.process_options import (
 from vestige.cli.recordings.processor_from_options import processor_from_options
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
+from vestige.constants import MEDIAN_TRAVEL_TIME_S
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from vestige.recording.snapshots import RecordingSource
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
+    from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
@@ -155,7 +157,32 @@ def prepared(
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         echo(f"warning: {options['navigation']}: {why}", err=True)
+    if tracked is not None and (line := _recs_before_tracking(sorted(source.epochs()), tracked)):
+        echo(f"warning: {line}", err=True)
     return processor, source, list(found.warnings)
+
+
+def _recs_before_tracking(sent: Sequence[GalileoTime], tracked: TrackedRecording) -> str:
+    """Return a line if RECS arrived before the first observation of tracking; "" if none did.
+
+    Parameters
+    ----------
+    sent
+        Times of transmission of the RECS, in the order of time.
+    tracked
+        Result of tracking E1.
+    """
+    first = next((epoch.time for epoch in tracked.epochs if epoch.observations), None)
+    if first is None or not sent:
+        return ""
+    since = first + -(tracked.time_tag_error_s or 0.0)
+    early = [time for time in sent if since - time > MEDIAN_TRAVEL_TIME_S]
+    if not early:
+        return ""
+    return (
+        f"{len(early)} of {len(sent)} RECS times are before E1 was tracked, from {since} on, and have no verdict; "
+        "begin the recording 5 s before a RECS, or measure E1 around each RECS with --no-track"
+    )
 
 
 def _is_shown(step: Step) -> bool:

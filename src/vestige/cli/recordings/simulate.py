@@ -152,7 +152,14 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
     echo(f"{what}, from {begin[0][0]}", err=True)
     try:
         with progress() as report:
-            source.send(bands, output.write, component=component, workers=options["workers"], progress=report)
+            source.send(
+                bands,
+                output.write,
+                component=component,
+                workers=options["workers"],
+                progress=report,
+                say=lambda line: echo(line, err=True),
+            )
         output.flush()
     except BrokenPipeError:
         # what is still buffered would fail once more when Python ends

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
+import numpy as np
 import sigmf
+from jaxtyping import Num
 
 from vestige.errors import InputFileError
 from vestige.recording.exact_time import exact_gst
@@ -24,6 +26,8 @@ from vestige.records import SampleBatch
 from vestige.time import GalileoTime
 
 _BLOCK_BYTES = 1 << 22
+
+Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 
 
 class SigmfWriter:
@@ -51,6 +55,13 @@ class SigmfWriter:
     kept
         Resume from the samples that a killed process left: the first batch of the recording, made again, and the number
         of samples that are certainly in the file. What follows them is cut off.
+    counted
+        Takes the components as they are stored, those that are kept included, and returns how many of them count.
+
+    Attributes
+    ----------
+    count_share
+        Share of the components that `counted` counted, 0 to 1.
     """
 
     def __init__(
@@ -64,6 +75,7 @@ class SigmfWriter:
         time_uncertainty_s: float | None = None,
         description: str = "",
         kept: tuple[SampleBatch, int] | None = None,
+        counted: Counted | None = None,
     ) -> None:
         self.meta = base.with_name(base.name + META)
         self.data = base.with_name(base.name + DATA)
@@ -81,6 +93,7 @@ class SigmfWriter:
         self._first: SampleBatch | None = None
         self._count = 0
         self._hash = hashlib.sha512()
+        self._counted, self._n_counted = counted, 0
         self._stream: BinaryIO
         if kept is None:
             self._part.unlink(missing_ok=True)  # of a run that was killed
@@ -111,7 +124,7 @@ class SigmfWriter:
                 self._stream.close()
                 expected = "those that this command makes; what was left is removed, so begin again"
                 raise InputFileError(self._part, "first samples", "other samples", expected)
-            self._hash.update(block)
+            self._look_at(block)
             found += len(block)
         if found < left:
             self._stream.close()
@@ -126,6 +139,17 @@ class SigmfWriter:
         """Have all samples so far on the disk."""
         self._stream.flush()
         os.fsync(self._stream.fileno())
+
+    @property
+    def count_share(self) -> float:
+        """Share of the components so far that `counted` counted."""
+        return self._n_counted / max(self._count * self._form.components_per_sample, 1)
+
+    def _look_at(self, raw: bytes) -> None:
+        """Hash and count what is in the file."""
+        self._hash.update(raw)
+        if self._counted is not None:
+            self._n_counted += self._counted(np.frombuffer(raw, self._form.dtype))
 
     def _encoded(self, batch: SampleBatch) -> bytes:
         return encode(batch.samples, self._form, scale=self._scale, inverted=self._inverted).tobytes()
@@ -145,7 +169,7 @@ class SigmfWriter:
             raise ValueError(f"batch starts at sample {batch.first_sample}, not {first.first_sample + self._count}")
         raw = self._encoded(batch)
         self._stream.write(raw)
-        self._hash.update(raw)
+        self._look_at(raw)
         self._count += len(batch.samples)
 
     def close(self) -> None:

@@ -1,0 +1,95 @@
+"""How many of the stored numbers clip, and what a user can do about it.
+
+Jamming can be stronger than a number format holds: int8 samples have room for 19 dB over the noise. A front end with a
+gain control has room again, because its gain follows the power.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Num
+
+from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.recording.samples.sample_format import SampleType
+from vestige.records import Band
+
+_CLIPPED_SHARE = 1e-3  # that is worth a warning
+_FEW_BITS = 3  # a quantiser of so few bits has many samples at its outermost levels, without any harm
+
+
+def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
+    """Return the largest stored magnitude, at which stronger samples clip.
+
+    None is for number formats that do not clip, and for quantisers of so few bits that their outermost levels are in
+    use all the time.
+
+    Examples
+    --------
+    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> from vestige.simulated.clipping import largest_level
+    >>> largest_level("int16", FrontEnd(sample_rate_hz=12.5e6))
+    32767
+    >>> largest_level("int16", FrontEnd(sample_rate_hz=12.5e6, bits=8))
+    127
+    """
+    if front_end.bits is not None:
+        return QUANTISERS[front_end.bits].outermost if front_end.bits > _FEW_BITS else None
+    return None if component == "float32" else int(np.iinfo(component).max)
+
+
+def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int:
+    """Return how many stored numbers are at one of the ends, `largest` or its negative, or beyond.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vestige.simulated.clipping import n_clipped
+    >>> n_clipped(np.array([127, -128, 3, -127], np.int8), 127)
+    3
+    """
+    if largest is None:
+        return 0
+    return int(np.count_nonzero(components >= largest) + np.count_nonzero(components <= -largest))
+
+
+def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
+    """Return one line that says how much of each band clips, and what to do; "" if hardly anything clips.
+
+    Parameters
+    ----------
+    shares
+        Share of the stored numbers of each band that clip, 0 to 1.
+    front_end
+        Front end that the samples went through.
+
+    Examples
+    --------
+    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> from vestige.records import Band
+    >>> from vestige.simulated.clipping import clipping_warning
+    >>> line = clipping_warning({Band.E1: 0.9, Band.E6: 0.0}, FrontEnd(sample_rate_hz=12.5e6, bits=8, agc=False))
+    >>> line.split(", ")[0]
+    'warning: 90 % of the numbers of E1 clip'
+    """
+    found = [
+        f"{100 * share:.2g} % of the numbers of {band.value}"
+        for band, share in shares.items()
+        if share > _CLIPPED_SHARE
+    ]
+    if not found:
+        return ""
+    if front_end.bits is None:
+        advice = (
+            "--set receiver.front_end.bits=8 --set 'fidelity=\"samples\"' turns on a gain control, which follows the "
+            "power; --format float32 stores samples without clipping"
+        )
+    elif not front_end.agc:
+        advice = "set receiver.front_end.agc = true"
+    else:
+        advice = "the gain follows the power over 10 ms, so shorter pulses clip, as in a receiver"
+    return (
+        f"warning: {' and '.join(found)} clip, because the samples are stronger than the number format holds; {advice}"
+    )
