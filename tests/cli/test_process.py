@@ -19,6 +19,7 @@ from night import TWO_SATELLITES, invoke
 from vestige.acas_processor.detectors import DETECTORS
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.searches.sampled_snapshot import block_of
+from vestige.cli.live.live import command as live
 from vestige.cli.options import DETECTOR_NAMES
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
@@ -27,6 +28,7 @@ from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
 from vestige.recording.assistance.folder import read_assistance
+from vestige.recording.assistance.made_recs import OPEN_CODE
 from vestige.recording.assistance.receiver_corrections import read_hardware_bias
 from vestige.recording.observations.e1_observation import observe
 from vestige.recording.recording import open_recording
@@ -83,6 +85,22 @@ def test_verdicts(calibrated: dict) -> None:
     ]
     assert calibrated["not_seen_on_e1"] == [12]
     assert calibrated["hardware_bias_m"] == pytest.approx(-18.0, abs=6.0)
+
+
+@pytest.mark.parametrize("command", [process, live])
+def test_recs_of_the_open_code_are_told_once(folder: Path, command: object) -> None:
+    words = (
+        "--hardware-bias-m",
+        -18.0,
+        *(("--idle-s", "0.1", "--time-uncertainty", "0.02") if command is live else ()),
+    )
+    result = invoke(command, folder, *words)
+    assert result.exception is None
+    assert result.stderr.count(OPEN_CODE) == 1
+    assert "AUTHENTIC" in result.output
+    wrong_mode = invoke(command, folder, *words, "--cipher-mode", "ctr")
+    assert wrong_mode.exception is None
+    assert OPEN_CODE not in wrong_mode.stderr, "what it decrypts to does not repeat"
 
 
 def test_recs_that_were_made_in_counter_mode(folder: Path, tmp_path: Path) -> None:
@@ -304,7 +322,7 @@ def test_what_was_taken_on_the_folders_word_is_said(folder: Path) -> None:
     own = _json(process, folder)
     assert any("own public key" in line for line in own["warnings"])
     named = _json(process, folder, "--public-key", folder / "osnma" / "public_key.pem")
-    assert named["warnings"] == []
+    assert named["warnings"] == [f"{folder / 'assistance'}: {OPEN_CODE}"]
     assert {one["status"] for one in named["verdicts"]} == {"AUTHENTIC"}
 
 

@@ -112,7 +112,8 @@ def test_a_small_upward_curve_as_it_approaches(detector: int) -> None:
     """The paper: "At the beginning when the spoofer sets in [...] we notice a small upward curve [...] in both cases."
 
     At −10 dB the approaching counterfeit pulls by 0.4 m between 300 and 500 s, ±0.02 m in the mean of 20 runs, each
-    beside the same run without an attack.
+    beside the same run without an attack. Correlators only: twenty pairs of runs on samples, a hundred times slower,
+    would take minutes.
     """
     approach = rise_m(detector, 300, 500)
     assert 0.2 < np.mean(approach) < 1.0
@@ -205,6 +206,9 @@ def test_outliers_on_the_left_flank_as_it_departs(fidelity: str) -> None:
     """The paper: "Note the one outlier at around T = 800 seconds", where "the signal is detected on the flank".
 
     From 840 to 960 s there are about four a run, near −22.5 m. Before 800 s they are less than a tenth as frequent.
+    "Near" is within 2.5 m: a third of a uniform spread from −30 to −15 m is as near. The test asks for more than that
+    by two standard deviations of a binomial count, which a uniform spread exceeds by chance in 1 of 44 tests. Measured
+    are 59 of 110 at correlators and 46 of 103 with samples, 4.5 and 2.4 standard deviations.
     """
     times_s = np.concatenate([run.on_the_flank_s() for run in runs(fidelity)])
     departing = np.count_nonzero((times_s >= 840) & (times_s < 960))
@@ -215,6 +219,8 @@ def test_outliers_on_the_left_flank_as_it_departs(fidelity: str) -> None:
         [run.offset_m[EARLY, np.isin(run.time_s, run.on_the_flank_s())] for run in runs(fidelity)]
     )
     assert np.mean(offsets_m) == pytest.approx(-22.5, abs=2.0)
+    uniform = offsets_m.size / 3
+    assert np.count_nonzero(np.abs(offsets_m + 22.5) < 2.5) > uniform + 2 * np.sqrt(uniform * 2 / 3)
 
 
 def test_the_phase_rotates_as_the_paper_describes() -> None:

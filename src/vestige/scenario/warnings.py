@@ -10,6 +10,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
 from vestige.scenario.sky import RinexConstellation
 from vestige.signals.definitions import E6C
+from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import Spoofer
 
 _FAITHFUL = 0.1  # range offsets that are larger or smaller by less need no word
@@ -23,10 +24,20 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
     return (
         *attacks,
+        *_estimated_symbols(scenario),
         *_never(scenario),
         *_old_orbits(scenario),
         *stairs,
         *_round_peak(scenario),
+    )
+
+
+def _estimated_symbols(scenario: CampaignScenario) -> tuple[str, ...]:
+    return tuple(
+        f'attack.{number}.symbols: "estimated" changes nothing in a campaign, which does not simulate E1-B; recordings '
+        "(vestige simulate) have it"
+        for number, attack in enumerate(scenario.attack)
+        if isinstance(attack, Scer) and attack.symbols == "estimated"
     )
 
 

@@ -162,6 +162,13 @@ def test_satellites_that_are_not_there(tmp_path: Path) -> None:
     assert scenario_warnings(_with(tmp_path, text)) == ("attack.1.svids: E03 not in the scenario, which has E11",)
 
 
+def test_estimated_symbols_are_for_recordings(tmp_path: Path) -> None:
+    scer = '[[attack]]\nkind = "scer"\npower_db = 3\ndelay_m = 0\n'
+    (warning,) = scenario_warnings(_with(tmp_path, FINE + scer + 'symbols = "estimated"\n'))
+    assert warning.startswith('attack.1.symbols: "estimated" changes nothing in a campaign')
+    assert scenario_warnings(_with(tmp_path, FINE + scer)) == ()
+
+
 def test_an_attack_after_the_end(tmp_path: Path) -> None:
     late = '[[attack]]\nkind = "lift-off"\nstart_s = 1e6\npower_db = 3\ndelay_m = 0\n'
     (warning,) = scenario_warnings(_with(tmp_path, FINE + late))

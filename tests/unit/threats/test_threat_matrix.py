@@ -94,13 +94,31 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_level_1_detects_a_spoofer_on_e1_and_only_a_meaconer_with_a_short_delay(six: Path) -> None:
-    """The correlators see a meaconer with a delay below 2 µs, because they reach 600 m to the early side."""
+    """The correlators see a meaconer with a delay below 2 µs, because they reach 600 m to the early side.
+
+    Half of the six runs have such a delay. Their first RECS that counts is that at 330 s, 30 s after the attack began,
+    since a restarted receiver has no E1 for a second. By then the true signal is found at all eight satellites, and an
+    alarm stands from there on. A receiver that acquires in no time uses the RECS at 300 s, too, where one satellite of
+    one run shows the repeated signal alone: that range, 156 m wrong, made a fourth run missed.
+    """
     level_1 = read_threat_dataset(six).sel(level=1).isel(scene=slice(2))
     assert level_1["agreement"].values.tolist() == ["as expected", "undecided"]
     assert level_1["detected"].values.tolist() == [6, 3]
-    assert level_1["missed"].values.tolist() == [0, 4]
+    assert level_1["missed"].values.tolist() == [0, 3]
     assert level_1["by_chance_of"].values.tolist() == [6, 6]
     assert level_1["by_chance"].values.tolist() == [0, 0]
+
+
+@pytest.mark.slow
+def test_a_receiver_that_acquires_at_once_uses_one_more_wrong_range() -> None:
+    """The reason why three runs are missed, and not four (see above)."""
+    (row,) = (one for one in read_threats() if one.id == "A3")
+    missed = []
+    for settings in ((), ("receiver.reacquisition_s=0.0",)):
+        scenario = cases([row], settings)[0].scenario(3, True)
+        level_1, *_ = measure_scenes(scenario, window_of(scenario))
+        missed.append(level_1.missed)
+    assert missed == [False, True]
 
 
 @pytest.mark.slow
@@ -231,13 +249,13 @@ def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     store = read_threat_dataset(six)
     assert dict(store.sizes) == {"scene": 3, "level": 3, "check": 20}
     meaconer = store.isel(scene=1)
-    assert meaconer["missed"].values.tolist() == [4, 0, 0]
+    assert meaconer["missed"].values.tolist() == [3, 0, 0]
     assert meaconer["threat"].item() == "A3"
-    assert meaconer.sel(level=1)["word"].item() == "missed"
+    assert meaconer.sel(level=1)["word"].item() == "no alarm, no harm", "a word is of more than half of the runs"
     assert store["check_failed"].dims == ("scene", "level", "check")
     spoofed = store.isel(scene=0).sel(level=1)
     assert spoofed["check"].values[spoofed["check_failed"].values > 0].tolist() == ["E6 power"]
-    assert spoofed["check_time_s"].sel(check="E6 power").item() == 0.0
+    assert spoofed["check_time_s"].sel(check="E6 power").item() == 30.0, "not the RECS while it acquires"
     assert meaconer.sel(level=1)["check_failed"].sum() == 3
     assert np.isfinite(meaconer.sel(level=1)["check_time_s"].values).sum() == 1, "the range check"
     assert store.attrs["vestige_version"] == rows[0]["vestige_version"] == vestige_version()

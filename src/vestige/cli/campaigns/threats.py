@@ -44,8 +44,8 @@ FIGURE = "threats.png"
     "--only",
     "ids",
     multiple=True,
-    metavar="ID",
-    help="Measure this attack only, for example A5. May be given several times.",
+    metavar="ID[,ID...]",
+    help="Measure these attacks only, for example A5 or A15,A17. May be given several times.",
 )
 @click.option(
     "--attack",
@@ -129,10 +129,11 @@ def command(
 
 def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:
     known = {threat.id: threat for threat in threats}
-    for one in ids:
+    wanted = [one.strip() for given in ids for one in given.split(",")]
+    for one in wanted:
         if one not in known:
-            raise click.BadParameter(f"{one}: expected one of {', '.join(known)}", param_hint="--only")
-    return tuple(threat for threat in threats if not ids or threat.id in ids)
+            raise click.BadParameter(f"{one or 'nothing'}: expected one of {', '.join(known)}", param_hint="--only")
+    return tuple(threat for threat in threats if not wanted or threat.id in wanted)
 
 
 def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenario:

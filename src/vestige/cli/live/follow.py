@@ -98,6 +98,7 @@ def _run(
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.recordings.verdicts import Tally, lines, print_changes, print_snapshot
+    from vestige.recording.assistance.made_recs import open_code_warning
     from vestige.recording.live.follow_journal import FollowProgress
 
     state, tally = None, Tally()
@@ -112,6 +113,12 @@ def _run(
                 _say_what_is_missing(following, warn)
                 if options["navigation"] and (why := processor.monitoring.fix.why_no_fix(epoch.sent)):
                     warn(f"{options['navigation']}: {why}")
+            known = epoch.assistance
+            now = (one for one in known.segments if one.transmit_time == epoch.sent)
+            if open_code := open_code_warning(
+                following.folder.path, now, known.keys, cipher_mode=processor.cipher_mode
+            ):
+                warn(open_code)
             processor, verified = _with_orbits(processor, following, options)
             since = None if state is None else state.last
             block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)

@@ -117,6 +117,7 @@ def prepared(
         Result of tracking E1; None if E1 was not tracked.
     """
     from vestige.recording.assistance.folder import read_assistance
+    from vestige.recording.assistance.made_recs import open_code_warning
     from vestige.recording.snapshots import RecordingSource, time_span
 
     folder = assistance_folder(options["recording_path"], options["assistance_path"])
@@ -131,7 +132,13 @@ def prepared(
         strict=options["strict"],
         message=_message(recording, tracked),
     )
-    for line in (*recording.notes, *found.problems, *found.missing, *found.warnings):
+    if options["near"] and tracked is None and options["navigation"] is None:
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+    processor = processor_from_options(options, tracked)
+    known = found.assistance
+    open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
+    warnings = [*found.warnings, *([open_code] if open_code else [])]
+    for line in (*recording.notes, *found.problems, *found.missing, *warnings):
         echo(f"warning: {line}", err=True)
     if options["calibrate"]:
         echo(
@@ -139,15 +146,12 @@ def prepared(
             "a delay of E6 that is common to all satellites cannot be seen",
             err=True,
         )
-    if options["near"] and tracked is None and options["navigation"] is None:
-        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
-    processor = processor_from_options(options, tracked)
     error_s = told_s or 0.0
     if around_s:
-        error_s = label_error_s(recording, found.assistance, around_s, processor)
+        error_s = label_error_s(recording, known, around_s, processor)
     source = RecordingSource(
         recording=recording,
-        assistance=_with_bias(found.assistance, options["hardware_bias_m"]),
+        assistance=_with_bias(known, options["hardware_bias_m"]),
         tracked=None if tracked is None else tracked.epochs,
         time_uncertainty_s=options["time_uncertainty"],
         time_tag_error_s=error_s,
@@ -159,7 +163,7 @@ def prepared(
         echo(f"warning: {options['navigation']}: {why}", err=True)
     if tracked is not None and (line := _recs_before_tracking(sorted(source.epochs()), tracked)):
         echo(f"warning: {line}", err=True)
-    return processor, source, list(found.warnings)
+    return processor, source, warnings
 
 
 def _recs_before_tracking(sent: Sequence[GalileoTime], tracked: TrackedRecording) -> str:

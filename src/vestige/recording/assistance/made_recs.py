@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode, SegmentLength, encrypt, key_time
+from vestige.crypto.recs.recs_segment import LENGTHS, CipherMode, SegmentLength, decrypt, encrypt, key_time
 from vestige.errors import VestigeError
 from vestige.output import new_folder
 from vestige.recording.assistance.assistance_files import KEYS_NAME, assistance_kind
@@ -25,6 +25,7 @@ from vestige.recording.snapshots import ALL_SVIDS, svids_in_view
 from vestige.records import Assistance, ChipSequence, EncryptedSegment, GroupDelay
 from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E6C
+from vestige.signals.open_e6c import is_open_e6c
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
@@ -81,6 +82,26 @@ def make_segments(
             )
             segments.append(encrypt(chips, key.data, key_delay=key_delay, mode=cipher_mode))
     return tuple(segments)
+
+
+def open_code_warning(
+    folder: Path,
+    segments: Iterable[EncryptedSegment],
+    keys: Iterable[ValidatedKey],
+    *,
+    cipher_mode: CipherMode = CipherMode.CBC,
+) -> str | None:
+    """Return what to know before trusting a verdict with RECS of the open E6-C code; None if no RECS holds it.
+
+    Of each satellite one RECS is decrypted, the first one that has its key. `folder` is where they are from.
+    """
+    by_time = {key.time: key for key in keys}
+    first: dict[int, EncryptedSegment] = {}
+    for one in segments:
+        if one.key_time in by_time:
+            first.setdefault(one.svid, one)
+    codes = (decrypt(one, by_time[one.key_time], mode=cipher_mode) for one in first.values())
+    return f"{folder}: {OPEN_CODE}" if any(is_open_e6c(code.chips, code.svid) for code in codes) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
