@@ -16,6 +16,7 @@ from night import invoke
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.recordings.track import command as track
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError
 from vestige.navigation.earth import ecef_from_geodetic
 from vestige.navigation.inav.ephemeris_words import ephemeris_words
