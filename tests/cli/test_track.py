@@ -120,6 +120,7 @@ def test_process_needs_samples_recs_and_keys_only(sky: Path, tmp_path: Path) -> 
     result = json.loads(_written(process, alone, "--json").stdout)
     assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
     assert len(result["verdicts"]) == 12
+    assert any("4 RECS came before E1 was tracked" in line for line in result["warnings"])
     last = result["positions"][-1]
     assert last["latitude_deg"] == pytest.approx(48.1, abs=5e-5)
     assert last["longitude_deg"] == pytest.approx(11.6, abs=8e-5)
