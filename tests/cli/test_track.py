@@ -57,20 +57,29 @@ def test_observations_are_those_that_were_sent(sky: Path, tracked: Path) -> None
     noise = {}
     with (sky / "truth.csv").open() as stream:
         for row in csv.DictReader(stream):
-            noise[int(row["svid"]), float(row["gst_second"])] = float(row["e1_noise_m"]), float(row["doppler_e1_hz"])
+            names = ("e1_noise_m", "doppler_e1_hz", "e1_phase_noise_m")
+            noise[int(row["svid"]), float(row["gst_second"])] = tuple(float(row[name]) for name in names)
     found = ObservationTrack(open_observations(tracked / "observations.rnx"))
-    range_error, doppler_error = [], []
+    range_error, doppler_error, phase_step_error = [], [], []
+    phase_before: dict[int, float] = {}
     for epoch in open_observations(sky / "observations.csv"):
         ours = found.at(epoch.time)
         for svid, one in epoch.observations.items():
             if svid not in ours:
                 continue
-            noise_m, doppler_hz = noise[svid, float(epoch.time.second)]
+            noise_m, doppler_hz, phase_noise_m = noise[svid, float(epoch.time.second)]
             range_error.append(ours[svid].pseudorange_m - (one.pseudorange_m - noise_m))
             doppler_error.append(ours[svid].doppler_hz - doppler_hz)
+            cycles = ours[svid].carrier_phase_cycles - one.carrier_phase_cycles
+            phase_m = cycles * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + phase_noise_m
+            if svid in phase_before:
+                phase_step_error.append(phase_m - phase_before[svid])
+            phase_before[svid] = phase_m
     assert len(range_error) > 4 * 30
     assert (sum(error**2 for error in range_error) / len(range_error)) ** 0.5 < 1.0
     assert (sum(error**2 for error in doppler_error) / len(doppler_error)) ** 0.5 < 0.5
+    assert len(phase_step_error) > 4 * 29
+    assert np.sqrt(np.mean(np.square(phase_step_error))) < 0.01
 
 
 @pytest.mark.slow

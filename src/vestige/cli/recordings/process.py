@@ -155,7 +155,39 @@ def prepared(
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         echo(f"warning: {options['navigation']}: {why}", err=True)
-    return processor, source, list(found.warnings)
+    lacks = [*_missing_bands(recording), *_sent_before_tracking(source, tracked)]
+    for line in lacks:
+        echo(f"warning: {line}", err=True)
+    return processor, source, [*found.warnings, *lacks]
+
+
+def _missing_bands(recording: Recording) -> list[str]:
+    """Return a warning for each band without which there is no verdict."""
+    lacks = []
+    if recording.e6 is None:
+        lacks.append("no E6 samples, so no RECS can be looked for and there is no verdict")
+    if recording.e1 is None and recording.observations is None:
+        lacks.append("no E1 samples and no observations, so no RECS can be looked for and there is no verdict")
+    return lacks
+
+
+def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> list[str]:
+    """Return a warning if RECS of satellites that are tracked came before E1 of any satellite was."""
+    from vestige.constants import MEDIAN_TRAVEL_TIME_S
+
+    epochs = () if tracked is None else tracked.epochs
+    first = next((epoch for epoch in epochs if epoch.observations), None)
+    if first is None:
+        return []
+    seen = {svid for epoch in epochs for svid in epoch.observations}
+    begin = first.time + -(source.time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
+    n = sum(one.svid in seen for time, segments in source.epochs().items() if time < begin for one in segments)
+    if n == 0:
+        return []
+    return [
+        f"{n} RECS came before E1 was tracked, from {first.time} on, and {'has' if n == 1 else 'have'} no verdict; "
+        "--no-track measures E1 around each RECS"
+    ]
 
 
 def _is_shown(step: Step) -> bool:
