@@ -135,8 +135,7 @@ def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) ->
             path,
             "samples of E1",
             f"{duration_s:.3g} s",
-            f"at least {MIN_TRACKED_S:g} s for tracking; vestige process measures a shorter recording in 100 ms "
-            "around each RECS",
+            f"at least {MIN_TRACKED_S:g} s, or vestige process, which measures 100 ms around each RECS",
         )
 
 
