@@ -143,6 +143,17 @@ def test_process_needs_samples_recs_and_keys_only(sky: Path, tmp_path: Path) -> 
     assert "key" in said[0]["reason"]
 
 
+def test_too_short_a_recording_is_not_tracked(tmp_path: Path) -> None:
+    np.random.default_rng(1).integers(-40, 40, 2 * 800_000, dtype=np.int8).tofile(tmp_path / "e1")
+    (tmp_path / "recording.toml").write_text(
+        'start = "2026-11-21T12:00:16 GST"\ntime_uncertainty_s = 1.0\nsample_rate_hz = 4e6\n'
+        '[e1]\nfile = "e1"\nformat = "int8"\nlayout = "iq"\ncenter_frequency_hz = 1575.42e6\n'
+    )
+    with pytest.raises(InputFileError, match=r"found 0\.2 s.*expected at least 2 s.*vestige process"):
+        _written(track, tmp_path, "-o", tmp_path / "tracked")
+    assert not (tmp_path / "tracked").exists()
+
+
 def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     with pytest.raises(InputFileError, match="something there already"):
