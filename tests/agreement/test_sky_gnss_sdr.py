@@ -23,6 +23,8 @@ from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.ephemeris_words import ephemeris_words
+from vestige.navigation.inav.page import InavPage
+from vestige.recording.assistance.assistance_files import FileTrust, Settings, contents_of_pages
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import ObservationTrack, open_observations
 from vestige.recording.recording import open_recording
@@ -150,6 +152,30 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     (tmp_path / "e1.sigmf-data").unlink()
     _same_observations(tracked.epochs, _largest(tmp_path / "gnss-sdr", "GSDR*.??O"))
     _same_orbits(ephemerides_in(tracked.pages), _largest(tmp_path / "gnss-sdr", "GSDR*.??L"))
+    _root_key_from_the_signal(tracked.pages, tmp_path)
+
+
+def _root_key_from_the_signal(tracked: Sequence[InavPage], folder: Path) -> None:
+    """Follow tracked pages to validated keys with the Merkle tree alone, as `vestige process` does.
+
+    With these satellites the root key takes four subframes. Those that begin after the samples are taken as they were
+    sent; they hold blocks 0 to 3 and 7 of the DSM-KROOT, so blocks 4 to 6 are the tracked ones.
+    """
+    case = case_of(130)
+    assert case.message is not None
+    end = case.scenario.start_time + 90.0
+    later = [page for pages in case.message.pages.values() for page in pages if page.time >= end]
+    case.operator.write_files(folder)
+    settings = Settings(trust=FileTrust.load((), folder / "merkle_tree.xml"))
+    contents = [
+        contents_of_pages(Path("tracked"), sorted(pages, key=lambda page: page.time), settings)
+        for pages in (tracked, later, [*tracked, *later])
+    ]
+    assert [len(one.roots) for one in contents] == [0, 0, 1]
+    sent = {key.time: key.data for key in case.operator.validated_keys()}
+    found = {key.time: key.data for key in contents[2].keys}
+    assert {case.scenario.start_time + 30.0 * number for number in (1, 3)} <= set(found)
+    assert all(sent[time] == key for time, key in found.items() if time in sent)
 
 
 def _largest(folder: Path, pattern: str) -> Path:

@@ -16,6 +16,7 @@ from night import invoke
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.recordings.track import command as track
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError
 from vestige.navigation.earth import ecef_from_geodetic
 from vestige.navigation.inav.ephemeris_words import ephemeris_words
@@ -56,20 +57,29 @@ def test_observations_are_those_that_were_sent(sky: Path, tracked: Path) -> None
     noise = {}
     with (sky / "truth.csv").open() as stream:
         for row in csv.DictReader(stream):
-            noise[int(row["svid"]), float(row["gst_second"])] = float(row["e1_noise_m"]), float(row["doppler_e1_hz"])
+            names = ("e1_noise_m", "doppler_e1_hz", "e1_phase_noise_m")
+            noise[int(row["svid"]), float(row["gst_second"])] = tuple(float(row[name]) for name in names)
     found = ObservationTrack(open_observations(tracked / "observations.rnx"))
-    range_error, doppler_error = [], []
+    range_error, doppler_error, phase_step_error = [], [], []
+    phase_before: dict[int, float] = {}
     for epoch in open_observations(sky / "observations.csv"):
         ours = found.at(epoch.time)
         for svid, one in epoch.observations.items():
             if svid not in ours:
                 continue
-            noise_m, doppler_hz = noise[svid, float(epoch.time.second)]
+            noise_m, doppler_hz, phase_noise_m = noise[svid, float(epoch.time.second)]
             range_error.append(ours[svid].pseudorange_m - (one.pseudorange_m - noise_m))
             doppler_error.append(ours[svid].doppler_hz - doppler_hz)
+            cycles = ours[svid].carrier_phase_cycles - one.carrier_phase_cycles
+            phase_m = cycles * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + phase_noise_m
+            if svid in phase_before:
+                phase_step_error.append(phase_m - phase_before[svid])
+            phase_before[svid] = phase_m
     assert len(range_error) > 4 * 30
     assert (sum(error**2 for error in range_error) / len(range_error)) ** 0.5 < 1.0
     assert (sum(error**2 for error in doppler_error) / len(doppler_error)) ** 0.5 < 0.5
+    assert len(phase_step_error) > 4 * 29
+    assert np.sqrt(np.mean(np.square(phase_step_error))) < 0.01
 
 
 @pytest.mark.slow
@@ -117,21 +127,33 @@ def test_process_needs_samples_recs_and_keys_only(sky: Path, tmp_path: Path) -> 
             (alone / path.name).symlink_to(path)
     shutil.copytree(sky / "assistance", alone / "assistance")
     said = _written(process, alone, "--json")
-    result, early = json.loads(said.stdout), "1 of 4 RECS times are before E1 was tracked, from 2026-11-22T22:00:00.5"
+    result, early = json.loads(said.stdout), "4 RECS came before E1 was tracked, from 2026-11-22T22:00:00.5"
     assert early in said.stderr
     assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
     assert len(result["verdicts"]) == 12
+    assert any("4 RECS came before E1 was tracked" in line for line in result["warnings"])
     last = result["positions"][-1]
     assert last["latitude_deg"] == pytest.approx(48.1, abs=5e-5)
     assert last["longitude_deg"] == pytest.approx(11.6, abs=8e-5)
     said = _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 15, "--json")
     late = json.loads(said.stdout)
-    assert early in said.stderr
+    assert "4 RECS came before E1 was tracked" in said.stderr
     assert [one["status"] for one in late["verdicts"]] == [one["status"] for one in result["verdicts"]]
     later = _written(process, alone, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 60, "--json")
     unknown = json.loads(later.stdout)["verdicts"]
     assert {one["status"] for one in unknown} == {"NOT_AVAILABLE"}
     assert "key" in unknown[0]["reason"]
+
+
+def test_too_short_a_recording_is_not_tracked(tmp_path: Path) -> None:
+    np.random.default_rng(1).integers(-40, 40, 2 * 800_000, dtype=np.int8).tofile(tmp_path / "e1")
+    (tmp_path / "recording.toml").write_text(
+        'start = "2026-11-21T12:00:16 GST"\ntime_uncertainty_s = 1.0\nsample_rate_hz = 4e6\n'
+        '[e1]\nfile = "e1"\nformat = "int8"\nlayout = "iq"\ncenter_frequency_hz = 1575.42e6\n'
+    )
+    with pytest.raises(InputFileError, match=r"found 0\.2 s.*expected at least 2 s.*vestige process"):
+        _written(track, tmp_path, "-o", tmp_path / "tracked")
+    assert not (tmp_path / "tracked").exists()
 
 
 def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:

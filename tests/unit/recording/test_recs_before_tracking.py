@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from vestige.cli.recordings.process import _recs_before_tracking
+from types import SimpleNamespace
+
+from vestige.cli.recordings.process import _sent_before_tracking
 from vestige.recording.tracked.track_recording import TrackedRecording
 from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
@@ -16,21 +18,26 @@ SEEN = {
 }
 
 
-def warned(*sent_s: float, late_s: float | None = 0.0) -> str:
+def warned(*sent_s: float, late_s: float = 0.0, svid: int = 7) -> list[str]:
     epochs = tuple(ObservationEpoch(time=START + s, observations=SEEN if s > 0.4 else {}) for s in (0.0, 0.5, 0.6))
     tracked = TrackedRecording(epochs=epochs, pages=(), time_tag_error_s=late_s)
-    return _recs_before_tracking([START + s for s in sent_s], tracked)
+    sent = {START + s: [SimpleNamespace(svid=svid)] for s in sent_s}
+    return _sent_before_tracking(SimpleNamespace(epochs=lambda: sent, time_tag_error_s=late_s), tracked)  # type: ignore[arg-type]
 
 
 def test_only_those_that_arrived_before_the_first_observation() -> None:
-    assert warned() == warned(0.45, 10.0) == ""  # sent at 0.45 s, it arrives while E1 is tracked
-    assert warned(0.0, 10.0).startswith("1 of 2 RECS times are before E1 was tracked")
+    assert warned() == warned(0.45, 10.0) == []  # sent at 0.45 s, it arrives while E1 is tracked
+    assert warned(0.0, 10.0)[0].startswith("1 RECS came before E1 was tracked")
+    assert warned(0.0, 0.1)[0].startswith("2 RECS came")
+
+
+def test_a_satellite_that_was_never_tracked_is_another_matter() -> None:
+    assert warned(0.0, svid=8) == []
 
 
 def test_a_time_tag_that_is_late() -> None:
-    assert warned(0.0, late_s=10.0) == ""  # E1 was tracked 9.5 s before that RECS
-    assert warned(0.0, late_s=None).startswith("1 of 1")
+    assert warned(0.0, late_s=10.0) == []  # E1 was tracked 9.5 s before that RECS
 
 
 def test_nothing_was_tracked() -> None:
-    assert _recs_before_tracking([START], TrackedRecording(epochs=(), pages=(), time_tag_error_s=None)) == ""
+    assert _sent_before_tracking(SimpleNamespace(), None) == []  # type: ignore[arg-type]

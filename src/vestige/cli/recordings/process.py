@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from vestige.recording.snapshots import RecordingSource
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
-    from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
@@ -161,32 +160,37 @@ def prepared(
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         echo(f"warning: {options['navigation']}: {why}", err=True)
-    if tracked is not None and (line := _recs_before_tracking(sorted(source.epochs()), tracked)):
+    lacks = [*_missing_bands(recording), *_sent_before_tracking(source, tracked)]
+    for line in lacks:
         echo(f"warning: {line}", err=True)
-    return processor, source, warnings
+    return processor, source, [*warnings, *lacks]
 
 
-def _recs_before_tracking(sent: Sequence[GalileoTime], tracked: TrackedRecording) -> str:
-    """Return a line if RECS arrived before the first observation of tracking; "" if none did.
+def _missing_bands(recording: Recording) -> list[str]:
+    """Return a warning for each band without which there is no verdict."""
+    lacks = []
+    if recording.e6 is None:
+        lacks.append("no E6 samples, so no RECS can be looked for and there is no verdict")
+    if recording.e1 is None and recording.observations is None:
+        lacks.append("no E1 samples and no observations, so no RECS can be looked for and there is no verdict")
+    return lacks
 
-    Parameters
-    ----------
-    sent
-        Times of transmission of the RECS, in the order of time.
-    tracked
-        Result of tracking E1.
-    """
-    first = next((epoch.time for epoch in tracked.epochs if epoch.observations), None)
-    if first is None or not sent:
-        return ""
-    since = first + -(tracked.time_tag_error_s or 0.0)
-    early = [time for time in sent if since - time > MEDIAN_TRAVEL_TIME_S]
-    if not early:
-        return ""
-    return (
-        f"{len(early)} of {len(sent)} RECS times are before E1 was tracked, from {since} on, and have no verdict; "
+
+def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> list[str]:
+    """Return a warning if RECS of satellites that are tracked came before E1 of any satellite was."""
+    epochs = () if tracked is None else tracked.epochs
+    first = next((epoch for epoch in epochs if epoch.observations), None)
+    if first is None:
+        return []
+    seen = {svid for epoch in epochs for svid in epoch.observations}
+    begin = first.time + -(source.time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
+    n = sum(one.svid in seen for time, segments in source.epochs().items() if time < begin for one in segments)
+    if n == 0:
+        return []
+    return [
+        f"{n} RECS came before E1 was tracked, from {first.time} on, and {'has' if n == 1 else 'have'} no verdict; "
         "begin the recording 5 s before a RECS, or measure E1 around each RECS with --no-track"
-    )
+    ]
 
 
 def _is_shown(step: Step) -> bool:

@@ -14,6 +14,19 @@ if TYPE_CHECKING:
 MAX_LABEL_S = 1e5  # an unknown time: all of the recording
 
 
+def late_or_early(error_s: float) -> str:
+    """Return the error of a time tag for a person.
+
+    Examples
+    --------
+    >>> late_or_early(-0.004), late_or_early(10.02)
+    ('4 ms early', '10.02 s late')
+    """
+    size_s = abs(error_s)
+    size = f"{size_s * 1e3:.0f} ms" if size_s < 1 else f"{size_s:.2f} s"
+    return f"{size} {'early' if error_s < 0 else 'late'}"
+
+
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
     """Return the uncertainty of the time tag where it matters, else 0: E1 samples tell time modulo 100 ms only."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
@@ -49,5 +62,5 @@ def label_error_s(recording: Recording, assistance: Assistance, around_s: float,
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        echo(f"warning: the time tag is {found.error_s:+.2f} s late by the RECS in the samples", err=True)
+        echo(f"warning: the time tag is {late_or_early(found.error_s)} by the RECS in the samples", err=True)
     return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0

@@ -9,6 +9,7 @@ import click
 
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
 from vestige.cli.options import FiniteRange, recording_argument, start_option, threads_option
+from vestige.cli.recordings.time_tag import late_or_early
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -116,14 +117,30 @@ def command(recording_path: Path, **options: Any) -> None:
     folder: Path = options["output"]
     if folder.exists():
         raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
-    tracked = _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
+    tracked, duration_s = _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
+    _check_duration(recording_path, tracked, duration_s)
     _print(tracked)
     folder.mkdir(parents=True)
     for path in write_tracked(folder, tracked):
         echo(f"wrote {path}")
 
 
-def _tracked(recording_path: Path, options: dict[str, Any]) -> TrackedRecording:
+def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) -> None:
+    """Raise `InputFileError` if no satellite was tracked because there is too little of E1."""
+    from vestige.errors import InputFileError
+    from vestige.recording.tracked.track_recording import MIN_TRACKED_S
+
+    if duration_s < MIN_TRACKED_S and not any(epoch.observations for epoch in tracked.epochs):
+        raise InputFileError(
+            path,
+            "samples of E1",
+            f"{duration_s:.3g} s",
+            f"at least {MIN_TRACKED_S:g} s, or vestige process, which measures 100 ms around each RECS",
+        )
+
+
+def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, float]:
+    """Return what tracking makes of a recording, and the duration of its E1 in s."""
     from vestige.cli.progress import progress
     from vestige.recording.recording import open_recording
     from vestige.recording.tracked.track_recording import track_recording
@@ -137,10 +154,12 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> TrackedRecording:
     for line in recording.notes:
         echo(f"warning: {line}", err=True)
     with progress() as report:
-        return track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
+        tracked = track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
+    return tracked, recording.e1.duration_s
 
 
-def _tracked_stdin(options: dict[str, Any]) -> TrackedRecording:
+def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, float]:
+    """Return the same of standard input."""
     from vestige.errors import InputFileError
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
@@ -152,9 +171,10 @@ def _tracked_stdin(options: dict[str, Any]) -> TrackedRecording:
         raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
     stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
     tracked = track_batches(streamed_batches(stream), tracking_settings(options), workers=options["workers"])
-    if stream.look().end_sample == file.first_sample:
+    n_samples = stream.look().end_sample - file.first_sample
+    if n_samples == 0:
         raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
-    return tracked
+    return tracked, n_samples / file.sample_rate_hz
 
 
 def _without_e1(path: Path) -> InputFileError:
@@ -191,6 +211,6 @@ def _print(tracked: TrackedRecording) -> None:
     if tracked.time_tag_error_s is None:
         echo("no message told the time; ranges are placed by the time tag of the samples")
     else:
-        echo(f"the time tag of the samples is {tracked.time_tag_error_s:+.3f} s late by the message, ± 0.010 s")
+        echo(f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} by the message, ± 10 ms")
         if offset_s := clock_set_s(tracked):
             echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")

@@ -58,6 +58,16 @@ class _Collection:
             return None
         return b"".join(self.blocks[number] for number in range(n_blocks))
 
+    def root_key_progress(self) -> str:
+        """Return how many blocks of a DSM-KROOT there are, and of how many, which only block 0 says."""
+        n = len(self.blocks)
+        if 0 not in self.blocks:
+            return f"{n} block{'s' * (n != 1)}, but not block 0, which says of how many"
+        try:
+            return f"{n} of {kroot_blocks(self.blocks[0][0])} blocks"
+        except UnsupportedError:
+            return f"{n} block{'s' * (n != 1)} of an unknown number"
+
 
 class DsmCollector:
     """Collects blocks; every different message is handed out once, and again with each earlier time."""
@@ -100,10 +110,10 @@ class DsmCollector:
         return messages
 
     def progress(self) -> str:
-        """Return how much of each DSM-KROOT was received, for a person: `DSM 7: 5 blocks`."""
+        """Return how much of each DSM-KROOT was received, for a person: `DSM 7: 5 of 8 blocks`."""
         parts = {
-            dsm_id: len(collection.blocks)
+            dsm_id: collection.root_key_progress()
             for (source, _, dsm_id), collection in sorted(self._collections.items())
             if source == _ALL and dsm_id < FIRST_PKR_ID
         }
-        return ", ".join(f"DSM {dsm_id}: {n} blocks" for dsm_id, n in parts.items()) or "no block"
+        return ", ".join(f"DSM {dsm_id}: {progress}" for dsm_id, progress in parts.items()) or "no block"

@@ -38,6 +38,8 @@ SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
 RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins
 _GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency that is the middle of the signals
 _SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
+_ENDS_ONLY = 2  # distinct values of a signal that is clipped to one bit
+_FEW_VALUES = 16  # of a front end of four bits or less, which stores many samples at its outermost values
 _LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
 
 
@@ -159,16 +161,21 @@ def _clipped(reader: SampleReader) -> Iterator[Finding]:
     batch = head(replace(file, start=file.start or _SOME_TIME), _LOOKED_AT_S)
     if better_sibling(file) is not None:  # it is the format that lays the values there
         return
-    if batch is not None and _many_values(batch.samples) and front_end_status(batch, file.form).saturated:
+    if batch is None or not front_end_status(batch, file.form).saturated:
+        return
+    n_values = len(np.unique(batch.samples.real))
+    if n_values == _ENDS_ONLY:
         yield fault(
-                FindingKind.CLIPPED, reader.band,
-                f"{reader.band.value}: more than {CLIPPED:.0%} of the values stand at the end of the scale",
-                "lower the gain: noise should reach a third of the scale (1 σ)",
-            )  # fmt: skip
-
-
-def _many_values(samples: np.ndarray) -> bool:
-    return len(np.unique(samples.real)) > 16
+            FindingKind.CLIPPED, reader.band,
+            f"{reader.band.value}: all values stand at the ends of the scale",
+            "lower the gain: noise should reach a third of the scale (1 σ); store samples of a 1-bit front end as ±1",
+        )  # fmt: skip
+    elif n_values > _FEW_VALUES:
+        yield fault(
+            FindingKind.CLIPPED, reader.band,
+            f"{reader.band.value}: more than {CLIPPED:.0%} of the values stand at the end of the scale",
+            "lower the gain: noise should reach a third of the scale (1 σ)",
+        )  # fmt: skip
 
 
 def _short(reader: SampleReader) -> Iterator[Finding]:

@@ -249,6 +249,9 @@ def _broken() -> Iterator[tuple[str, Callable[[Made], None], tuple[FindingKind, 
     def clipped(made: Made) -> None:
         made.stored[Band.E6] = stored(samples(Band.E6), scale=100.0 / float(np.std(samples(Band.E6).real)))
 
+    def one_bit(made: Made) -> None:
+        made.stored[Band.E6] = np.where(made.stored[Band.E6] < 0, -128, 127).astype(np.int8)
+
     def short(made: Made) -> None:
         made.stored[Band.E1] = made.stored[Band.E1][: 2 * 200_000]
 
@@ -257,6 +260,7 @@ def _broken() -> Iterator[tuple[str, Callable[[Made], None], tuple[FindingKind, 
     yield "one component", one_component, (FindingKind.EMPTY, Band.E6), "one of I and Q"
     yield "NaN", nan, (FindingKind.NOT_FINITE, Band.E6), "a finite number"
     yield "clipped", clipped, (FindingKind.CLIPPED, Band.E6), "lower the gain"
+    yield "clipped to one bit", one_bit, (FindingKind.CLIPPED, Band.E6), "all values stand at the ends of the scale"
     yield "short", short, (FindingKind.TOO_SHORT, Band.E1), "E1 lasts 40 ms, too short"
 
 
