@@ -33,6 +33,10 @@ _OWN = "what the same call has just written"
 _LEFT = "what a killed process of the same user left in a folder that nobody else can write"
 INSIDE = {
     "source_version.py: source_digest": _PACKAGE,
+    "cli/start/demo.py: _encrypt_under_the_next_key": "what the demonstration has just written",
+    "cli/start/init.py: command": _PACKAGE,
+    "cli/start/init.py: write_scenarios": _PACKAGE,
+    "scenario/shipped.py: shipped_scenarios": _PACKAGE,
     "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
     "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
     "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
