@@ -30,7 +30,7 @@ def test_blocks_of_all_satellites_make_one_message_once() -> None:
     assert found[0].is_root_key
     assert (found[0].dsm_id, found[0].header.value) == (7, 0x82)
     assert DsmCollector().progress() == "no block"
-    assert collector.progress() == "DSM 7: 8 blocks"
+    assert collector.progress() == "DSM 7: 8 of 8 blocks"
 
 
 def test_one_satellite_with_false_blocks_cannot_block_the_others() -> None:
