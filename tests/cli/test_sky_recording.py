@@ -10,10 +10,12 @@ from functools import cache
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.execution.direct import results_of
+from vestige.campaign.plan import judged
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
@@ -76,10 +78,23 @@ class Said:
     range_offset_m: float
 
 
-def said_by_run(attack: str, level: int) -> dict[int, Said]:
+def plan_of(attack: str, level: int) -> ScenarioPlan:
     scenario = load_scenario(NIGHT, (*SETTINGS, f"attack={attack}", f"processor.level={level}", f"epochs={AT + 1}"))
     assert isinstance(scenario, CampaignScenario)
-    results = direct_results(ScenarioPlan(scenario=scenario))
+    return ScenarioPlan(scenario=scenario)
+
+
+@cache
+def measured(attack: str) -> dict[str, np.ndarray]:
+    """Return what the receiver measured, on which every level judges: level 3 asks for the most."""
+    plan = plan_of(attack, 3)
+    return dict(plan.measure(0, plan.prepare().advance(0, plan.n_epochs)))
+
+
+def said_by_run(attack: str, level: int) -> dict[int, Said]:
+    plan = plan_of(attack, level)
+    _, columns = judged(plan, None, 0, dict(measured(attack)))
+    results = results_of(plan, columns)
     names, result = results["check"].values, results["check_result"].values[:, AT]
     offset_m = results["range_offset_m"].sel(detector="early").values[AT]
     return {

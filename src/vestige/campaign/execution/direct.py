@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xarray
 
+from vestige.campaign.columns.measured_columns import Columns
 from vestige.campaign.plan import Plan, judged
 
 
@@ -15,6 +16,11 @@ def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
     if judge:
         _, columns = judged(plan, None, 0, columns)
+    return results_of(plan, columns)
+
+
+def results_of(plan: Plan, columns: Columns) -> xarray.Dataset:
+    """Return the columns of all epochs of a plan as its results."""
     return xarray.Dataset(
         {name: (column.dims, columns[name]) for name, column in plan.columns.items() if name in columns},
         coords={name: (coord.dim, coord.values) for name, coord in plan.coords.items()},
