@@ -19,12 +19,10 @@ WORD_ORDER = (2, 4, 6, 10, 7, 8, 0, 0, 0, 0, 1, 3, 5, 0, 0)
 
 
 def crc_24q(bits: str) -> int:
-    """Polynomial division, bit by bit."""
-    register = 0
-    for bit in bits + "0" * 24:
-        register = register << 1 | int(bit)
-        if register >> 24:
-            register ^= 0x1864CFB
+    """Polynomial division, from one bit that is set to the next."""
+    register = int(bits or "0", 2) << 24
+    while register >> 24:
+        register ^= 0x1864CFB << (register.bit_length() - 25)
     return register
 
 

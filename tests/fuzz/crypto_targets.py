@@ -32,7 +32,7 @@ from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS, spoil_bytes
 from page_files import inav_block, sbf_block, vector_csv
 from simulated_chain import SimulatedChain
-from vestige.crypto.keys.key_file import read_key_file, read_raw_keys, write_key_file
+from vestige.crypto.keys.key_file import read_key_file, write_key_file
 from vestige.crypto.keys.merkle_tree import verify_public_key
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree, read_public_key
@@ -276,17 +276,6 @@ def _read_keys(folder: Path) -> None:
     require_genuine_keys(read_key_file(folder / "keys.csv", [chain.public_key for chain in CHAINS]))
 
 
-def _raw_keys() -> Sequence[Files]:
-    keys = "".join(
-        f"<key><osnma_key>{key.data.hex()}</osnma_key><epoch>{key.time.gst_seconds}</epoch></key>" for key in CHAIN.keys
-    )
-    return [{"keys.xml": f"<OsnmaKeys>{keys}</OsnmaKeys>".encode()}]
-
-
-def _read_raw_keys(folder: Path) -> None:
-    read_raw_keys(folder / "keys.xml")
-
-
 def spoil_pages(rng: Random, pages: Sequence[InavPage]) -> list[InavPage]:
     """Return pages of which some were changed, with their checksums repaired, removed, repeated or swapped."""
     changed = list(pages)
@@ -398,7 +387,6 @@ TARGETS = (
     Target(name="private-key", make=_private_keys, read=_read_private_key, share=20),
     Target(name="merkle-tree", make=_trees, read=_read_tree, share=60),
     Target(name="keys-csv", make=_key_files, read=_read_keys, spoil=_spoil_keys, share=60),
-    Target(name="keys-xml", make=_raw_keys, read=_read_raw_keys, share=20),
     Target(name="pages", make=_page_files, read=_read_page_file, spoil=_spoil_page_file, share=25),
     Target(name="withdrawn-chain", make=_withdrawn, read=_read_withdrawn, spoil=_spoil_withdrawn, share=12),
 )

@@ -94,6 +94,11 @@ def test_every_root_key_message_is_remade(received: Received) -> None:
         assert root.kroot.expected_padding(root.header) == root.kroot.padding
 
 
+@pytest.mark.judged(
+    by="official test vectors",
+    what="OSNMA encoder of the simulated operator",
+    figure="every MACSEQ and tag, bit for bit",
+)
 def test_every_macseq_and_every_tag_is_remade(received: Received) -> None:
     """Tags whose data or key was not received are left out; so are messages with a dummy."""
     counts: Counter[str] = Counter()

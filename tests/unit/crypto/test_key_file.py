@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,11 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from simulated_chain import make_chain
-from vestige.crypto.keys.key_file import load_key_file, read_key_file, read_raw_keys, write_key_file
+from vestige.crypto.keys.key_file import load_key_file, read_key_file, write_key_file
 from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.root_key import verify_root_key
-from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.time import GalileoTime
@@ -188,29 +186,3 @@ def test_garbage_gives_one_line_and_no_other_key(path: Path, data: st.DataObject
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputFileError):
         read_key_file(tmp_path / "absent.csv", PUBLIC)
-
-
-def test_raw_keys_are_only_claims(tmp_path: Path) -> None:
-    path = tmp_path / "keys.xml"
-    rows = "".join(
-        f"<key><osnma_key>{key.data.hex()}</osnma_key><epoch>{key.time.gst_seconds}</epoch></key>" for key in KEYS
-    )
-    path.write_text(f"<OsnmaKeys>{rows}</OsnmaKeys>")
-    raw = read_raw_keys(path)
-    assert raw == tuple(Key(time=key.time, data=key.data) for key in KEYS)
-    chain = Chain(CHAIN.root)
-    assert tuple(validate(key, chain) for key in raw) == KEYS
-    with pytest.raises(AuthenticationError):
-        validate(replace(raw[0], data=raw[1].data), chain)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "<a/>", "<OsnmaKeys><key/></OsnmaKeys>", "<OsnmaKeys><key><osnma_key>00</osnma_key></key></OsnmaKeys>",
-     f"<OsnmaKeys><key><osnma_key>{'0' * 32}</osnma_key><epoch>31</epoch></key></OsnmaKeys>"],
-)  # fmt: skip
-def test_raw_keys_that_are_none(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "keys.xml"
-    path.write_text(text)
-    with pytest.raises(InputFileError):
-        read_raw_keys(path)

@@ -342,20 +342,24 @@ def test_a_new_root_key_of_the_same_chain_and_a_new_chain() -> None:
     assert report.failures == ()
 
 
-def test_broadcast_public_keys_are_verified_and_reported() -> None:
-    tree = CHAIN.tree
-    claim = tree.public_keys[0]
-    siblings = b"".join(tree.nodes[height, (4 >> height) ^ 1] for height in range(4))
-    data = (bytes([7 << 4 | 4]) + siblings + bytes([1 << 4 | 4]) + claim.point).ljust(13 * 13, b"\0")
+def test_broadcast_public_keys_that_are_not_used() -> None:
+    """One is older than a key that was given, one leads to another root, one cannot be verified."""
+    older = make_chain(b"older", START, 1, pkid=5)
+    claim = older.tree.public_keys[0]
+    siblings = b"".join(older.tree.nodes[height, (5 >> height) ^ 1] for height in range(4))
+    data = (bytes([7 << 4 | 5]) + siblings + bytes([1 << 4 | 5]) + claim.point).ljust(13 * 13, b"\0")
     pages = Broadcast(CHAIN, n_subframes=N, dsm_id=13, dsm_of=lambda _svid: data).pages()
-    for given_tree, words in (
-        (tree, "new public key PKID 4"),
-        (MerkleTree(nodes={(4, 0): bytes(32)}), "not the trusted 0000"),
-        (None, "no Merkle tree to verify it"),
+    newer = make_chain(b"newer", START, 1, pkid=9).public_key
+    for known, tree, words in (
+        ((CHAIN.public_key, newer), older.tree, "comes before PKID 9, which is in use"),
+        ((CHAIN.public_key,), MerkleTree(nodes={(4, 0): bytes(32)}), "not the trusted 0000"),
+        ((CHAIN.public_key,), None, "no Merkle tree to verify it"),
     ):
-        report = verify_pages(pages, (CHAIN.public_key,), given_tree)
+        report = verify_pages(pages, known, tree)
         assert any(words in problem.text for problem in report.problems)
         assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
+    for known in ((CHAIN.public_key,), (CHAIN.public_key, older.public_key, newer)):  # newer than those, and in use
+        assert verify_pages(pages, known, older.tree).problems == ()
 
 
 def test_a_recording_with_shifted_clock_is_noticed_and_not_believed() -> None:

@@ -50,6 +50,7 @@ def verify_command(
 
     Public key against Merkle tree, root key against public key, every key against the root key, MACSEQ and tags
     against the keys. With a public key alone, you vouch for it; with a Merkle tree alone, its own public keys are used.
+    A newer public key in the messages is used if it leads to the root of the Merkle tree.
     The exit code is 1 if the root key or any key does not verify; the keys that do are written all the same.
     """
     import json
@@ -70,12 +71,15 @@ def verify_command(
     if output is not None and keys:
         write_key_file(output, keys, report.verified_roots, report.alerts)
     if as_json:
-        described = _describe(report, counts) | {"public_keys": [str(key) for key in public_keys]}
+        described = _describe(report, counts) | {
+            "public_keys": [str(key) for key in public_keys],
+            "broadcast_public_keys": [str(key) for key in report.broadcast_keys],
+        }
         echo(json.dumps(described | {"file": str(file), "keys": [_describe_key(key) for key in keys]}))
     else:
         labels = ["  public key   ", *[" " * 15] * len(public_keys)]
         echo(file, *(f"{label}{key}" for label, key in zip(labels, public_keys, strict=False)))
-        echo(*_lines(report, counts))
+        echo(*(f"  broadcast    {key}" for key in report.broadcast_keys), *_lines(report, counts))
         if output is not None:
             written = f"{len(keys)} keys written to {output}" if keys else "no file written: no key is validated"
             echo(f"  output       {written}")

@@ -4,6 +4,7 @@ The key file of an assistance folder is a CSV that proves itself: beside the key
 chain to, so that a reader needs nothing but the public key::
 
     # vestige OSNMA keys 2
+    # public key,<DSM-PKR, hex>
     # root,<week>,<second>,<status>,<NMA header, hex>,<DSM-KROOT, hex>
     # alert,<week>,<second>
     gst_week,gst_second,chain_id,key_hex,disclosed_week,disclosed_second,gst
@@ -12,14 +13,14 @@ chain to, so that a reader needs nothing but the public key::
 A key's time is the start of the subframe in which it is sent; it is disclosed when its first bit is on air. The last
 column is for people. Reading validates every key: the root key's signature, the chain, the disclosure time.
 
+A public key that was broadcast, and that a root key is signed with, is in the file as the DSM-PKR that brought it. It
+needs the Merkle tree to be read.
+
 Root keys and alert messages have the subframe in which they were received. A root key with the status "don't use", or
 with a revocation, is in the file like the others: a key that it withdraws is refused (`chain_register`). Whoever writes
 the file can leave it out, so the file proves that keys are genuine and not that they were never withdrawn.
 
 Files of version 1 lack time and status. They are read as long as none of their root keys withdraws anything.
-
-The XML form `<OsnmaKeys><key><osnma_key>…<epoch>…` [SASLIB] holds keys without proof; they need a root key from
-elsewhere.
 """
 
 from __future__ import annotations
@@ -29,11 +30,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from defusedxml import ElementTree
-from defusedxml.common import DefusedXmlException
-
-from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
+from vestige.constants import SECONDS_PER_WEEK
 from vestige.crypto.file_bytes import read_bytes
+from vestige.crypto.keys.merkle_tree import MerkleTree, verify_broadcast_key
 from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.osnma.chain_register import ChainRegister
 from vestige.crypto.osnma.messages.dsm import NMA_STATUS, NmaHeader, parse_kroot
@@ -49,7 +48,7 @@ FIRST_LINE_1 = "# vestige OSNMA keys 1"
 KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
 _MAX_FILE_BYTES = 100_000_000  # a year of keys
 
-_ROOT_PREFIX, _ALERT_PREFIX = "# root,", "# alert,"
+_KEY_PREFIX, _ROOT_PREFIX, _ALERT_PREFIX = "# public key,", "# root,", "# alert,"
 _ROOT_FIELDS = "week,second,status,NMA header,DSM-KROOT"
 _ROOT_FIELDS_1 = "week,NMA header,DSM-KROOT"
 _MAX_WEEK = 1 << 16
@@ -71,7 +70,8 @@ def write_key_file(
 
     `roots` are all verified root keys: those of the keys' chains, and those that withdraw chains.
     """
-    lines = [KEY_FILE_FIRST_LINE]
+    broadcast = dict.fromkeys(root.public_key.message for root in roots if root.public_key.message)
+    lines = [KEY_FILE_FIRST_LINE, *(f"{_KEY_PREFIX}{message.hex()}" for message in broadcast)]
     for root in sorted(roots, key=lambda root: root.received_at):
         time, header = root.received_at, root.header
         lines.append(
@@ -90,13 +90,17 @@ def write_key_file(
         part.write_text("\n".join(lines) + "\n", "ascii")
 
 
-def read_key_file(path: Path, public_keys: Sequence[PublicKey]) -> tuple[ValidatedKey, ...]:
+def read_key_file(
+    path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
+) -> tuple[ValidatedKey, ...]:
     """Return the keys of a key file in time order; see `load_key_file`."""
-    return load_key_file(path, public_keys).keys
+    return load_key_file(path, public_keys, tree).keys
 
 
-def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
+def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> KeyFile:
     """Return what a key file holds, each key validated down to a root key that a public key signed.
+
+    Public keys that were broadcast are verified against the root of `tree`.
 
     Raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed root key
     withdraws a key. Raises `VestigeError` if a root key is signed with another public key than those given. Raises
@@ -107,6 +111,9 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     roots: list[tuple[int, RootKey]] = []
     alerts: list[GalileoTime] = []
     number = 1
+    while number < len(lines) and lines[number].startswith(_KEY_PREFIX):
+        public_keys = (*public_keys, _read_broadcast_key(path, number + 1, lines[number], public_keys, tree))
+        number += 1
     while number < len(lines) and lines[number].startswith((_ROOT_PREFIX, _ALERT_PREFIX)):
         if lines[number].startswith(_ROOT_PREFIX):
             read = _read_root if lines[0] == KEY_FILE_FIRST_LINE else _read_root_1
@@ -144,29 +151,6 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey]) -> KeyFile:
     return KeyFile(keys=tuple(keys.values()), roots=tuple(root for _, root in roots), alerts=tuple(alerts))
 
 
-def read_raw_keys(path: Path) -> tuple[Key, ...]:
-    """Return the keys of an `<OsnmaKeys>` XML file in its order; they prove nothing until they are validated.
-
-    Raises `InputFileError` if the file is not of this kind.
-    """
-    try:
-        document = ElementTree.fromstring(read_bytes(path, at_most=_MAX_FILE_BYTES))
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputFileError(path, "document", str(error), "well-formed XML without entities") from None
-    if document.tag != "OsnmaKeys":
-        raise InputFileError(path, "root element", document.tag, "OsnmaKeys")
-    keys = []
-    for number, element in enumerate(document.findall("key"), start=1):
-        data = (element.findtext("osnma_key") or "").strip()
-        epoch = (element.findtext("epoch") or "").strip()
-        if not re.fullmatch(r"([0-9A-Fa-f]{2}){12,32}", data):
-            raise InputFileError(path, f"key {number}, osnma_key", data, "hexadecimal digits of 96 to 256 bits")
-        if not re.fullmatch(r"[0-9]{1,11}", epoch) or int(epoch) % SUBFRAME_S:
-            raise InputFileError(path, f"key {number}, epoch", epoch, "GST seconds of the start of a subframe")
-        keys.append(Key(time=GalileoTime.from_gst_seconds(int(epoch)), data=bytes.fromhex(data)))
-    return tuple(keys)
-
-
 def _lines(path: Path) -> list[str]:
     try:
         text = read_bytes(path, at_most=_MAX_FILE_BYTES).decode("ascii")
@@ -179,6 +163,22 @@ def _lines(path: Path) -> list[str]:
     if lines[-1]:
         raise InputFileError(path, f"line {len(lines)}", "no line end, so the file was cut off", "a whole line")
     return lines[:-1]
+
+
+def _read_broadcast_key(
+    path: Path, number: int, line: str, known: Sequence[PublicKey], tree: MerkleTree | None
+) -> PublicKey:
+    message = line[len(_KEY_PREFIX) :]
+    if not re.fullmatch(r"(?:[0-9a-fA-F]{2})+", message):
+        raise InputFileError(path, f"line {number}, public key", message, "a DSM-PKR in hexadecimal")
+    if tree is None:
+        raise AuthenticationError(
+            f"{path}: line {number}: a public key that was broadcast; only the Merkle tree can verify it"
+        )
+    try:
+        return verify_broadcast_key(bytes.fromhex(message), tree, known)
+    except VestigeError as error:
+        raise type(error)(f"{path}: line {number}: {error}") from None
 
 
 def _read_root(path: Path, number: int, line: str, public_keys: Sequence[PublicKey]) -> RootKey:

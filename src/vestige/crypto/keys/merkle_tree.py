@@ -124,7 +124,9 @@ def _placed(claim: ClaimedPublicKey, tree: MerkleTree) -> tuple[int, int]:
     return pkid, leaf
 
 
-def _verified(pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], root: bytes) -> PublicKey:
+def _verified(
+    pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], root: bytes, message: bytes = b""
+) -> PublicKey:
     found = path_root(leaf, leaf_hash(pkid, point), siblings)
     if found != root:
         raise AuthenticationError(
@@ -132,16 +134,26 @@ def _verified(pkid: int, leaf: int, point: bytes, siblings: Sequence[bytes], roo
             f"not the trusted {root.hex()[:16]}…"
         )
     load_point(point)
-    return PublicKey(pkid=pkid, point=point, trust=Trust.MERKLE_TREE)
+    return PublicKey(pkid=pkid, point=point, trust=Trust.MERKLE_TREE, message=message)
 
 
-def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
-    """Return the public key of a DSM-PKR, verified against the tree's root.
+def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[PublicKey] = ()) -> PublicKey:
+    """Return the public key of a DSM-PKR, verified against the tree's root, which root keys may be signed with.
 
-    `message` is all blocks; of the tree only the root is used.
+    Public keys take over in the order of their numbers. So a key whose number is below one of the known keys is
+    refused: it may have been revoked, and an attacker who has it can send its old DSM-PKR again [OSNMA-RG, 4.2].
 
-    Raises `AuthenticationError` if the message is malformed or leads to another root. Raises `UnsupportedError` if it
-    holds no key (an alert message, a reserved value).
+    Raises `AuthenticationError` if the message is malformed, leads to another root, or if the key is older than a known
+    one. Raises `UnsupportedError` if it holds no key (an alert message, a reserved value).
+
+    Parameters
+    ----------
+    message
+        All blocks of the DSM-PKR.
+    tree
+        The Merkle tree, of which only the root is used.
+    known
+        The keys that are in use. One of them may be broadcast again.
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * DSM_BLOCK_BYTES:
@@ -152,4 +164,8 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree) -> PublicKey:
     end = at + 1 + scheme.point_bytes
     if len(message) < end:
         raise AuthenticationError(f"DSM-PKR: {blocks} blocks are too short for a key of {scheme.name}")
-    return _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root)
+    key = _verified(message[at] & 15, message[0] & 15, message[at + 1 : end], siblings, tree.root, message)
+    newest = max((one.pkid for one in known if one.pkid is not None), default=0)
+    if key.point not in {one.point for one in known} and (key.pkid or 0) <= newest:
+        raise AuthenticationError(f"DSM-PKR: {key} comes before PKID {newest}, which is in use")
+    return key

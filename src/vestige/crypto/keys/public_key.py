@@ -7,7 +7,7 @@ user has nothing but the key and says with `trusted_by_user` that he vouches for
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from cryptography.exceptions import InvalidSignature
@@ -41,6 +41,7 @@ class PublicKey:
     pkid: int | None  # number of the key; None (only from PEM, trusted by the user) stands for any
     point: bytes
     trust: Trust
+    message: bytes = field(default=b"", compare=False, repr=False)  # the DSM-PKR that brought it, if one did
 
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.

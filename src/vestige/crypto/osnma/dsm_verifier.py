@@ -22,7 +22,8 @@ from vestige.time import GalileoTime
 class DsmVerifier:
     """Collects DSM blocks and enters what verifies in the register of chains.
 
-    Broadcast public keys and alert messages are verified against `tree`, if there is one.
+    Broadcast public keys and alert messages are verified against `tree`, if there is one. A broadcast key that verifies
+    is used like those in `public_keys`, also for root keys that came before it.
     """
 
     def __init__(
@@ -64,10 +65,19 @@ class DsmVerifier:
                     verify_alert(message.data, self._tree)
                     self._take_alert(time)
                 else:
-                    key = verify_broadcast_key(message.data, self._tree)
-                    self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: new {key}, not used")
+                    self._take_key(verify_broadcast_key(message.data, self._tree, self._public_keys))
             except VestigeError as error:
                 self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {error}")
+
+    def _take_key(self, key: PublicKey) -> None:
+        """Use a broadcast key from now on, first for the root keys that were refused because it was missing."""
+        if key.point in {one.point for one in self._public_keys}:
+            return
+        self._public_keys = (*self._public_keys, key)
+        for message, place in self._place.items():
+            check = self.roots[place]
+            if check.root is None and check.kroot is not None and check.kroot.public_key_id == key.pkid:
+                self.roots[place] = self._check_root(message, check.received_at)
 
     def _take_alert(self, time: GalileoTime) -> None:
         self._register.add_alert(time)
@@ -78,6 +88,11 @@ class DsmVerifier:
         if message in self._place:
             self._take_earlier(self._place[message], time)
             return
+        self._place[message] = len(self.roots)
+        self.roots.append(self._check_root(message, time))
+
+    def _check_root(self, message: DsmMessage, time: GalileoTime) -> RootCheck:
+        """Verify a root key, and enter it in the register if it verifies."""
         kroot, root, reason, kind, on_known_chain = None, None, "", ProblemKind.ROOT_KEY, False
         try:
             kroot = parse_kroot(message.data)
@@ -92,17 +107,14 @@ class DsmVerifier:
             reason, kind = str(error), ProblemKind.IGNORED
         if root is None:
             self._problems.report(kind, time, f"DSM {message.dsm_id}: {reason}")
-        self._place[message] = len(self.roots)
-        self.roots.append(
-            RootCheck(
-                dsm_id=message.dsm_id,
-                header=message.header,
-                kroot=kroot,
-                received_at=time,
-                root=root,
-                on_known_chain=on_known_chain,
-                reason=reason,
-            )
+        return RootCheck(
+            dsm_id=message.dsm_id,
+            header=message.header,
+            kroot=kroot,
+            received_at=time,
+            root=root,
+            on_known_chain=on_known_chain,
+            reason=reason,
         )
 
     def _take_earlier(self, place: int, time: GalileoTime) -> None:

@@ -17,16 +17,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.keys.merkle_tree import MerkleTree
 from vestige.crypto.keys.public_key import PublicKey
-from vestige.crypto.osnma.chain_register import ChainRegister
+from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.osnma.dsm_verifier import DsmVerifier
 from vestige.crypto.osnma.messages.dsm import DONT_USE, NmaHeader
 from vestige.crypto.osnma.messages.navigation_data import NavigationWords
+from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.messages.subframe import Content, Epoch, SatelliteSubframe
 from vestige.crypto.osnma.messages.tags import parse_mack
 from vestige.crypto.osnma.messages.tesla import Chain, Key, fill_gaps, validate
@@ -76,7 +78,7 @@ class _Claim:
 class OsnmaReceiver:
     """Verifies OSNMA, page by page.
 
-    Without a tree broadcast public keys are only reported.
+    Broadcast public keys that lead to the root of the tree are used; without a tree they are only reported.
 
     Attributes
     ----------
@@ -110,6 +112,17 @@ class OsnmaReceiver:
         Satellites may come in any order, and pages some seconds late.
         """
         return self._take(self._intake.add(page))
+
+    def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
+        """Return the keys that root keys of another source make valid: the chain is known before its DSM-KROOT comes.
+
+        Whether the chain was withdrawn since those root keys were received, only the message can tell.
+        """
+        n_chains, n_changes = len(self._register.chains), self._register.n_changes
+        for root in sorted(roots, key=lambda root: root.received_at):
+            with suppress(RevokedKeyError):
+                self._register.add(root)
+        return tuple(self._follow_up([], n_chains, n_changes))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of the subframes that are still open: no more pages come."""
@@ -194,14 +207,20 @@ class OsnmaReceiver:
             messages = [message] if message is not None else []
             n_chains, n_changes = len(self._register.chains), self._register.n_changes
             self._dsms.take(epoch)
-            if self._register.n_changes > n_changes:
-                self._withdraw()
-            if len(self._register.chains) > n_chains:
-                messages, self._waiting = self._waiting + messages, []
-            for waiting in messages:
-                keys += self._use(waiting)
-                keys += self._release()
+            keys += self._follow_up(messages, n_chains, n_changes)
         return tuple(keys)
+
+    def _follow_up(self, messages: list[_Message], n_chains: int, n_changes: int) -> list[ValidatedKey]:
+        """Take messages, after root keys may have changed how many chains there are and what they withdraw."""
+        keys: list[ValidatedKey] = []
+        if self._register.n_changes > n_changes:
+            self._withdraw()
+        if len(self._register.chains) > n_chains:
+            messages, self._waiting = self._waiting + messages, []
+        for waiting in messages:
+            keys += self._use(waiting)
+            keys += self._release()
+        return keys
 
     def _read(self, epoch: Epoch) -> _Message | None:
         """Return the OSNMA of an epoch; remember its navigation words for the next one."""

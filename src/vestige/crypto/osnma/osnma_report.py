@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.osnma.messages.dsm import DsmKroot, NmaHeader
 from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.messages.subframe import Content, PageStatus
@@ -171,6 +172,11 @@ class OsnmaReport:
     problems: tuple[Problem, ...]  # everything that is not as it should be, in the order it was found
     n_without_root: int  # subframes of satellites with OSNMA for whose chain there is no verified root key
     dsm_progress: str  # how much of the DSM-KROOTs was received
+
+    @property
+    def broadcast_keys(self) -> tuple[PublicKey, ...]:
+        """Public keys that a DSM-PKR brought, verified against the Merkle tree, and that root keys are signed with."""
+        return tuple(dict.fromkeys(root.public_key for root in self.verified_roots if root.public_key.message))
 
     @property
     def verified_roots(self) -> tuple[RootKey, ...]:

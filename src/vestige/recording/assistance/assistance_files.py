@@ -102,6 +102,8 @@ class Settings:
     # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
     reference: GalileoTime | None = None  # resolves 12-bit weeks
+    # verified root keys of the folder's key files, for the message that the receiver itself decodes
+    roots: tuple[RootKey, ...] = ()
     # first and last time of transmission of the RECS that are kept
     window: tuple[GalileoTime, GalileoTime] | None = None
 
@@ -164,7 +166,8 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 def read_keys(path: Path, settings: Settings) -> Contents:
     """Return the validated keys of a key file; who wrote it received them."""
-    file = load_key_file(path, _trust(path, settings).public_keys)
+    trust = _trust(path, settings)
+    file = load_key_file(path, trust.public_keys, trust.tree)
     return Contents(
         summary=f"{len(file.keys)} validated keys",
         keys=file.keys,
@@ -187,6 +190,7 @@ def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings)
     """Return the same for pages wherever they come from; `path` names their source in messages."""
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
+    receiver.learn(settings.roots)
     report = receiver.process_all(pages)
     problems = tuple(AuthenticationError(f"{path}: {failure}") for failure in report.failures)
     return replace(contents_of_receiver(receiver), problems=problems)

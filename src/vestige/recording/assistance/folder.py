@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -150,7 +150,7 @@ def read_assistance(
         not read again.
     message
         Message that the receiver itself has decoded, and the recording that it is from. Its keys are used like those of
-        a file of navigation pages.
+        a file of navigation pages; they may lead to the signed root keys of a key file.
 
     Raises
     ------
@@ -201,7 +201,8 @@ def read_assistance(
                 )
     if message is not None:
         path, contents_of = message
-        contents = problems.attempt(partial(contents_of, settings))
+        roots = tuple(root for _, contents in read for root in contents.roots)
+        contents = problems.attempt(partial(contents_of, replace(settings, roots=roots)))
         if contents is not None:
             problems.add(contents.problems)
             read.append((path, contents))

@@ -12,13 +12,15 @@ from click.testing import CliRunner
 from operator_sky import OperatorSky
 from page_files import inav_block
 from vestige.cli.services.osnma import command as osnma
+from vestige.crypto.keys.key_file import read_key_file, write_key_file
+from vestige.crypto.keys.merkle_tree import HEIGHT, MerkleTree
 from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.subframe import Content
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
-from vestige.errors import VestigeError
+from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
@@ -75,6 +77,11 @@ def pkids(report: OsnmaReport) -> list[int | None]:
     return [root.public_key.pkid for root in report.verified_roots]
 
 
+def root_alone(tree: MerkleTree) -> MerkleTree:
+    """The trust anchor and nothing else."""
+    return MerkleTree(nodes={(HEIGHT, 0): tree.root})
+
+
 NOMINAL = (2, 1, 1)
 
 
@@ -109,13 +116,51 @@ def test_key_renewal() -> None:
     assert set(pkids(report)) == {1, 2}
     signed = [root.received_at for root in report.verified_roots if root.public_key.pkid == 2]
     assert min(signed) == at(STEP_2)
-    # The DSM-PKR verifies against the tree.
-    assert any("new public key PKID 2" in problem.text for problem in report.problems)
-    assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
-    # A receiver that has only the old key keeps its chain.
-    old = verify_pages(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    assert report.problems == ()
+    # A receiver that has only the old key takes the new one out of the DSM-PKR, which leads to its tree's root.
+    old = verify_pages(pages, sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree))
+    assert (old.keys, old.verified_roots, old.problems) == (report.keys, report.verified_roots, ())
+    assert [key.pkid for key in old.broadcast_keys] == [2]
+    assert report.broadcast_keys == ()
+    # Without a tree it keeps its chain, with the old key.
+    old = verify_pages(pages, sky.operator.public_keys[:1])
     assert len(old.keys) == N
     assert set(pkids(old)) == {1}
+    assert any("no Merkle tree to verify it" in problem.text for problem in old.problems)
+
+
+def test_a_broadcast_key_opens_root_keys_that_came_before_it() -> None:
+    sky, pages, _ = scene(OsnmaEventKind.KEY_RENEWAL)
+    refused_first = 0
+    for first in range(STEP_2, STEP_2 + 4):
+        late = [page for page in pages if page.time >= at(first)]
+        report = verify_pages(late, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+        assert set(pkids(report)) == {2}
+        assert len(report.keys) == N - first
+        refused_first += any("PKID 2, which was not given" in problem.text for problem in report.problems)
+        assert all(check.root is not None for check in report.roots)
+    assert refused_first > 0
+
+
+def test_a_key_file_holds_the_broadcast_key(tmp_path: Path) -> None:
+    sky, pages, _ = scene(OsnmaEventKind.KEY_REVOCATION)
+    given, tree = sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree)
+    report = verify_pages(pages, given, tree)
+    path = tmp_path / "keys.csv"
+    write_key_file(path, report.keys, report.verified_roots)
+    assert read_key_file(path, given, tree) == report.keys
+    lines = path.read_text().splitlines()
+    assert [number for number, line in enumerate(lines) if line.startswith("# public key,")] == [1]
+    with pytest.raises(AuthenticationError, match=r"keys.csv: line 2: .* only the Merkle tree can verify it"):
+        read_key_file(path, given)
+    place = lines[1].index(",") + 200
+    path.write_text("\n".join([lines[0], lines[1][:place] + "xy" + lines[1][place + 2 :], *lines[2:], ""]))
+    with pytest.raises(InputFileError, match=r"line 2, public key: found .*, expected a DSM-PKR in hexadecimal"):
+        read_key_file(path, given, tree)
+    digit = f"{int(lines[1][place], 16) ^ 1:x}"
+    path.write_text("\n".join([lines[0], lines[1][:place] + digit + lines[1][place + 1 :], *lines[2:], ""]))
+    with pytest.raises(AuthenticationError, match=r"keys.csv: line 2: Merkle tree: .* gives the root"):
+        read_key_file(path, given, tree)
 
 
 def test_key_revocation() -> None:
@@ -126,8 +171,11 @@ def test_key_revocation() -> None:
     assert (report.failures, no_tag_failed(report)) == ((), True)
     assert pkids(report)[0] == 1
     assert set(pkids(report)[1:]) == {2}
-    # A receiver that has only the old key gets no key of the new chain.
-    old = verify_pages(pages, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+    # A receiver that has only the old key and the tree takes the new key out of the DSM-PKR, and withholds the same.
+    old = verify_pages(pages, sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree))
+    assert (old.keys, withheld(old), old.verified_roots) == (report.keys, withheld(report), report.verified_roots)
+    # Without a tree it gets no key of the new chain.
+    old = verify_pages(pages, sky.operator.public_keys[:1])
     assert set(keys_by_chain(old)) == {1}
     assert keys_by_chain(old)[1] == list(range(STEP_1))
 

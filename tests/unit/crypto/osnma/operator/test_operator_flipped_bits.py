@@ -22,15 +22,20 @@ from vestige.time import GalileoTime
 
 START = GalileoTime(1400, 7200)
 N = 13  # the tags of subframe 1 with ADKD 12 have their key in subframe 12
+ALL_SEEN = 4  # subframes in which all satellites are received
 SVIDS = (2, 4, 7, 8, 11, 13, 30, 33)
 ATTACKED = 7
 
 
 @cache
 def sky(n_subframes: int) -> tuple[OperatorSky, list[InavPage]]:
+    """Return the operator and the pages: of all satellites while tags come that are looked at, then of two of them.
+
+    In later subframes only the keys count, which every satellite sends.
+    """
     configuration = OperatorConfiguration(seed=b"flips", start=START, n_subframes=n_subframes)
     one = OperatorSky(configuration, svids=SVIDS)
-    return one, one.pages()
+    return one, [page for page in one.pages() if page.time < START + 30 * ALL_SEEN or page.svid in SVIDS[:2]]
 
 
 def report_with(n_subframes: int, change: Callable[[InavPage], tuple[int, bytes] | None]) -> OsnmaReport:
