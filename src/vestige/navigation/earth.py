@@ -82,7 +82,9 @@ def local_axes(
 
 
 def local_axes_at(position_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the local axes, rows east, north, up, at ECEF positions."""
+    """Return the local axes, rows east, north, up, at ECEF positions; those of one place are computed once."""
+    if position_m.ndim == 2 and position_m.shape[0] > 1 and np.array_equal(position_m[1:], position_m[:-1]):
+        return np.repeat(local_axes_at(position_m[:1]), position_m.shape[0], axis=0)
     latitude, longitude, _ = geodetic_from_ecef(position_m)
     return local_axes(latitude, longitude)
 

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import azimuth_elevation, carried_by_earth, local_axes_at, turned_with_earth
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.navigation.orbit import SatelliteState, satellite_state
+from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 _TYPICAL_FLIGHT_S = 0.08
@@ -75,7 +75,8 @@ def line_of_sight(
     receiver
         The receiver at these times.
     """
-    state, flight_s = _at_transmission(ephemeris, start, elapsed_s, receiver)
+    flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
+    state = satellite_state(ephemeris, start, elapsed_s - flight_s)
     s, s_1, s_2 = (
         turned_with_earth(vector, flight_s)
         for vector in at_rest_in_space(state.position_m, state.velocity_mps, state.acceleration_mps2)
@@ -105,20 +106,20 @@ def range_less_clock_m(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
     """Return `range_m` less `satellite_clock_m` of the same line of sight, and nothing else: half the work."""
-    state, flight_s = _at_transmission(ephemeris, start, elapsed_s, receiver)
-    range_m = _length(receiver.position_m - turned_with_earth(state.position_m, flight_s))
-    return range_m - SPEED_OF_LIGHT_MPS * state.clock_s
+    flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
+    position_m, clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
+    return _length(receiver.position_m - turned_with_earth(position_m, flight_s)) - SPEED_OF_LIGHT_MPS * clock_s
 
 
-def _at_transmission(
+def _flight_s(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
-) -> tuple[SatelliteState, Float[np.ndarray, " n"]]:
-    """Return the satellite when it sent what is received at these times, and how long that took."""
+) -> Float[np.ndarray, " n"]:
+    """Return how long it took from the satellite to the receiver, for what is received at these times."""
     flight_s = np.full_like(elapsed_s, _TYPICAL_FLIGHT_S)
     for _ in range(_LIGHT_TIME_STEPS):
-        state = satellite_state(ephemeris, start, elapsed_s - flight_s)
-        flight_s = _length(receiver.position_m - turned_with_earth(state.position_m, flight_s)) / SPEED_OF_LIGHT_MPS
-    return satellite_state(ephemeris, start, elapsed_s - flight_s), flight_s
+        position_m, _clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
+        flight_s = _length(receiver.position_m - turned_with_earth(position_m, flight_s)) / SPEED_OF_LIGHT_MPS
+    return flight_s
 
 
 def at_rest_in_space(

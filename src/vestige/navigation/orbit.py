@@ -31,7 +31,7 @@ RELATIVITY_S_PER_SQRT_M = (
 )  # F = −4.442807309e-10 [OS-ICD, 5.1.4]
 _NEWTON_STEPS = 10  # quadratic: 4 for the e < 0.01 of Galileo, 10 up to e = 0.9
 
-_Curve = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]  # value and two derivatives
+_Curve = tuple[Float[np.ndarray, " n"], ...]  # value alone, or value and two derivatives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,66 +84,100 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
     elapsed_s
         Seconds after it, of any sign.
     """
-    orbit, t = ephemeris, (start - ephemeris.toe) + elapsed_s
+    (position, velocity, acceleration), (sine, cosine, anomaly_1) = _orbit(
+        ephemeris, start, elapsed_s, derivatives=True
+    )
+    orbit, t_clock = ephemeris, (start - ephemeris.toc) + elapsed_s
+    return SatelliteState(
+        position_m=position,
+        velocity_mps=velocity,
+        acceleration_mps2=acceleration,
+        clock_s=_clock_s(ephemeris, t_clock, sine),
+        clock_drift=orbit.af1 + 2 * orbit.af2_per_s * t_clock + _relativity_s(orbit) * cosine * anomaly_1,
+    )
+
+
+def satellite_position(
+    ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Return `position_m` and `clock_s` of `satellite_state`: the same bits in less than half the time.
+
+    Parameters
+    ----------
+    ephemeris, start, elapsed_s
+        These are the parameters of `satellite_state`.
+    """
+    (position,), (sine, _, _) = _orbit(ephemeris, start, elapsed_s, derivatives=False)
+    return position, _clock_s(ephemeris, (start - ephemeris.toc) + elapsed_s, sine)
+
+
+def _clock_s(orbit: Ephemeris, t: Float[np.ndarray, " n"], sine: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the error of the satellite clock at times after toc; `sine` is that of the eccentric anomaly."""
+    aging = (orbit.af1 + orbit.af2_per_s * t) * t
+    return orbit.af0_s + aging + _relativity_s(orbit) * sine - orbit.bgd_e1_e5b_s
+
+
+def _relativity_s(orbit: Ephemeris) -> float:
+    return float(RELATIVITY_S_PER_SQRT_M * orbit.eccentricity * orbit.sqrt_a)
+
+
+def _orbit(
+    orbit: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], *, derivatives: bool
+) -> tuple[tuple[Float[np.ndarray, "n 3"], ...], tuple[Float[np.ndarray, " n"], ...]]:
+    """Return the position with or without its two derivatives; and sin E, cos E, and the derivative of E."""
+    t = (start - orbit.toe) + elapsed_s
     axis, e = orbit.sqrt_a**2, orbit.eccentricity
     motion = np.sqrt(GRAVITATION_M3PS2 / axis**3) + orbit.delta_n_radps
 
     anomaly = eccentric_anomaly(orbit.m0_rad + motion * t, e)
     sine, cosine = np.sin(anomaly), np.cos(anomaly)
     near = 1 - e * cosine
-    anomaly_1 = motion / near
-    anomaly_2 = -e * sine * anomaly_1**2 / near
     root = np.sqrt(1 - e**2)
-    latitude: _Curve = (
-        np.arctan2(root * sine, cosine - e) + orbit.omega_rad,
-        root * anomaly_1 / near,
-        root * (anomaly_2 - e * sine * anomaly_1**2 / near) / near,
-    )
-    u = _sum(latitude, _harmonic(orbit.cus_rad, orbit.cuc_rad, latitude))
-    kepler: _Curve = (axis * near, axis * e * sine * anomaly_1, axis * e * (cosine * anomaly_1**2 + sine * anomaly_2))
-    r = _sum(kepler, _harmonic(orbit.crs_m, orbit.crc_m, latitude))
-    straight: _Curve = (orbit.i0_rad + orbit.i_dot_radps * t, orbit.i_dot_radps + 0 * t, 0 * t)
-    i = _sum(straight, _harmonic(orbit.cis_rad, orbit.cic_rad, latitude))
-
-    toe_s = orbit.toe.second + orbit.toe.fraction
     node_rate = orbit.omega_dot_radps - ROTATION_RADPS
-    node = orbit.omega0_rad + node_rate * t - ROTATION_RADPS * toe_s
-    position, velocity, acceleration = _turned(*_tilted(_polar(r, u), i), node, node_rate)
+    toe_s = orbit.toe.second + orbit.toe.fraction
+    latitude: _Curve = (np.arctan2(root * sine, cosine - e) + orbit.omega_rad,)
+    kepler: _Curve = (axis * near,)
+    straight: _Curve = (orbit.i0_rad + orbit.i_dot_radps * t,)
+    node: _Curve = (orbit.omega0_rad + node_rate * t - ROTATION_RADPS * toe_s,)
+    anomaly_1 = motion / near
+    if derivatives:
+        anomaly_2 = -e * sine * anomaly_1**2 / near
+        latitude += (root * anomaly_1 / near, root * (anomaly_2 - e * sine * anomaly_1**2 / near) / near)
+        kepler += (axis * e * sine * anomaly_1, axis * e * (cosine * anomaly_1**2 + sine * anomaly_2))
+        straight += (orbit.i_dot_radps + 0 * t, 0 * t)
+        node += (np.full_like(t, node_rate), np.zeros_like(t))
+    twice = np.sin(2 * latitude[0]), np.cos(2 * latitude[0])
+    u = _sum(latitude, _harmonic(orbit.cus_rad, orbit.cuc_rad, latitude, twice))
+    r = _sum(kepler, _harmonic(orbit.crs_m, orbit.crc_m, latitude, twice))
+    i = _sum(straight, _harmonic(orbit.cis_rad, orbit.cic_rad, latitude, twice))
+    return _turned(*_tilted(_polar(r, u), i), node), (sine, cosine, anomaly_1)
 
-    t_clock = (start - ephemeris.toc) + elapsed_s
-    relativity = RELATIVITY_S_PER_SQRT_M * e * orbit.sqrt_a
-    return SatelliteState(
-        position_m=position,
-        velocity_mps=velocity,
-        acceleration_mps2=acceleration,
-        clock_s=orbit.af0_s
-        + (orbit.af1 + orbit.af2_per_s * t_clock) * t_clock
-        + relativity * sine
-        - orbit.bgd_e1_e5b_s,
-        clock_drift=orbit.af1 + 2 * orbit.af2_per_s * t_clock + relativity * cosine * anomaly_1,
-    )
 
-
-def _harmonic(sine_term: float, cosine_term: float, angle: _Curve) -> _Curve:
-    """Return S sin 2φ + C cos 2φ and its derivatives."""
-    phi, phi_1, phi_2 = angle
-    sine, cosine = np.sin(2 * phi), np.cos(2 * phi)
+def _harmonic(sine_term: float, cosine_term: float, angle: _Curve, twice: _Curve) -> _Curve:
+    """Return S sin 2φ + C cos 2φ and its derivatives; `twice` is sin 2φ and cos 2φ."""
+    sine, cosine = twice
     value = sine_term * sine + cosine_term * cosine
+    if len(angle) == 1:
+        return (value,)
     slope = 2 * (sine_term * cosine - cosine_term * sine)
-    return value, slope * phi_1, slope * phi_2 - 4 * value * phi_1**2
+    return value, slope * angle[1], slope * angle[2] - 4 * value * angle[1] ** 2
 
 
 def _sum(a: _Curve, b: _Curve) -> _Curve:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+    return tuple(one + other for one, other in zip(a, b, strict=True))
 
 
 def _product(a: _Curve, b: _Curve) -> _Curve:
+    if len(a) == 1:
+        return (a[0] * b[0],)
     return a[0] * b[0], a[1] * b[0] + a[0] * b[1], a[2] * b[0] + 2 * a[1] * b[1] + a[0] * b[2]
 
 
 def _circle(angle: _Curve) -> tuple[_Curve, _Curve]:
     """Return cosine and sine of an angle."""
     cosine, sine = np.cos(angle[0]), np.sin(angle[0])
+    if len(angle) == 1:
+        return (cosine,), (sine,)
     rate2 = angle[1] ** 2
     return (
         (cosine, -sine * angle[1], -sine * angle[2] - cosine * rate2),
@@ -164,13 +198,10 @@ def _tilted(plane: tuple[_Curve, _Curve], inclination: _Curve) -> tuple[_Curve, 
     return x, _product(y, cosine), _product(y, sine)
 
 
-def _turned(
-    x: _Curve, y: _Curve, z: _Curve, angle: Float[np.ndarray, " n"], rate: float
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Return position, velocity and acceleration of the point turned about the Earth's axis."""
-    cosine, sine = _circle((angle, np.full_like(angle, rate), np.zeros_like(angle)))
-    minus_sine: _Curve = (-sine[0], -sine[1], -sine[2])
+def _turned(x: _Curve, y: _Curve, z: _Curve, angle: _Curve) -> tuple[Float[np.ndarray, "n 3"], ...]:
+    """Return the point turned about the Earth's axis, with the derivatives that it has."""
+    cosine, sine = _circle(angle)
+    minus_sine = tuple(-one for one in sine)
     east = _sum(_product(x, cosine), _product(y, minus_sine))
     north = _sum(_product(x, sine), _product(y, cosine))
-    position, velocity, acceleration = (np.stack((east[k], north[k], z[k]), axis=-1) for k in range(3))
-    return position, velocity, acceleration
+    return tuple(np.stack(axes, axis=-1) for axes in zip(east, north, z, strict=True))

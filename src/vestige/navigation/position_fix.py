@@ -34,7 +34,7 @@ from jaxtyping import Bool, Float, Int
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import carried_by_earth, local_axes_at, turned_with_earth
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.navigation.orbit import satellite_state
+from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 UNKNOWNS = 4  # position and clock of one system
@@ -117,9 +117,9 @@ def transmission(
     columns = []
     for ephemeris, pseudorange in zip(ephemerides, pseudorange_m.T, strict=True):
         sent_s = elapsed_s - pseudorange / SPEED_OF_LIGHT_MPS
-        first = satellite_state(ephemeris, start, sent_s)
         # the stamp on E1 is ahead by the clock's error at almost the same time: its drift over 1 ms is nothing
-        columns.append(satellite_state(ephemeris, start, sent_s - first.clock_s))
+        _, clock_s = satellite_position(ephemeris, start, sent_s)
+        columns.append(satellite_state(ephemeris, start, sent_s - clock_s))
     return Transmission(
         position_m=np.stack([state.position_m for state in columns], axis=1),
         velocity_mps=np.stack([state.velocity_mps for state in columns], axis=1),
@@ -267,13 +267,29 @@ def inverse_normal(
 ) -> Float[np.ndarray, "n 4 4"]:
     """Return (HᵀWH)⁻¹, NaN where it is singular."""
     sighted = np.einsum("nmi,nmj->nij", geometry * (weight > 0)[..., None], geometry)
-    eigenvalues = np.linalg.eigvalsh(np.where(np.isfinite(sighted), sighted, 0.0))
-    solvable = eigenvalues[:, 0] > _SINGULAR * np.maximum(eigenvalues[:, -1], 1.0)
+    solvable = _solvable(np.where(np.isfinite(sighted), sighted, 0.0))
     normal = np.einsum("nmi,nm,nmj->nij", geometry, weight, geometry)
     normal[~solvable] = np.eye(UNKNOWNS)
     inverse = np.linalg.inv(normal)
     inverse[~solvable] = np.nan
     return inverse
+
+
+def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
+    """Return which HᵀH are not singular.
+
+    With t the trace, the smallest eigenvalue is at least det(HᵀH) (3/t)³, because the product of the three others is
+    at most (t/3)³, and the largest is at most t. Where this lower limit is far above the threshold, the eigenvalues
+    themselves are not computed.
+    """
+    trace = np.trace(sighted, axis1=1, axis2=2)
+    least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3
+    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # rounding of the determinant is 1e-4 of that
+    rest = np.flatnonzero(~solvable)
+    if rest.size:
+        eigenvalues = np.linalg.eigvalsh(sighted[rest])
+        solvable[rest] = eigenvalues[:, 0] > _SINGULAR * np.maximum(eigenvalues[:, -1], 1.0)
+    return solvable
 
 
 def _covariance(

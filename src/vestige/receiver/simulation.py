@@ -132,10 +132,6 @@ class Simulation:
             return np.zeros(truth.time_s.size)
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
-    def prediction_error_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return how much later than the hand-over predicts the line of sight arrives in E6, in m."""
-        return truth.iono_diff_m + truth.bias_m - e1_error_m(truth, self.e1_multipath_m(truth))
-
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return by how much E1 is late on the receiver's clock, times c; 0 where a travel time can be as long."""
         error_m = truth.e1.error_m + self.clock_offset_m

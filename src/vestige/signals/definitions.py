@@ -15,7 +15,7 @@ Left out, with the reason: E1-A and E6-A (PRS: not public), E5 (not part of ACAS
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ, FUNDAMENTAL_FREQUENCY_HZ
 from vestige.records import Band
@@ -62,50 +62,29 @@ class SignalDefinition:
         return 1 if self.symbol_rate_hz else -1
 
 
-_E1_CHIP_RATE = FUNDAMENTAL_FREQUENCY_HZ / 10  # [OS-ICD, 2.3.3]
-_E6_CHIP_RATE = FUNDAMENTAL_FREQUENCY_HZ / 2  # [E6-CODES]
-
 # E1-B adds the BOC(6,1) part, E1-C subtracts it [OS-ICD, 2.3.3].
 E1B = SignalDefinition(
     name="E1-B",
     band=Band.E1,
     carrier_hz=E1_CARRIER_HZ,
-    chip_rate_hz=_E1_CHIP_RATE,
+    chip_rate_hz=FUNDAMENTAL_FREQUENCY_HZ / 10,  # [OS-ICD, 2.3.3]
     code_length=4092,
     secondary_length=1,
     symbol_rate_hz=250.0,
     pulse=CBOC_PLUS,
 )
-E1C = SignalDefinition(
-    name="E1-C",
-    band=Band.E1,
-    carrier_hz=E1_CARRIER_HZ,
-    chip_rate_hz=_E1_CHIP_RATE,
-    code_length=4092,
-    secondary_length=25,
-    symbol_rate_hz=0.0,
-    pulse=CBOC_MINUS,
-)
+E1C = replace(E1B, name="E1-C", secondary_length=25, symbol_rate_hz=0.0, pulse=CBOC_MINUS)
 E6B = SignalDefinition(
     name="E6-B",
     band=Band.E6,
     carrier_hz=E6_CARRIER_HZ,
-    chip_rate_hz=_E6_CHIP_RATE,
+    chip_rate_hz=FUNDAMENTAL_FREQUENCY_HZ / 2,  # [E6-CODES]
     code_length=5115,
     secondary_length=1,
     symbol_rate_hz=1000.0,
     pulse=BPSK,
 )
-E6C = SignalDefinition(
-    name="E6-C",
-    band=Band.E6,
-    carrier_hz=E6_CARRIER_HZ,
-    chip_rate_hz=_E6_CHIP_RATE,
-    code_length=5115,
-    secondary_length=100,
-    symbol_rate_hz=0.0,
-    pulse=BPSK,
-)
+E6C = replace(E6B, name="E6-C", secondary_length=100, symbol_rate_hz=0.0)
 
 ALL_SIGNALS = (E1B, E1C, E6B, E6C)
 CARRIER_HZ = {Band.E1: E1_CARRIER_HZ, Band.E6: E6_CARRIER_HZ}

@@ -184,6 +184,12 @@ def gabor_bandwidth_hz(pulse: Pulse, *, chip_rate_hz: float, bandwidth_hz: float
     return float(np.sqrt(np.sum(f**2 * density) / np.sum(density)))
 
 
+@lru_cache(maxsize=1)
+def _gauss_nodes() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES_PER_LOBE)
+    return nodes, weights
+
+
 def _frequency_nodes(
     bandwidth_hz: float, chip_rate_hz: float, delay_chips: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
@@ -191,7 +197,7 @@ def _frequency_nodes(
     if not bandwidth_hz > 0:
         raise ValueError(f"bandwidth must be positive, found {bandwidth_hz}")
     lobes = bandwidth_hz / 2 / chip_rate_hz * (1 + delay_chips)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES_PER_LOBE)
+    nodes, weights = _gauss_nodes()
     edges = np.linspace(0.0, bandwidth_hz / 2, max(2, int(np.ceil(lobes)) + 1))
     half = np.diff(edges)[:, None] / 2
     return ((edges[:-1, None] + half) + half * nodes).ravel(), (half * weights).ravel()

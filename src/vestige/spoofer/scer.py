@@ -7,8 +7,8 @@ that estimated chips have behind a correlator that they do not match.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int8, Int64
@@ -52,7 +52,8 @@ class Scer(CheckedAttack):
         Whether E1-B carries the true symbols from their beginning on, or those that the attacker estimates meanwhile
         (in recordings; campaigns do not generate E1-B).
     victim_cn0_dbhz
-        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz: with G it says how good the estimates are.
+        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz: with G it says how good the estimates are. One
+        number holds for all satellites. `received` is that of E6-C which the victim has of each satellite.
     latency_s
         Time from the attacker's antenna to the transmission, in s. The estimate of a symbol that is transmitted with
         a delay of τ rests on what came before it by τ and the latency less.
@@ -65,7 +66,7 @@ class Scer(CheckedAttack):
     reception_gain_db: float = RECEPTION_GAIN_DB
     chips: Estimation = "repeated"
     symbols: Literal["known", "estimated"] = "known"
-    victim_cn0_dbhz: float = 45.0
+    victim_cn0_dbhz: float | Literal["received"] = 45.0
     latency_s: float = 0.0
     kind: Literal["scer"] = "scer"
 
@@ -73,10 +74,28 @@ class Scer(CheckedAttack):
         CheckedAttack.__post_init__(self)
         if self.chips not in get_args(Estimation):
             raise ValueError(f"chips are one of {', '.join(get_args(Estimation))}, found {self.chips!r}")
-        if not 0 <= self.victim_cn0_dbhz <= 70:
-            raise ValueError(f"the victim's C/N0 lies between 0 and 70 dBHz, found {self.victim_cn0_dbhz:g}")
+        found = self.victim_cn0_dbhz
+        if isinstance(found, str):
+            if found != "received":
+                raise ValueError(f"the victim's C/N0 is a number of dBHz or received, found {found!r}")
+        elif not 0 <= found <= 70:
+            raise ValueError(f"the victim's C/N0 lies between 0 and 70 dBHz, found {found:g}")
         if not 0 <= self.latency_s <= _MAX_LATENCY_S:
             raise ValueError(f"a latency lies between 0 and {_MAX_LATENCY_S:g} s, found {self.latency_s:g}")
+
+    @property
+    def attacker_cn0_dbhz(self) -> float:
+        """C/N0 of the attacker's reception in dBHz.
+
+        Raises ValueError if it depends on the satellite; `against` knows that.
+        """
+        return self._victim_dbhz + self.reception_gain_db
+
+    @property
+    def _victim_dbhz(self) -> float:
+        if isinstance(self.victim_cn0_dbhz, str):
+            raise ValueError("the victim's C/N0 depends on the satellite")
+        return self.victim_cn0_dbhz
 
     @property
     def outside_assumption_2(self) -> str:
@@ -104,7 +123,7 @@ class Scer(CheckedAttack):
             return np.zeros(times_s.shape)
         if self.chips == "repeated":
             return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
-        noise = estimation_noise(self.victim_cn0_dbhz, self.reception_gain_db, self.chips)
+        noise = estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
         return np.where(self.on(times_s), 10 ** (as_profile(self.power_db).value(times_s) / 10) * noise, 0.0)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -123,7 +142,7 @@ class Scer(CheckedAttack):
 
         Per chip time the attacker's sum grows by s √(2γ) and a standard normal number, with γ of one chip.
         """
-        root = np.sqrt(2 * 10 ** ((self.victim_cn0_dbhz + self.reception_gain_db) / 10) / E1B.chip_rate_hz)
+        root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
         def signs(period: int) -> Int8[np.ndarray, " 4092"]:
             start_s = np.array([max(period * E1B.period_s, 0.0)])
@@ -141,3 +160,14 @@ class Scer(CheckedAttack):
             return np.stack([code * signs(one) for one in periods.tolist()])[row, place]
 
         return chip
+
+
+def against(attacks: tuple[Any, ...], cn0_dbhz: float) -> tuple[Any, ...]:
+    """Return attacks as they meet one satellite, of which the victim has this C/N0 of E6-C in dBHz.
+
+    An SCER attack with `victim_cn0_dbhz = "received"` gets the number; all others stay as they are.
+    """
+    return tuple(
+        replace(one, victim_cn0_dbhz=cn0_dbhz) if isinstance(one, Scer) and one.victim_cn0_dbhz == "received" else one
+        for one in attacks
+    )

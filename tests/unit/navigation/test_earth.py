@@ -63,3 +63,14 @@ def test_what_the_rotation_carries_is_the_cross_product() -> None:
     vectors = np.random.default_rng(3).standard_normal((4, 7, 3)) * 1e7
     expected = np.cross([0.0, 0.0, ROTATION_RADPS], vectors)
     assert np.array_equal(carried_by_earth(vectors), expected)
+
+
+def test_local_axes_of_one_place_are_those_of_each_of_its_repetitions() -> None:
+    places = np.array([[4.2e6, 0.8e6, 4.7e6], [-2.1e6, 5.0e6, -3.3e6]])
+    for place in places:
+        np.testing.assert_array_equal(
+            local_axes_at(np.repeat(place[None], 5, axis=0)), local_axes_at(place[None])[[0] * 5]
+        )
+    both = local_axes_at(places)
+    assert not np.array_equal(both[0], both[1])
+    np.testing.assert_array_equal(both[1], local_axes_at(places[1:])[0])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vestige.navigation.earth import GRAVITATION_M3PS2
 from vestige.navigation.ephemeris import Ephemeris
-from vestige.navigation.orbit import RELATIVITY_S_PER_SQRT_M, eccentric_anomaly, satellite_state
+from vestige.navigation.orbit import RELATIVITY_S_PER_SQRT_M, eccentric_anomaly, satellite_position, satellite_state
 from vestige.receiver.sky.constellation import (
     LATITUDE_RATE_DEG_PER_DAY,
     ORBIT_SEMI_MAJOR_AXIS_M,
@@ -40,6 +40,14 @@ def test_velocity_acceleration_and_drift_are_derivatives(elapsed: float) -> None
     np.testing.assert_allclose(np.diff(state.position_m[::2], axis=0)[0] / 2, state.velocity_mps[1], atol=1e-4)
     np.testing.assert_allclose(np.diff(state.velocity_mps[::2], axis=0)[0] / 2, state.acceleration_mps2[1], atol=1e-7)
     assert np.diff(state.clock_s[::2])[0] / 2 == pytest.approx(state.clock_drift[1], abs=1e-17)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 100])
+def test_the_position_alone_has_the_same_bits(n: int) -> None:
+    elapsed_s = np.linspace(-2e4, 2e4, n)
+    state, (position_m, clock_s) = satellite_state(BENT, TOE, elapsed_s), satellite_position(BENT, TOE, elapsed_s)
+    np.testing.assert_array_equal(position_m, state.position_m)
+    np.testing.assert_array_equal(clock_s, state.clock_s)
 
 
 def test_a_kepler_orbit_keeps_energy_and_falls_freely() -> None:

@@ -12,6 +12,7 @@ from vestige.navigation.position_fix import (
     Fix,
     Transmission,
     dilution,
+    inverse_normal,
     local_geometry,
     position_fix,
     transmission,
@@ -159,3 +160,21 @@ def test_local_geometry_is_that_of_the_sky() -> None:
     (latitude,), _, (height,) = geodetic_from_ecef(fix.position_m)
     assert np.degrees(latitude) == pytest.approx(48.0, abs=1e-5)
     assert height == pytest.approx(500.0, abs=0.1)
+
+
+def test_a_geometry_is_singular_where_its_eigenvalues_say_so() -> None:
+    """The lower limit from the determinant decides nothing otherwise than eigenvalues, near the threshold too."""
+    rng = stream(0, "geometries")
+    directions = rng.standard_normal((2000, 6, 3))
+    flat = 10.0 ** rng.uniform(-8, 0, 2000)  # how thick the sky is in one direction: singular below about 1e-5
+    directions[..., 2] *= flat[:, None]
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    geometry = np.concatenate((directions, np.ones((2000, 6, 1))), axis=-1)
+    geometry[:100, 3:] = 0.0  # three satellites
+    geometry[100:150] = 0.0
+    weight = np.any(geometry != 0, axis=-1).astype(np.float64)
+    eigenvalues = np.linalg.eigvalsh(np.einsum("nmi,nmj->nij", geometry, geometry))
+    solvable = eigenvalues[:, 0] > 1e-10 * np.maximum(eigenvalues[:, -1], 1.0)
+    assert 500 < np.count_nonzero(solvable) < 1500
+    found = inverse_normal(geometry, weight)
+    np.testing.assert_array_equal(np.isfinite(found).all(axis=(1, 2)), solvable)

@@ -33,6 +33,16 @@ def test_range_rate_and_acceleration_are_derivatives() -> None:
     assert path.acceleration_mps2(t) == pytest.approx((path.rate_mps(t + h) - path.rate_mps(t - h)) / (2 * h), abs=1e-3)
 
 
+def test_the_range_has_the_same_bits_whether_the_line_of_sight_is_known_or_not() -> None:
+    start = GalileoTime.parse("2026-11-21T23:59:50 GST")
+    circle = CircularTrajectory(latitude_deg=10.0, longitude_deg=20.0, radius_m=50.0, speed_mps=20.0)
+    paths = [SatelliteRange(ephemeris=walker_ephemerides(start)[4], start=start, trajectory=circle) for _ in range(2)]
+    for begin_s in range(7):
+        t_s = begin_s + np.linspace(0, 20, 9)
+        paths[1].rate_mps(t_s)
+        np.testing.assert_array_equal(paths[1].range_m(t_s), paths[0].range_m(t_s))
+
+
 def test_the_common_ionosphere_correlates_satellites_and_leaves_their_distribution() -> None:
     model, n, share = HeavyTailedIonosphere.average_2017(), 20_000, 0.64
     times_s = np.arange(float(n))

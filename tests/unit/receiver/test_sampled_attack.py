@@ -53,7 +53,6 @@ def _injected(simulation: Simulation) -> tuple[SampleBatch, Handover, complex]:
         start_time=sent + float(direct.dt_s[0]),
         doppler_hz=-E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * float(direct.rate_mps[0]),
         doppler_rate_hz_per_s=-E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * float(direct.acceleration_mps2[0]),
-        expected_cn0_dbhz=45.0,
     )
     return batch, handover, strength * complex(direct.carrier[0])
 

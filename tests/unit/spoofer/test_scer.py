@@ -1,16 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from sky_builder import sky_scenario
 from vestige.records import Band
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.spoofer.profiles import Ramp
-from vestige.spoofer.scer import Scer
+from vestige.spoofer.scer import Scer, against
 from vestige.theory.code_estimation import Estimation, replayed_mean
 
 T = np.array([0.0, 10.0, 20.0])
@@ -63,7 +65,7 @@ def test_drawn_symbols_get_better_as_they_arrive(attack: Scer, head_start_s: flo
     assert true.symbol is not None
     right = replayed.chip(number) * primary_code(E1B, 11)[place] * true.symbol(period)
     mean = right.reshape(n, 40).mean(axis=0)
-    expected = replayed_mean(attack.victim_cn0_dbhz + attack.reception_gain_db, head_start_s, 40)
+    expected = replayed_mean(attack.attacker_cn0_dbhz, head_start_s, 40)
     assert np.abs(mean - expected).max() < 4.5 / np.sqrt(n)
     assert np.array_equal(right, replayed.chip(number[::-1])[::-1] * primary_code(E1B, 11)[place] * true.symbol(period))
 
@@ -86,6 +88,7 @@ def test_who_replays_what() -> None:
     ("wrong", "said"),
     [
         ({"chips": "linear"}, "chips are one of repeated, hard, soft, found 'linear'"),
+        ({"victim_cn0_dbhz": "measured"}, "a number of dBHz or received, found 'measured'"),
         ({"victim_cn0_dbhz": 450.0}, "between 0 and 70 dBHz, found 450"),
         ({"latency_s": 1.0}, "a latency lies between 0 and 0.004 s, found 1"),
     ],
@@ -93,3 +96,25 @@ def test_who_replays_what() -> None:
 def test_impossible_keys_are_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Scer(delay_m=0.0, power_db=0.0, **wrong)  # type: ignore[arg-type]
+
+
+def test_each_satellite_has_the_strength_that_the_victim_has_of_it() -> None:
+    """A patch antenna loses 9 dB to the horizon: decisions on the chips of a low satellite are worse by so much."""
+    attack = '{kind="scer", delay_m=0.0, power_db=3.0, chips="hard", victim_cn0_dbhz='
+    fall = "constellation.cn0_fall_db=9.0"
+    received = sky_scenario(fall, f'attack=[{attack}"received"}}]').simulations
+    found = {one.svid: one.spoofer.attacks[0].victim_cn0_dbhz for one in received}
+    assert found == {one.svid: one.cn0_dbhz for one in received}
+    assert max(found.values()) - min(found.values()) > 3.0
+    low = min(received, key=lambda one: one.cn0_dbhz)
+    same = sky_scenario(fall, f"attack=[{attack}{low.cn0_dbhz}}}]").simulations
+    (alike,) = (one for one in same if one.svid == low.svid)
+    assert np.array_equal(*(one.spoofer.effects(Band.E6, one.svid, T).white for one in (low, alike)))
+    assert {one.spoofer.attacks[0].victim_cn0_dbhz for one in same} == {low.cn0_dbhz}
+
+
+def test_a_single_line_of_sight_has_the_strength_of_the_receiver() -> None:
+    attack = Scer(delay_m=0.0, power_db=3.0, victim_cn0_dbhz="received")
+    assert against((attack, 1), 38.5) == (replace(attack, victim_cn0_dbhz=38.5), 1)
+    with pytest.raises(ValueError, match="depends on the satellite"):
+        _ = attack.attacker_cn0_dbhz

@@ -18,6 +18,7 @@ phase of a ray along the cubic that begins and ends with the Dopplers of its epo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -134,10 +135,24 @@ class ContinuousPropagation:
     received_s: Float[np.ndarray, " n"]  # when the first chip of each epoch arrives
     duration_s: float  # of a RECS
 
+    # of all epochs, once: a recording asks for the propagation a hundred times a second
+
+    @cached_property
+    def _knots_s(self) -> Float[np.ndarray, " n"]:
+        return self.received_s + self.duration_s / 2
+
+    @cached_property
+    def _delay_m(self) -> Float[np.ndarray, " n"]:
+        return self.truth.delay_m(self.band)
+
+    @cached_property
+    def _carrier_advance_m(self) -> Float[np.ndarray, " n"]:
+        return self.truth.carrier_advance_m(self.band)
+
     def __call__(self, t_s: float) -> Propagation:
         """Return the propagation at a time in s after the start."""
-        knots = self.received_s + self.duration_s / 2
-        left = int(np.clip(np.searchsorted(knots, t_s, side="right") - 1, 0, knots.size - 2))
+        knots = self._knots_s
+        left = min(max(int(np.searchsorted(knots, t_s, side="right")) - 1, 0), knots.size - 2)
         span_s = float(knots[left + 1] - knots[left])
         place = (t_s - float(knots[left])) / span_s
         u = min(max(place, 0.0), 1.0)  # before the first epoch and after the last, all but phases stand still
@@ -147,7 +162,7 @@ class ContinuousPropagation:
         def between(values: Float[np.ndarray, "n ..."]) -> Any:
             return values[left] + share * (values[left + 1] - values[left])
 
-        delay_m, advance_m = self.truth.delay_m(self.band), self.truth.carrier_advance_m(self.band)
+        delay_m, advance_m = self._delay_m, self._carrier_advance_m
         earlier_m = between(advance_m)
         return Propagation(
             delay_m=float(between(delay_m)),

@@ -99,7 +99,6 @@ def sampled_e1_taps(
             start_time=_ANY_TIME + start_s,
             doppler_hz=float(carrier_hz[row] + signals.followed_hz[row]),
             doppler_rate_hz_per_s=0.0,
-            expected_cn0_dbhz=float(cn0_dbhz[row]),
         )
         bank = correlate(batch, handover, offsets_m)
         assert bank is not None  # noqa: S101  (the margin is ours)

@@ -254,7 +254,8 @@ class _Middles:
                 self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
                 t_s = self._times_s(block)
                 path = satellite.pseudorange
-                self._motion[key] = np.stack([path.range_m(t_s), path.rate_mps(t_s), path.acceleration_mps2(t_s)])
+                rate_mps = path.rate_mps(t_s)  # first, as the line of sight that it needs has the range, too
+                self._motion[key] = np.stack([path.range_m(t_s), rate_mps, path.acceleration_mps2(t_s)])
             return self._motion[key][:, place]
 
 

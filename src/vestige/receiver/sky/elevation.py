@@ -32,7 +32,8 @@ from vestige.receiver.sky.trajectory import Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
-_KEPT_TIMES = 100  # a line of sight at more times is not kept
+_KEPT_TIMES = 5000  # a line of sight at more times, of which each satellite would keep megabytes, is not kept
+_KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a troposphere ask for six
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +86,7 @@ class SatelliteRange:
     ephemeris: Ephemeris  # orbit and clock, which are taken for true
     start: GalileoTime  # of the scenario
     trajectory: Trajectory  # of the receiver
-    # the last line of sight by its times: range rate and acceleration are asked for one after the other
+    # the last lines of sight by their times: range, rate and acceleration are asked for one after the other
     _last: dict[bytes, LineOfSight] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
@@ -96,12 +97,16 @@ class SatelliteRange:
         found = self._last.get(times)
         if found is None:
             found = line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
-            self._last.clear()
+            if len(self._last) >= _KEPT_SIGHTS:
+                self._last.clear()
             self._last[times] = found
         return found
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""
+        known = self._last.get(t_s.tobytes()) if t_s.size <= _KEPT_TIMES else None
+        if known is not None:
+            return known.range_m - known.satellite_clock_m
         return range_less_clock_m(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicHermiteSpline
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop import E1Tracking
@@ -30,6 +30,9 @@ from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.spoofer import BandEffects, Spoofer
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 # Cubics between exact ranges and rates so far apart are right to 1 µm for who stands, to 2 mm where 4 m/s² begin.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
@@ -106,6 +109,8 @@ class SpooferUnderSky(Spoofer):
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
     """Return the range between two system times; its knots do not depend on them, so a block's cut changes no bit."""
+    from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
+
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
     low, high = math.floor(first_s / step_s), math.floor(last_s / step_s) + 1
     knots_s = np.arange(low, high + 1) * step_s

@@ -8,6 +8,7 @@ acceleration; two of them give uniform motion along a straight line.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -143,9 +144,13 @@ class WaypointTrajectory:
 ALL_TRAJECTORIES = (StaticTrajectory, CircularTrajectory, WaypointTrajectory)
 
 
+@lru_cache(maxsize=16)
 def _place(
     latitude_deg: float, longitude_deg: float, height_m: float
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
     """Return the ECEF position and the local axes of a place."""
     latitude, longitude = np.radians([[latitude_deg], [longitude_deg]])
-    return ecef_from_geodetic(latitude, longitude, np.array([height_m]))[0], local_axes(latitude, longitude)[0]
+    position_m = ecef_from_geodetic(latitude, longitude, np.array([height_m]))[0]
+    axes = local_axes(latitude, longitude)[0]
+    position_m.flags.writeable = axes.flags.writeable = False
+    return position_m, axes

@@ -105,7 +105,9 @@ class OsnmaReception:
         return [
             demodulated(
                 pages,
-                page_loss(_cn0_of_pages(one, truth, end_s - PAGE_S / 2), one.models.e1_tracking),
+                np.broadcast_to(
+                    page_loss(_cn0_of_pages(one, truth, end_s - PAGE_S / 2), one.models.e1_tracking), pages.shape
+                ),
                 seed=self.of.seed,
                 svid=one.svid,
             )
@@ -161,14 +163,15 @@ def _ends(
 
 def _cn0_of_pages(
     simulation: Simulation, truth: TruthBlock, middle_s: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, "n k"]:
-    """Return the C/N0 while pages are on air, −∞ while the satellite is not in view."""
+) -> Float[np.ndarray, "n _"]:
+    """Return the C/N0 while pages are on air, −∞ while the satellite is not in view; one for all without an attack."""
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
     seen = np.where(truth.geometry.in_view, at_epoch, -np.inf)[:, None]
     if not simulation.spoofer.attacks:
-        return np.broadcast_to(seen, middle_s.shape)
-    effects = simulation.spoofer.effects(Band.E1, simulation.svid, np.maximum(middle_s, 0.0).ravel())
-    return seen - 10 * np.log10(1 + effects.rise(Band.E1)).reshape(middle_s.shape)
+        return seen
+    times_s, place = np.unique(np.maximum(middle_s, 0.0), return_inverse=True)  # epochs have most pages in common
+    effects = simulation.spoofer.effects(Band.E1, simulation.svid, times_s)
+    return seen - 10 * np.log10(1 + effects.rise(Band.E1))[place].reshape(middle_s.shape)
 
 
 def _withheld(simulation: Simulation, end_s: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, "n k"]:

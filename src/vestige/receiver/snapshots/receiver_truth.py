@@ -77,9 +77,7 @@ class ReceiverTruth:
     @cached_property
     def arrived(self) -> tuple[Arrival, ...]:
         """How the RECS of each satellite arrive in E6."""
-        if self.simulations[0].spoofer.attacks:  # the truth of an attack wants all epochs
-            return tuple(rows_of(one, self.rows) for one in self.arrived_at_epochs)
-        return self._arrived(self.of_recs)
+        return self.arrived_at_epochs if self.every == 1 else self._arrived(self.of_recs)
 
     @cached_property
     def arrived_at_epochs(self) -> tuple[Arrival, ...]:

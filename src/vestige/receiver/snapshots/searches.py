@@ -91,10 +91,7 @@ class KnownSearches:
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
         """Return where there is a key, and the true signal was provably received before it was on air."""
         earliest_at = GalileoTimes.after(self.start, np.nan_to_num(self.finds.earliest_s[request.epoch]))
-        uncertainty_s = [
-            [limit.at(earliest_at.at(row, column)) for column in range(earliest_at.second.shape[1])]
-            for row, limit in enumerate(request.uncertainty)
-        ]
+        uncertainty_s = [limit.over(earliest_at[row : row + 1])[0] for row, limit in enumerate(request.uncertainty)]
         lead_s = self.recs.disclosed[request.epoch] - earliest_at
         return self.recs.with_key[request.epoch] & provably_before_disclosure(
             lead_s, np.array(uncertainty_s).reshape(lead_s.shape)

@@ -19,7 +19,7 @@ from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.snapshots.assistance import SimulatedAssistance
 from vestige.receiver.snapshots.e1 import e1_block
 from vestige.receiver.snapshots.e6 import DrawnE6, FrontEnds, SimulatedE6Samples
-from vestige.receiver.snapshots.osnma import OsnmaReception
+from vestige.receiver.snapshots.osnma import OsnmaReception, PagesReceived
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.searches import DrawnSearches
 from vestige.receiver.truth import TruthBlock, TruthProcess
@@ -74,12 +74,14 @@ class SimulatedReceiver:
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )
 
-    def snapshots_of(self, of: ReceiverTruth) -> SnapshotBlock:
-        """Return the same of a truth of which other quantities are wanted, too."""
+    def snapshots_of(self, of: ReceiverTruth, pages: PagesReceived | None = None) -> SnapshotBlock:
+        """Return the same of a truth of which other quantities are wanted, too; of a sky, its `pages` may be one."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
         time, received_s, elevation = self._times(of), self._received_s(of), self.simulations[0].elevation
         osnma = None if elevation is None else OsnmaReception(of=of)
+        if osnma is not None and pages is None:
+            pages = osnma.pages(self.interval_s)
         recs = np.zeros(of.n, np.bool_)
         recs[of.rows] = True
         return SnapshotBlock(
@@ -94,7 +96,7 @@ class SimulatedReceiver:
             front_end=FrontEnds(power, e6),
             e6=e6,
             searches=self.searches(of),
-            osnma=None if osnma is None else osnma.pages(self.interval_s).block,
+            osnma=None if pages is None else pages.block,
             increments=self._increments(of, time, elevation),
             data_authenticated=None if osnma is None else osnma.data_authenticated,
         )

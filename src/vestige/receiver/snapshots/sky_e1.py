@@ -71,7 +71,6 @@ def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.
                 start_time=of.simulations[column].start + begin_s,
                 doppler_hz=doppler_hz,
                 doppler_rate_hz_per_s=doppler_rate_hz_per_s,
-                expected_cn0_dbhz=of.simulations[column].cn0_e1_dbhz,
             )
             taps[row, column] = _correlated(sky, begin_s, handover) * np.exp(2j * np.pi * (cycles % 1.0))
     return SkyE1(taps=taps, rise_db=10 * np.log10(power / _nominal_power(sky, cn0_dbhz, width_hz)), saturated=saturated)

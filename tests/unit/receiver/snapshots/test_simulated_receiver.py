@@ -327,3 +327,14 @@ def test_searches_say_nothing_of_e6_without_a_key_or_after_its_disclosure() -> N
     assert np.all(np.isnan(alone.earliest_m))
     assert np.all(alone.carrying == 0)
     assert np.all(np.isnan(block.searches.exhaustive(unsure).signals))
+
+
+def test_the_arrival_of_recs_is_that_of_their_epochs_to_the_bit() -> None:
+    scenario = sky_scenario("epochs=90", "fidelity='correlators'", ATTACKS)
+    receiver = scenario.simulated_receiver
+    truth = tuple(one.advance(5, 70) for one in receiver.truth())
+    of = ReceiverTruth(simulations=receiver.simulations, truth=truth, first=5, every=30)
+    for recs, epochs in zip(of.arrived, of.arrived_at_epochs, strict=True):
+        assert recs.dt_s.size == 2
+        for name in ("dt_s", "carrier_range_m", "rate_mps", "acceleration_mps2"):
+            np.testing.assert_array_equal(getattr(recs, name), getattr(epochs, name)[of.rows])

@@ -15,7 +15,7 @@ The first octet belongs to the lowest degree of the polynomial; `reedsolo` puts 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 
 import reedsolo
 
@@ -86,7 +86,14 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     >>> restored_words(parity_words(words)) == words
     True
     """
-    known = {kind: words[kind] for kind in (*EPHEMERIS_WORDS, *PARITY_WORDS) if kind in words}
+    restored = _restored(tuple((kind, words[kind]) for kind in (*EPHEMERIS_WORDS, *PARITY_WORDS) if kind in words))
+    return None if restored is None else dict(restored)
+
+
+@lru_cache(maxsize=256)  # satellites repeat their words, and a receiver asks again with every page
+def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None:
+    """Return words 1 to 4 from the words 1 to 4 and 17 to 20 that were received, as `restored_words` does."""
+    known = dict(received)
     low_bits = {WORD_LAYOUTS[kind].read(known[kind], "iod_nav_low") for kind in PARITY_WORDS if kind in known}
     issue = _issue(known)
     if issue is not None:
