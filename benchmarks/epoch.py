@@ -109,7 +109,6 @@ def vestige_bank(batch: SampleBatch, chips: ChipSequence) -> CorrelatorBank:
         start_time=START + START_S,
         doppler_hz=DOPPLER_HZ,
         doppler_rate_hz_per_s=RATE_HZ_PER_S,
-        expected_cn0_dbhz=45.0,
     )
     bank = correlate(batch, handover, OFFSETS_M)
     assert bank is not None

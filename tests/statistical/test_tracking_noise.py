@@ -19,7 +19,7 @@ from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11
-from vestige.theory.thermal_noise import dll_noise_m
+from vestige.theory.thermal_noise import dll_noise_m, pll_variance_rad2
 
 RATE_HZ = 4.3e6
 PERIOD_SAMPLES = 17_200
@@ -85,6 +85,11 @@ def _phase_error_rad(periods: np.ndarray) -> np.ndarray:
     return (2 * np.pi * cycles - PHASE + np.pi) % (2 * np.pi) - np.pi
 
 
+@pytest.mark.judged(
+    by="theory",
+    what="code and carrier noise of the tracking loops",
+    figure="standard deviation within 10 %",
+)
 @pytest.mark.parametrize(("cn0_dbhz", "integration_periods"), [(32.0, 1), (38.0, 1), (45.0, 1), (32.0, 5)])
 def test_thermal_noise_of_both_loops(cn0_dbhz: float, integration_periods: int) -> None:
     """46 s at 4 Hz hold 370 independent code errors, at 15 Hz 1400 phase errors: 3.7 % and 1.9 % of the σ, one sigma.
@@ -112,6 +117,34 @@ def test_thermal_noise_of_both_loops(cn0_dbhz: float, integration_periods: int) 
     assert np.median(settled["cn0_dbhz"]) == pytest.approx(cn0_dbhz - 0.5, abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("pll", "dll"), [("arctan2", "dot product"), ("arctan", "early-minus-late power")], ids=["arctan2", "arctan"]
+)
+def test_thermal_noise_of_the_other_discriminators(pll: str, dll: str) -> None:
+    """11 s at 16 Hz hold 350 independent code errors, at 15 Hz 330 phase errors: 4 % of the σ, one sigma.
+
+    The bar is 10 % of the σ. A discriminator with a wrong scale gives the loop another bandwidth.
+    """
+    cn0_dbhz = 38.0
+    settings = TrackingSettings(dll_bandwidth_hz=16.0, pll_discriminator=pll, dll_discriminator=dll)
+    periods, _ = _track(cn0_dbhz, 13.0, settings, seed=3)
+    settled = periods[500:]
+    lag = correlator_lags(settings, RATE_HZ)[3]
+    expected_m = dll_noise_m(
+        cn0_dbhz,
+        bandwidth_hz=UNLIMITED_HZ,
+        spacing_chips=2 * lag * 1.023e6 / RATE_HZ,
+        shares={BOC11: 1.0},
+        loop_bandwidth_hz=16.0,
+        integration_s=0.004,
+        dot_product=dll == "dot product",
+    )
+    assert np.std(_code_error_m(settled)) == pytest.approx(expected_m, rel=0.1)
+    variance = pll_variance_rad2(np.array([10 ** (cn0_dbhz / 10)]), bandwidth_hz=15.0, integration_s=0.004)
+    assert np.std(_phase_error_rad(settled)) == pytest.approx(float(np.sqrt(variance[0])), rel=0.1)
+
+
+@pytest.mark.judged(by="theory", what="symbol errors of E1-B", figure="rate between 0.8 and 1.2 of theory")
 def test_symbol_errors_are_those_of_bpsk() -> None:
     """At 28 dBHz the symbol error rate is Q(√(2 C/N0 T)) = 1.2 %, more with the noise of the pilot's loops.
 

@@ -121,6 +121,19 @@ def read_recording_toml(path: Path) -> RecordingDescription:
     )
 
 
+def recording_schema() -> dict[str, Any]:
+    """Return the JSON schema of `recording.toml`, for editors and other programs.
+
+    Examples
+    --------
+    >>> recording_schema()["required"]
+    ['sample_rate_hz']
+    """
+    schema = _RecordingTable.model_json_schema()
+    del schema["properties"]["time_uncertainty_s"]["default"]  # infinite, which JSON cannot write
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema | {"title": "vestige recording.toml"}
+
+
 def _table(path: Path) -> _RecordingTable:
     content = read_toml_file(path, at_most=_MAX_BYTES)
     try:

@@ -28,8 +28,9 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS, chip_windows, correlate_block, middle_chips
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS, correlate_block, middle_chips
 from vestige.sample_processor.search.sample_source import BatchSource
+from vestige.signals.chip_window_kernel import chip_windows
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 

@@ -23,17 +23,13 @@ from numba import njit
 
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
-    LEAD,
     bits_of,
-    chip_windows,
     fill_windows,
     float_of,
     interior,
     window_delay,
 )
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
-
-__all__ = ["LEAD", "REACH_CHIPS", "chip_windows", "correlate_block", "middle_chips"]
 
 REACH_CHIPS = 8.0  # farthest tap from the middle of the bank
 

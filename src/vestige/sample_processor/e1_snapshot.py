@@ -118,7 +118,6 @@ def period_taps(
             start_time=batch.start + at_s,
             doppler_hz=doppler_hz,
             doppler_rate_hz_per_s=0.0,
-            expected_cn0_dbhz=float("nan"),
         )
         bank = correlate(batch, handover, offsets_m)
         if bank is None:

@@ -133,7 +133,6 @@ def _prompts(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> Com
             start_time=batch.start + (found.code_start_s + m * period_s),
             doppler_hz=doppler_hz,
             doppler_rate_hz_per_s=0.0,
-            expected_cn0_dbhz=float("nan"),
         )
         bank = correlate(batch, handover, np.zeros(1))
         if bank is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -89,3 +90,16 @@ def test_keys_without_anything_to_lead_to_are_refused(pages: list[InavPage]) -> 
     message.take(pages[:1])
     with pytest.raises(AuthenticationError, match="prove nothing without"):
         message.contents(Settings())
+
+
+def test_a_chain_that_is_known_before(sky: OperatorSky, pages: list[InavPage], settings: Settings) -> None:
+    """A subframe of a satellite has no whole DSM-KROOT. Its key leads to the root key of a key file."""
+    first = [page for page in pages if page.svid == pages[0].svid and page.time < START + 31.0]
+    known = replace(settings, roots=sky.operator.roots)
+    assert contents_of_pages(PATH, first, settings).keys == ()
+    (key,) = contents_of_pages(PATH, first, known).keys
+    message = ReceivedMessage(PATH)
+    message.take(first)
+    assert message.contents(settings).keys == ()  # type: ignore[union-attr]
+    message.finish()
+    assert message.contents(known).keys == (key,)  # type: ignore[union-attr]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from vestige.cli.live.follow import _EarlyRecs
 from vestige.cli.recordings.process import _sent_before_tracking
 from vestige.recording.tracked.track_recording import TrackedRecording
 from vestige.records import E1Observation
@@ -41,3 +42,21 @@ def test_a_time_tag_that_is_late() -> None:
 
 def test_nothing_was_tracked() -> None:
     assert _sent_before_tracking(SimpleNamespace(), None) == []  # type: ignore[arg-type]
+
+
+def followed(*sent_s: float, svid: int = 7, first_s: float | None = 0.5) -> list[str]:
+    said: list[object] = []
+    first = None if first_s is None else START + first_s
+    early = _EarlyRecs(SimpleNamespace(first_observed=first, seen={7}), said.append)  # type: ignore[arg-type]
+    for s in sent_s:
+        segments = tuple(SimpleNamespace(svid=svid, transmit_time=START + other) for other in sent_s)
+        assistance = SimpleNamespace(segments=segments)
+        early.take(SimpleNamespace(sent=START + s, time_tag_error_s=0.0, assistance=assistance))  # type: ignore[arg-type]
+    early.say()
+    return [str(line) for line in said]
+
+
+def test_live_warns_of_all_of_them_at_once() -> None:
+    assert followed(0.0, 0.1, 10.0, 20.0) == warned(0.0, 0.1)
+    assert followed(0.0) == warned(0.0)  # at the end
+    assert followed(0.45, 10.0) == followed(0.0, svid=8) == followed(0.0, first_s=None) == []

@@ -9,7 +9,7 @@ from builders import START, batch_of, handover_at, metres_to_seconds, random_chi
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate
-from vestige.sample_processor.correlator_kernel import LEAD, chip_windows
+from vestige.signals.chip_window_kernel import LEAD, chip_windows
 
 RATE = 5.115e6
 

@@ -23,6 +23,7 @@ from vestige.cli.live.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.options import assistance_folder
 from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
 from vestige.cli.terminal import echo
+from vestige.errors import VestigeError
 from vestige.output import check_output
 from vestige.own_parts import digest, is_own
 
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
     from vestige.cli.live.nmea_log import NmeaLog
     from vestige.cli.recordings.verdicts import Tally
     from vestige.recording.live.follow_journal import FollowJournal
-    from vestige.recording.live.following import Following
+    from vestige.recording.live.following import FollowedEpoch, Following
     from vestige.recording.live.live_recording import LiveRecording
+    from vestige.recording.live.live_tracking import LiveTracking
 
 STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
 # Options on which no verdict depends
@@ -101,7 +103,7 @@ def _run(
     from vestige.recording.assistance.made_recs import open_code_warning
     from vestige.recording.live.follow_journal import FollowProgress
 
-    state, tally = None, Tally()
+    state, tally, early = None, Tally(), _EarlyRecs(following.live.tracking, warn)
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.state
@@ -113,6 +115,7 @@ def _run(
                 _say_what_is_missing(following, warn)
                 if options["navigation"] and (why := processor.monitoring.fix.why_no_fix(epoch.sent)):
                     warn(f"{options['navigation']}: {why}")
+            early.take(epoch)
             known = epoch.assistance
             now = (one for one in known.segments if one.transmit_time == epoch.sent)
             if open_code := open_code_warning(
@@ -145,6 +148,7 @@ def _run(
         if journal is not None:
             stop.add_note(f"the same command goes on from {options['output']}")
         raise
+    early.say()
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
     _end(tally, following, options, waited=bool(tally.snapshots or state is None))
@@ -183,7 +187,6 @@ def _with_orbits(
 
 
 def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
-    from vestige.errors import VestigeError
 
     if n_dropped:
         raise VestigeError(
@@ -223,6 +226,33 @@ class _Warnings:
                 echo("warning: further warnings are not printed", err=True)
 
 
+class _EarlyRecs:
+    """Warns once of the RECS that came before E1 was tracked: when one follows that did not, or at the end."""
+
+    def __init__(self, tracking: LiveTracking | None, warn: Callable[[object], None]) -> None:
+        self._tracking, self._warn, self._count = tracking, warn, 0
+
+    def take(self, epoch: FollowedEpoch) -> None:
+        """Count the RECS of an epoch if they were early."""
+        from vestige.recording.tracked.track_recording import tracked_since
+
+        if self._tracking is None or self._tracking.first_observed is None:
+            return
+        if epoch.sent >= tracked_since(self._tracking.first_observed, epoch.time_tag_error_s):
+            self.say()
+            return
+        now = (one for one in epoch.assistance.segments if one.transmit_time == epoch.sent)
+        self._count += sum(one.svid in self._tracking.seen for one in now)
+
+    def say(self) -> None:
+        """Warn of those that were counted."""
+        from vestige.recording.tracked.track_recording import early_recs_warning
+
+        if self._count and self._tracking is not None and self._tracking.first_observed is not None:
+            self._warn(early_recs_warning(self._count, self._tracking.first_observed))
+        self._count = 0
+
+
 def _say_what_is_missing(
     following: Following, warn: Callable[[object], None], still_to_come: tuple[str, ...] = ("OSNMA keys", "RECS")
 ) -> None:
@@ -235,7 +265,6 @@ def _say_what_is_missing(
 
 def _following(recording: Path, options: dict[str, Any], warn: Callable[[object], None]) -> Following:
     from vestige.constants import SPEED_OF_LIGHT_MPS
-    from vestige.errors import VestigeError
     from vestige.recording.assistance.growing_assistance import GrowingAssistance
     from vestige.recording.live.following import Following, WaitLimits
     from vestige.recording.observations.accelerations import GrowingAccelerations

@@ -50,7 +50,6 @@ _path = click.Path(path_type=Path)
     "--poll-s",
     type=FiniteRange(0.001, 60),
     default=1.0,
-    show_default=True,
     metavar="SECONDS",
     help="Time between two looks for new samples.",
 )
@@ -59,7 +58,6 @@ _path = click.Path(path_type=Path)
     "--wait-s",
     type=FiniteRange(0, 1e7),
     default=180.0,
-    show_default=True,
     metavar="SECONDS",
     help="How long to wait for the key of a RECS.",
 )

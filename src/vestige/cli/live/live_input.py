@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import FiniteRange, options_together
+from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
     from vestige.recording.description import BandFile, RecordingDescription
@@ -64,7 +65,6 @@ def live_tracking(
 
     Raises `VestigeError` if it is wished, and there is no E1.
     """
-    from vestige.errors import InputFileError
     from vestige.recording.live.live_tracking import LiveTracking
     from vestige.recording.live.received_message import ReceivedMessage
     from vestige.records import Band
@@ -81,7 +81,6 @@ def live_tracking(
 
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:
     """Return the pipes: standard input, or the named pipes that a description names."""
-    from vestige.errors import VestigeError
     from vestige.recording.live.live_recording import buffer_s
 
     piped = {band: file for band, file in description.bands.items() if file.path == STDIN or _is_fifo(file.path)}
@@ -127,38 +126,31 @@ def live_description(recording: Path, options: dict[str, Any]) -> RecordingDescr
     return found if options["start"] is None else redated(found, options["start"])
 
 
-def stdin_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that describe samples on standard input."""
-    options = (
-        click.option("--description", type=_path, help="Standard input: a recording.toml that describes the samples."),
-        click.option(
-            "--band",
-            type=click.Choice(["e6", "e1", "both"]),
-            help="Standard input: its band; both: a sample of E1 and one of E6 in turn.",
-        ),
-        click.option(
-            "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: type of the numbers."
-        ),
-        click.option(
-            "--layout", type=click.Choice(LAYOUTS), help="Standard input: real samples, or the order of I and Q."
-        ),
-        click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input: sample rate in Hz."),
-        click.option(
-            "--center-frequency-hz",
-            type=FiniteRange(0),
-            help="Standard input: radio frequency at 0 Hz in the samples. [default of both bands: the carriers]",
-        ),
-        click.option(
-            "--buffer-mb",
-            type=FiniteRange(1, 1e6),
-            default=512.0,
-            show_default=True,
-            help="Standard input: size of the buffer of each band in MB.",
-        ),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
+# The options that describe samples on standard input
+stdin_options = options_together(
+    click.option("--description", type=_path, help="Standard input: a recording.toml that describes the samples."),
+    click.option(
+        "--band",
+        type=click.Choice(["e6", "e1", "both"]),
+        help="Standard input: its band; both: a sample of E1 and one of E6 in turn.",
+    ),
+    click.option(
+        "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: type of the numbers."
+    ),
+    click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: real samples, or the order of I and Q."),
+    click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input: sample rate in Hz."),
+    click.option(
+        "--center-frequency-hz",
+        type=FiniteRange(0),
+        help="Standard input: radio frequency at 0 Hz in the samples. [default of both bands: the carriers]",
+    ),
+    click.option(
+        "--buffer-mb",
+        type=FiniteRange(1, 1e6),
+        default=512.0,
+        help="Standard input: size of the buffer of each band in MB.",
+    ),
+)
 
 
 def stdin_description(options: dict[str, Any], default_band: str = "e6") -> RecordingDescription:
@@ -173,7 +165,6 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
     """
     from dataclasses import replace
 
-    from vestige.errors import InputFileError
     from vestige.recording.description import RecordingDescription, redated
     from vestige.recording.recording_toml import read_recording_toml
     from vestige.records import Band
@@ -196,7 +187,6 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
 
 
 def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile]:
-    from vestige.errors import VestigeError
     from vestige.recording.description import SAMPLE_RATE_RANGE_HZ, BandFile, band_of
     from vestige.recording.samples.sample_format import SampleFormat
     from vestige.records import Band

@@ -20,7 +20,7 @@ from vestige.cli.recordings.process_options import (
 from vestige.cli.recordings.processor_from_options import processor_from_options
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
 from vestige.cli.terminal import echo
-from vestige.constants import MEDIAN_TRAVEL_TIME_S
+from vestige.errors import VestigeError
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -178,19 +178,16 @@ def _missing_bands(recording: Recording) -> list[str]:
 
 def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> list[str]:
     """Return a warning if RECS of satellites that are tracked came before E1 of any satellite was."""
+    from vestige.recording.tracked.track_recording import early_recs_warning, tracked_since
+
     epochs = () if tracked is None else tracked.epochs
     first = next((epoch for epoch in epochs if epoch.observations), None)
     if first is None:
         return []
     seen = {svid for epoch in epochs for svid in epoch.observations}
-    begin = first.time + -(source.time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
+    begin = tracked_since(first.time, source.time_tag_error_s)
     n = sum(one.svid in seen for time, segments in source.epochs().items() if time < begin for one in segments)
-    if n == 0:
-        return []
-    return [
-        f"{n} RECS came before E1 was tracked, from {first.time} on, and {'has' if n == 1 else 'have'} no verdict; "
-        "begin the recording 5 s before a RECS, or measure E1 around each RECS with --no-track"
-    ]
+    return [early_recs_warning(n, first.time)] if n else []
 
 
 def _is_shown(step: Step) -> bool:
@@ -252,7 +249,6 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
     """Return the OSNMA of the second channel, None without one; says what is wrong with them."""
-    from vestige.errors import VestigeError
     from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]
@@ -274,7 +270,6 @@ def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.calibration import MIN_SATELLITES, hardware_bias_correction_s
-    from vestige.errors import VestigeError
 
     assistance = source.assistance
     if not calibrate:

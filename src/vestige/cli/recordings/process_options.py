@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,14 @@ from vestige.cli.options import (
     cipher_mode_option,
     detector_option,
     group_delay_option,
+    options_together,
     parts_option,
     recording_argument,
     start_option,
     threads_option,
     trust_options,
 )
-from vestige.cli.usual_levels import usual_level_options
+from vestige.cli.usual_levels import approximate_position, pseudorange_errors, usual_level_options
 
 CN0_ESTIMATOR_NAMES = (
     "noise-floor",
@@ -93,180 +93,158 @@ _path = click.Path(path_type=Path)
 _READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerations")
 
 
-def processor_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add RECORDING and the options of the processor to a verb."""
-    options: tuple[Callable[..., Any], ...] = (
-        recording_argument,
-        assistance_option,
-        trust_options,
-        click.option(
-            "--certificate",
-            "certificates",
-            multiple=True,
-            type=_path,
-            help="Public key of the assistance server. Files that it did not sign are then refused.",
-        ),
-        cipher_mode_option,
-        group_delay_option,
-        click.option(
-            "--track/--no-track",
-            default=None,
-            help="Track E1 through the whole recording, or measure it in 100 ms around each RECS only. "
-            "[default: track if there are no observations]",
-        ),
-        threads_option("Number of threads that track E1."),
-        click.option(
-            "--navigation",
-            type=_path,
-            help="RINEX navigation file with the orbits for positions, used in place of those in the tracked message.",
-        ),
-        start_option,
-        click.option(
-            "--time-uncertainty",
-            type=FiniteRange(0, 1e6),
-            metavar="SECONDS",
-            help="Upper limit of the error of the receiver's clock.",
-        ),
-        click.option(
-            "--cn0-estimator",
-            type=click.Choice(CN0_ESTIMATOR_NAMES),
-            help="Estimator of the C/N0 of E1 where it is measured in the samples. [default: noise-floor]",
-        ),
-        click.option(
-            "--fail-on",
-            type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
-            help="End with exit status 3 if a verdict is SPOOFED, if there was an alarm (SPOOFED, SUSPECT or "
-            "NOT_DETECTED), or if not every verdict is AUTHENTIC.",
-        ),
-        *_level_options(),
-        *_e6_options(),
-        usual_level_options,
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def _level_options() -> tuple[Callable[..., Any], ...]:
-    return (
-        click.option(
-            "--level",
-            type=click.Choice(["1", "2", "3"]),
-            default="1",
-            show_default=True,
-            help="Mitigation level: decides which checks run.",
-        ),
-        click.option(
-            "--check",
-            "checks",
-            multiple=True,
-            metavar="module:Name",
-            help="Run this check of your own as well. May be given several times.",
-        ),
-        parts_option,
-        click.option(
-            "--second-channel",
-            type=_path,
-            help="Level 3: folder with OSNMA keys or pages that came by another channel.",
-        ),
-        click.option("--accelerations", type=_path, help="Level 3: CSV file of the accelerometer."),
-        click.option(
-            "--acceleration-bias-mps2",
-            type=FiniteRange(0, 10),
-            default=0.01,
-            show_default=True,
-            help="Level 3: standard deviation of the accelerometer's bias in m/s².",
-        ),
-        click.option(
-            "--search-ms",
-            type=click.Choice(["1", "2", "4", "8", "16"]),
-            default="4",
-            show_default=True,
-            help="Level 3: coherent integration time of the exhaustive search in ms.",
-        ),
-        click.option(
-            "--search-window",
-            type=FiniteRange(1e-6, 1e5),
-            metavar="SECONDS",
-            help="Level 3: search E6 within ± SECONDS of the expected arrival. [default: in all samples]",
-        ),
-        click.option(
-            "--search-every",
-            type=FiniteRange(0, 1e9),
-            default=3600.0,
-            show_default=True,
-            metavar="SECONDS",
-            help="Level 3: time between two exhaustive searches while nothing is suspicious.",
-        ),
-    )
-
-
-def _e6_options() -> tuple[Callable[..., Any], ...]:
-    return (
-        detector_option,
-        click.option(
-            "--p-fa",
-            type=FiniteRange(1e-15, 0.1),
-            default=1e-7,
-            show_default=True,
-            help="False-alarm probability of one E6 correlator.",
-        ),
-        click.option(
-            "--taps",
-            type=click.IntRange(3, 63),
-            default=11,
-            show_default=True,
-            help="Number of E6 correlators around the prediction.",
-        ),
-        click.option(
-            "--tap-spacing-m",
-            type=FiniteRange(0.1, 100),
-            default=15.0,
-            show_default=True,
-            help="Distance between two E6 correlators in m.",
-        ),
-        click.option(
-            "--early-reach-m",
-            type=FiniteRange(0, 900),
-            default=600.0,
-            show_default=True,
-            help="How far before the prediction further E6 correlators stand, in m. They see the true signal when E1 "
-            "follows a repeater.",
-        ),
-        click.option(
-            "--spacing",
-            type=click.IntRange(1),
-            default=1,
-            show_default=True,
-            help="Early-to-late spacing of the range estimate, in correlators.",
-        ),
-        click.option(
-            "--min-pd",
-            type=FiniteRange(0, 1),
-            default=0.9,
-            show_default=True,
-            help="A missed E6 signal counts only if it would have been detected with at least this probability.",
-        ),
-        click.option(
-            "--kappa",
-            type=FiniteRange(0.1, 10),
-            default=3.0,
-            show_default=True,
-            help="Limit of the range check, in standard deviations of the error budget.",
-        ),
-        click.option(
-            "--budget",
-            type=click.Choice(["uncorrected", "corrected"]),
-            default="uncorrected",
-            show_default=True,
-            help="Error budget of the range check: without or with corrections of the ionosphere.",
-        ),
-        click.option(
-            "--hardware-bias-m",
-            type=FiniteRange(-1e7, 1e7),
-            help="Delay of E6 minus that of E1 in the receiver, in m.",
-        ),
-    )
+_level_options = options_together(
+    click.option(
+        "--level",
+        type=click.Choice(["1", "2", "3"]),
+        default="1",
+        help="Mitigation level: decides which checks run.",
+    ),
+    click.option(
+        "--check",
+        "checks",
+        multiple=True,
+        metavar="module:Name",
+        help="Run this check of your own as well. May be given several times.",
+    ),
+    parts_option,
+    click.option(
+        "--second-channel",
+        type=_path,
+        help="Level 3: folder with OSNMA keys or pages that came by another channel.",
+    ),
+    click.option("--accelerations", type=_path, help="Level 3: CSV file of the accelerometer."),
+    click.option(
+        "--acceleration-bias-mps2",
+        type=FiniteRange(0, 10),
+        default=0.01,
+        help="Level 3: standard deviation of the accelerometer's bias in m/s².",
+    ),
+    click.option(
+        "--search-ms",
+        type=click.Choice(["1", "2", "4", "8", "16"]),
+        default="4",
+        help="Level 3: coherent integration time of the exhaustive search in ms.",
+    ),
+    click.option(
+        "--search-window",
+        type=FiniteRange(1e-6, 1e5),
+        metavar="SECONDS",
+        help="Level 3: search E6 within ± SECONDS of the expected arrival. [default: in all samples]",
+    ),
+    click.option(
+        "--search-every",
+        type=FiniteRange(0, 1e9),
+        default=3600.0,
+        metavar="SECONDS",
+        help="Level 3: time between two exhaustive searches while nothing is suspicious.",
+    ),
+)
+_e6_options = options_together(
+    detector_option,
+    click.option(
+        "--p-fa",
+        type=FiniteRange(1e-15, 0.1),
+        default=1e-7,
+        help="False-alarm probability of one E6 correlator.",
+    ),
+    click.option(
+        "--taps",
+        type=click.IntRange(3, 63),
+        default=11,
+        help="Number of E6 correlators around the prediction.",
+    ),
+    click.option(
+        "--tap-spacing-m",
+        type=FiniteRange(0.1, 100),
+        default=15.0,
+        help="Distance between two E6 correlators in m.",
+    ),
+    click.option(
+        "--early-reach-m",
+        type=FiniteRange(0, 900),
+        default=600.0,
+        help="How far before the prediction further E6 correlators stand, in m. They see the true signal when E1 "
+        "follows a repeater.",
+    ),
+    click.option(
+        "--spacing",
+        type=click.IntRange(1),
+        default=1,
+        help="Early-to-late spacing of the range estimate, in correlators.",
+    ),
+    click.option(
+        "--min-pd",
+        type=FiniteRange(0, 1),
+        default=0.9,
+        help="A missed E6 signal counts only if it would have been detected with at least this probability.",
+    ),
+    click.option(
+        "--kappa",
+        type=FiniteRange(0.1, 10),
+        default=3.0,
+        help="Limit of the range check, in standard deviations of the error budget.",
+    ),
+    click.option(
+        "--budget",
+        type=click.Choice(["uncorrected", "corrected"]),
+        default="uncorrected",
+        help="Error budget of the range check: without or with corrections of the ionosphere.",
+    ),
+    click.option(
+        "--hardware-bias-m",
+        type=FiniteRange(-1e7, 1e7),
+        help="Delay of E6 minus that of E1 in the receiver, in m.",
+    ),
+)
+# RECORDING and the options of the processor
+processor_options = options_together(
+    recording_argument,
+    assistance_option,
+    trust_options,
+    click.option(
+        "--certificate",
+        "certificates",
+        multiple=True,
+        type=_path,
+        help="Public key of the assistance server. Files that it did not sign are then refused.",
+    ),
+    cipher_mode_option,
+    group_delay_option,
+    click.option(
+        "--track/--no-track",
+        default=None,
+        help="Track E1 through the whole recording, or measure it in 100 ms around each RECS only. "
+        "[default: track if there are no observations]",
+    ),
+    threads_option("Number of threads that track E1."),
+    click.option(
+        "--navigation",
+        type=_path,
+        help="RINEX navigation file with the orbits for positions, used in place of those in the tracked message.",
+    ),
+    start_option,
+    click.option(
+        "--time-uncertainty",
+        type=FiniteRange(0, 1e6),
+        metavar="SECONDS",
+        help="Upper limit of the error of the receiver's clock.",
+    ),
+    click.option(
+        "--cn0-estimator",
+        type=click.Choice(CN0_ESTIMATOR_NAMES),
+        help="Estimator of the C/N0 of E1 where it is measured in the samples. [default: noise-floor]",
+    ),
+    click.option(
+        "--fail-on",
+        type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
+        help="End with exit status 3 if a verdict is SPOOFED, if there was an alarm (SPOOFED, SUSPECT or "
+        "NOT_DETECTED), or if not every verdict is AUTHENTIC.",
+    ),
+    _level_options,
+    _e6_options,
+    usual_level_options,
+)
 
 
 def check_processor_usage(options: dict[str, Any]) -> None:
@@ -276,6 +254,8 @@ def check_processor_usage(options: dict[str, Any]) -> None:
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
     if options["alarms_per_day"] is not None and stated:
         raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
+    approximate_position(options)  # before E1 is tracked, which takes long
+    pseudorange_errors(options)
 
 
 def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:

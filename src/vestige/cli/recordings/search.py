@@ -19,6 +19,7 @@ from vestige.cli.options import (
     group_delay_convention,
     group_delay_option,
     json_option,
+    options_together,
     parse_svids,
     recording_argument,
     start_option,
@@ -44,12 +45,11 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 _path = click.Path(path_type=Path)
-_svids = click.option("--svids", default="1-36", show_default=True, help="Satellites to search, for example 2,3,7-9.")
+_svids = click.option("--svids", default="1-36", help="Satellites to search, for example 2,3,7-9.")
 _p_fa = click.option(
     "--p-fa-overall",
     type=FiniteRange(1e-15, 0.5),
     default=1e-3,
-    show_default=True,
     help="False-alarm probability of the whole search.",
 )
 _uncertainty = click.option(
@@ -65,8 +65,11 @@ _doppler_span = click.option(
     "--doppler-span-hz",
     type=FiniteRange(100, 50_000),
     default=5000.0,
-    show_default=True,
     help="Search Dopplers within ± so many Hz.",
+)
+# Options of both searches for RECS on E6
+_recs_options = options_together(
+    recording_argument, assistance_option, _svids, start_option, _p_fa, _uncertainty, cipher_mode_option
 )
 _IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
@@ -86,7 +89,6 @@ def command() -> None:
     "--periods",
     type=click.IntRange(1, 24),
     default=24,
-    show_default=True,
     help="Number of code periods of 4 ms whose powers are added.",
 )
 @_doppler_span
@@ -142,19 +144,12 @@ def e1(
 
 
 @command.command("handover")
-@recording_argument
-@assistance_option
-@_svids
-@start_option
-@_p_fa
-@_uncertainty
-@cipher_mode_option
+@_recs_options
 @group_delay_option
 @click.option(
     "--taps",
     type=click.Choice(["1", "3", "5", "7", "9"]),
     default="5",
-    show_default=True,
     help="Number of E6 correlators at each possible arrival, half a chip apart.",
 )
 @click.option(
@@ -215,18 +210,11 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 
 
 @command.command("exhaustive")
-@recording_argument
-@assistance_option
-@_svids
-@start_option
-@_p_fa
-@_uncertainty
-@cipher_mode_option
+@_recs_options
 @click.option(
     "--integration-ms",
     type=click.Choice(["1", "2", "4", "8", "16"]),
     default="4",
-    show_default=True,
     help="Coherent integration time in ms.",
 )
 @_doppler_span
@@ -234,7 +222,6 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     "--engine",
     type=click.Choice(["auto", "cuda", "segment", "fft"]),
     default="auto",
-    show_default=True,
     help="Program that computes the correlations; auto takes the fastest that this machine runs.",
 )
 @click.option("--workers", type=click.IntRange(1, 1024), help="Number of threads. [default: one for each core]")

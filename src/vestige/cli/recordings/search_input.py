@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vestige.cli.terminal import echo
+from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
     from vestige.crypto.recs.recs_segment import CipherMode
@@ -39,8 +40,6 @@ def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
 
 def reader_of(recording: Recording, band: Any) -> SampleReader:
     """Return the samples of a band; raises `VestigeError` if there are none."""
-    from vestige.errors import VestigeError
-
     reader = recording.reader(band)
     if reader is None:
         raise VestigeError(f"the recording has no {band.value} samples")
@@ -52,7 +51,6 @@ def decrypted_recs(
 ) -> tuple[list[ChipSequence], Assistance]:
     """Return the decrypted RECS that may be in the samples, in order of transmission, and the assistance."""
     from vestige.crypto.recs.recs_segment import decrypt
-    from vestige.errors import VestigeError
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.snapshots import time_span
 

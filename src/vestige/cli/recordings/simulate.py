@@ -12,6 +12,7 @@ import click
 
 from vestige.cli.options import FiniteRange, parts_option, set_option, threads_option
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
@@ -37,7 +38,6 @@ _path = click.Path(path_type=Path)
     "component",
     type=click.Choice(["int8", "int16", "float32"]),
     default="int8",
-    show_default=True,
     help="Type of the numbers of a sample.",
 )
 @click.option(
@@ -52,7 +52,6 @@ _path = click.Path(path_type=Path)
     "--max-gb",
     type=FiniteRange(0, 1e6),
     default=10.0,
-    show_default=True,
     help="Refuse to write more gigabytes than these.",
 )
 @parts_option
@@ -66,7 +65,6 @@ def command(scenario: Path, **options: Any) -> None:
     With `-o -` the I,Q samples of one band, or of both in turn, go to standard output, and no file is written.
     """
     from vestige.cli.progress import progress
-    from vestige.errors import InputFileError, VestigeError
     from vestige.scenario.load import load_scenario
     from vestige.scenario.recording import RecordingScenario
     from vestige.scenario.toml.toml_file import overridden, read_toml
@@ -114,7 +112,6 @@ def command(scenario: Path, **options: Any) -> None:
 
 def _check_band(path: Path, scenario: CampaignScenario) -> None:
     """Raise `InputFileError` if the samples of a sky cannot hold its signals."""
-    from vestige.errors import InputFileError
     from vestige.scenario.limits import check_recorded_band
     from vestige.scenario.toml.toml_file import InconsistentSettingsError
 

@@ -8,78 +8,77 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
-from vestige.cli.options import FiniteRange, recording_argument, start_option, threads_option
+from vestige.cli.options import FiniteRange, options_together, recording_argument, start_option, threads_option
 from vestige.cli.recordings.time_tag import late_or_early
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError
 
 if TYPE_CHECKING:
-    from vestige.errors import InputFileError
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.sample_processor.tracking.settings import TrackingSettings
 
 _path = click.Path(path_type=Path)
 
 
-def tracking_options(command: Any) -> Any:
-    """Add the options of the loops."""
-    options = (
-        click.option(
-            "--pll-bandwidth-hz",
-            type=FiniteRange(0.1, 100),
-            default=15.0,
-            show_default=True,
-            help="One-sided noise bandwidth of the PLL.",
-        ),
-        click.option(
-            "--pll-order", type=click.Choice(["2", "3"]), default="3", show_default=True, help="Order of the PLL."
-        ),
-        click.option(
-            "--fll-bandwidth-hz",
-            type=FiniteRange(0.1, 60),
-            default=10.0,
-            show_default=True,
-            help="One-sided noise bandwidth of the FLL.",
-        ),
-        click.option(
-            "--dll-bandwidth-hz",
-            type=FiniteRange(0.01, 20),
-            default=1.0,
-            show_default=True,
-            help="One-sided noise bandwidth of the DLL.",
-        ),
-        click.option(
-            "--integration-ms",
-            type=click.Choice(["4", "20"]),
-            default="4",
-            show_default=True,
-            help="Coherent integration time in ms.",
-        ),
-        click.option(
-            "--early-late-chips",
-            type=FiniteRange(0.01, 0.66),
-            default=0.16,
-            show_default=True,
-            help="Early-to-late spacing of the DLL in chips.",
-        ),
-        click.option(
-            "--correlators",
-            type=click.Choice(["5", "7", "9", "11"]),
-            default="5",
-            show_default=True,
-            help="Number of correlators of each satellite.",
-        ),
-        click.option(
-            "--replica",
-            type=click.Choice(["BOC(1,1)", "CBOC"]),
-            default="BOC(1,1)",
-            show_default=True,
-            help="Subcarrier of the replica.",
-        ),
-        threads_option("Number of threads that track E1."),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
+# The options of the loops
+tracking_options = options_together(
+    click.option(
+        "--pll-bandwidth-hz",
+        type=FiniteRange(0.1, 100),
+        default=15.0,
+        help="One-sided noise bandwidth of the PLL.",
+    ),
+    click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
+    click.option(
+        "--fll-bandwidth-hz",
+        type=FiniteRange(0.1, 60),
+        default=10.0,
+        help="One-sided noise bandwidth of the FLL.",
+    ),
+    click.option(
+        "--dll-bandwidth-hz",
+        type=FiniteRange(0.01, 20),
+        default=1.0,
+        help="One-sided noise bandwidth of the DLL.",
+    ),
+    click.option(
+        "--pll-discriminator",
+        type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
+        default="normalized quadrature",
+        help="Discriminator of the PLL.",
+    ),
+    click.option(
+        "--dll-discriminator",
+        type=click.Choice(["early-minus-late power", "dot product"]),
+        default="early-minus-late power",
+        help="Discriminator of the DLL.",
+    ),
+    click.option(
+        "--integration-ms",
+        type=click.Choice(["4", "20"]),
+        default="4",
+        help="Coherent integration time in ms.",
+    ),
+    click.option(
+        "--early-late-chips",
+        type=FiniteRange(0.01, 0.66),
+        default=0.16,
+        help="Early-to-late spacing of the DLL in chips.",
+    ),
+    click.option(
+        "--correlators",
+        type=click.Choice(["5", "7", "9", "11"]),
+        default="5",
+        help="Number of correlators of each satellite.",
+    ),
+    click.option(
+        "--replica",
+        type=click.Choice(["BOC(1,1)", "CBOC"]),
+        default="BOC(1,1)",
+        help="Subcarrier of the replica.",
+    ),
+    threads_option("Number of threads that track E1."),
+)
 
 
 def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
@@ -92,6 +91,8 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
         pll_order=int(options["pll_order"]),
         fll_bandwidth_hz=options["fll_bandwidth_hz"],
         dll_bandwidth_hz=options["dll_bandwidth_hz"],
+        pll_discriminator=options["pll_discriminator"],
+        dll_discriminator=options["dll_discriminator"],
         integration_periods=round(int(options["integration_ms"]) / (1e3 * E1_CODE_PERIOD_S)),
         early_late_chips=options["early_late_chips"],
         n_correlators=int(options["correlators"]),
@@ -108,26 +109,27 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
 def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
-    Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, and the correlators.
+    Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, the correlators, and
+    the power of each satellite.
     `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which E1 is tracked.
     """
-    from vestige.errors import InputFileError
     from vestige.recording.tracked.tracked_folder import write_tracked
 
     folder: Path = options["output"]
     if folder.exists():
         raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
-    tracked, duration_s = _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
-    _check_duration(recording_path, tracked, duration_s)
+    tracked, n_samples, rate_hz = (
+        _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
+    )
+    _check_duration(recording_path, tracked, n_samples / rate_hz)
     _print(tracked)
     folder.mkdir(parents=True)
-    for path in write_tracked(folder, tracked):
+    for path in write_tracked(folder, tracked, rate_hz):
         echo(f"wrote {path}")
 
 
 def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) -> None:
     """Raise `InputFileError` if no satellite was tracked because there is too little of E1."""
-    from vestige.errors import InputFileError
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S
 
     if duration_s < MIN_TRACKED_S and not any(epoch.observations for epoch in tracked.epochs):
@@ -139,8 +141,8 @@ def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) ->
         )
 
 
-def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, float]:
-    """Return what tracking makes of a recording, and the duration of its E1 in s."""
+def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
+    """Return what tracking makes of a recording, the number of its samples of E1, and their rate in Hz."""
     from vestige.cli.progress import progress
     from vestige.recording.recording import open_recording
     from vestige.recording.tracked.track_recording import track_recording
@@ -155,12 +157,11 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
         echo(f"warning: {line}", err=True)
     with progress() as report:
         tracked = track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
-    return tracked, recording.e1.duration_s
+    return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz
 
 
-def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, float]:
+def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
     """Return the same of standard input."""
-    from vestige.errors import InputFileError
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
 
@@ -174,12 +175,10 @@ def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, float]:
     n_samples = stream.look().end_sample - file.first_sample
     if n_samples == 0:
         raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
-    return tracked, n_samples / file.sample_rate_hz
+    return tracked, n_samples, file.sample_rate_hz
 
 
 def _without_e1(path: Path) -> InputFileError:
-    from vestige.errors import InputFileError
-
     return InputFileError(path, "bands", "no E1", "samples of E1, the band that is tracked")
 
 

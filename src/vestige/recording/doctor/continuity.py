@@ -96,30 +96,63 @@ def examine_continuity(
         if shift_s is not None:
             yield _jump_finding(reader, *_narrowed(reader, earlier, later, count, followed, limit), shift_s, count)
     if e6 is not None:
-        yield from _e6_jumps(e6, places)
+        for earlier, later in pairwise(places):
+            yield from _e6_jump(e6, reader, earlier, later, count, followed, limit)
 
 
-def _e6_jumps(reader: SampleReader, places: Sequence[MeasuredPlace]) -> Iterator[Finding]:
-    """Yield where E6 jumps between two places that E1 has measured: by its own code phases and the Doppler of E1."""
-    phases = [_e6_phases(reader, place) for place in places]
-    for (earlier, before), (later, after) in pairwise(zip(places, phases, strict=True)):
-        shifts = []
-        for svid in before.keys() & after.keys():
-            span_s = after[svid][0] - before[svid][0]
-            mean_hz = (earlier.snapshots[svid].doppler_hz + later.snapshots[svid].doppler_hz) / 2
-            expected = before[svid][1] + span_s * (1 + mean_hz / E1_CARRIER_HZ)
-            shifts.append((after[svid][1] - expected + E6B.period_s / 2) % E6B.period_s - E6B.period_s / 2)
-        if not shifts:
-            continue
-        rate, shift_s = reader.file.sample_rate_hz, median(shifts)
-        if abs(shift_s) > TOLERANCE_S[0] + 1 / rate + TOLERANCE_S[1] * span_s:
-            begin_s, end_s = (next(iter(one.values()))[0] - reader.start for one in (before, after))
-            yield fault(
-                FindingKind.LOST_SAMPLES, reader.band,
-                f"E6: the signals jump by {shift_s * 1e6:+.1f} µs between {begin_s:.2f} s and {end_s:.2f} s: "
-                f"{abs(shift_s) * rate:.0f} samples are {'missing' if shift_s > 0 else 'repeated'} (modulo 1 ms)",
-                _ADVICE,
-            )  # fmt: skip
+def _e6_jump(
+    e6: SampleReader,
+    e1: SampleReader,
+    earlier: MeasuredPlace,
+    later: MeasuredPlace,
+    count: int,
+    followed: Sequence[E1Satellite],
+    limit: TimeLimit,
+) -> Iterator[Finding]:
+    """Yield that E6 jumps between two places of E1, which are brought nearer to each other."""
+    shift_s = _e6_shift_s(e6, earlier, later)
+    if shift_s is None:
+        return
+    while (later.first - earlier.first) / e1.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
+        middle = _place(e1, (earlier.first + later.first) // 2, count, followed[:1])
+        if middle is None:
+            break
+        if _e6_shift_s(e6, earlier, middle) is not None:
+            later = middle
+        elif _e6_shift_s(e6, middle, later) is not None:
+            earlier = middle
+        else:  # it drifts, and no jump is left
+            break
+    begin_s, end_s = (
+        (one.first - e1.first_sample) / e1.file.sample_rate_hz + (e1.start - e6.start) for one in (earlier, later)
+    )
+    end_s += count / e1.file.sample_rate_hz
+    yield fault(
+        FindingKind.LOST_SAMPLES, e6.band,
+        f"E6: the signals jump by {shift_s * 1e6:+.1f} µs between {begin_s:.2f} s and {end_s:.2f} s: "
+        f"{abs(shift_s) * e6.file.sample_rate_hz:.0f} samples are {'missing' if shift_s > 0 else 'repeated'} "
+        "(modulo 1 ms)",
+        _ADVICE,
+    )  # fmt: skip
+
+
+def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
+    """Return by how much E6 is ahead of its counter at the later place: by its own code phases and E1's Dopplers.
+
+    None if it is not, or shows no satellite at both places.
+    """
+    before, after = _e6_phases(reader, earlier), _e6_phases(reader, later)
+    shifts, span_s = [], 0.0
+    for svid in before.keys() & after.keys():
+        span_s = after[svid][0] - before[svid][0]
+        mean_hz = (earlier.snapshots[svid].doppler_hz + later.snapshots[svid].doppler_hz) / 2
+        expected = before[svid][1] + span_s * (1 + mean_hz / E1_CARRIER_HZ)
+        shifts.append((after[svid][1] - expected + E6B.period_s / 2) % E6B.period_s - E6B.period_s / 2)
+    if not shifts:
+        return None
+    shift_s = median(shifts)
+    least_s = TOLERANCE_S[0] + 1 / reader.file.sample_rate_hz + TOLERANCE_S[1] * span_s
+    return shift_s if abs(shift_s) > least_s else None
 
 
 def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:

@@ -69,7 +69,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
     findings: list[Finding] = []
     sibling = better_sibling(file)
     if sibling is not None:
-        findings.append(fault(sibling.kind, file.band, f"E1: {sibling.says}", sibling.change))
+        findings.append(sibling.fault(sibling.says))
         file = sibling.file
     batch = head(file, E1_WINDOW_S)
     if batch is None:
@@ -78,14 +78,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
     if found:
         better = _stronger_layout(file, found)
         if better is not None:
-            findings.append(
-                fault(
-                    better.kind,
-                    file.band,
-                    f"E1: the signals are stronger {better.says} than as described",
-                    better.change,
-                )
-            )
+            findings.append(better.fault(f"the signals are stronger {better.says} than as described"))
             file = better.file
             batch = head(file, E1_WINDOW_S) or batch
             found = _acquire(batch, _STRETCHES) or found
@@ -98,17 +91,15 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
             return E1Result(file=file, satellites=(), findings=tuple(findings))
         reading, found = hit
         names = satellite_names(one.svid for one in found)
-        findings.append(
-            fault(reading.kind, file.band, f"E1: no signal as described, {names} {reading.says}", reading.change)
-        )
+        findings.append(reading.fault(f"no signal as described, {names} {reading.says}"))
         file = reading.file
         batch = head(file, E1_WINDOW_S) or batch
         found = _acquire(batch, _STRETCHES) or found
     satellites = tuple(_satellite(batch, one) for one in found)
     turned = next(reversed_readings(file), None)
     if turned is not None and code_runs_backwards(file, satellites):
-        evidence = "E1: the codes run as if all Dopplers had the other sign, so the spectrum is reversed"
-        findings.append(fault(turned.kind, file.band, evidence, turned.change))
+        evidence = "the codes run as if all Dopplers had the other sign, so the spectrum is reversed"
+        findings.append(turned.fault(evidence))
         file = turned.file
         batch = head(file, E1_WINDOW_S) or batch
         satellites = tuple(_satellite(batch, replace(one, doppler_hz=-one.doppler_hz)) for one in found)
@@ -168,12 +159,7 @@ def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
         reading = centre_reading(file, round(middle, -2))
-        yield fault(
-            reading.kind,
-            file.band,
-            f"E1: the signals lie {reading.says}, some beyond ±5 kHz may be missed",
-            reading.change,
-        )
+        yield reading.fault(f"the signals lie {reading.says}, some beyond ±5 kHz may be missed")
 
 
 def _window_s(stretches: int) -> float:

@@ -79,12 +79,12 @@ def examine_e6(
     file = next((one for one in files if _shown(one, sky, span_hz)), files[0])
     sibling = better_sibling(file)
     if sibling is not None:
-        findings.append(fault(sibling.kind, file.band, f"E6: {sibling.says}", sibling.change))
+        findings.append(sibling.fault(sibling.says))
         file = sibling.file
     turned = _reversed(file, sky, span_hz)
     if turned is not None:
-        evidence = "E6: the Dopplers have the other sign than on E1, so the spectrum is reversed"
-        findings.append(fault(turned.kind, file.band, evidence, turned.change))
+        evidence = "the Dopplers have the other sign than on E1, so the spectrum is reversed"
+        findings.append(turned.fault(evidence))
         file = turned.file
     if sky and not _shown(file, sky, span_hz):
         limit = TimeLimit(try_s)
@@ -93,9 +93,7 @@ def examine_e6(
             findings.append(_nothing(sky))
             return E6Result(file=file, satellites=(), findings=tuple(findings))
         names = satellite_names(one.svid for one in _shown(reading.file, sky, span_hz))
-        findings.append(
-            fault(reading.kind, file.band, f"E6: no signal as described, {names} {reading.says}", reading.change)
-        )
+        findings.append(reading.fault(f"no signal as described, {names} {reading.says}"))
         file = reading.file
     batch = head(file, E6_WINDOW_S)
     if batch is None:

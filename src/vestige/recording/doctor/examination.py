@@ -2,7 +2,8 @@
 
 The description is taken as it is first. Only where it shows no signal, descriptions that are one mistake away are
 tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are
-looked at, and windows of 100 ms in the middle and at the end.
+looked at, and windows of 100 ms in the middle and at the end. Samples of float32 are all read, for `READ_S` of
+processor time at most, because one that is not a number stops every other command.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from vestige.signals.definitions import E1C, E6C
 from vestige.time import GalileoTime
 
 TRY_S = 36.0  # processor time for descriptions that are one mistake away
+READ_S = 10.0  # processor time in which samples of float32 are read, some 10 GB
 SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
 RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins
@@ -40,6 +42,7 @@ _GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency tha
 _SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
 _ENDS_ONLY = 2  # distinct values of a signal that is clipped to one bit
 _FEW_VALUES = 16  # of a front end of four bits or less, which stores many samples at its outermost values
+_READ_SAMPLES = 1 << 20  # at once, to find those that are not finite
 _LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
 
 
@@ -78,6 +81,8 @@ def examine(
     for band, file in description.bands.items():
         reader = open_samples(file)
         of_values = tuple(chain(_equal_or_broken(reader), _clipped(reader), _short(reader)))
+        if not any(one.kind is FindingKind.NOT_FINITE for one in of_values):
+            of_values += tuple(_not_finite(reader, TimeLimit(READ_S)))
         findings.extend(of_values)
         first_is_usable = not any(one.kind in (FindingKind.EMPTY, FindingKind.NOT_FINITE) for one in of_values)
         if first_is_usable or _head_is_usable(file):
@@ -134,10 +139,7 @@ def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
         try:
             samples = reader.samples(first, count)
         except InputFileError as error:
-            yield fault(
-                FindingKind.NOT_FINITE, band, f"{band.value}: {error}",
-                "check the format; if it is right, record again: NaN and infinity are no samples",
-            )  # fmt: skip
+            yield _not_a_number(band, error)
             return
         values = samples.view(np.float32).reshape(-1, 2)
         if not np.any(samples != samples[0]):
@@ -153,6 +155,34 @@ def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
                 f"{band.value}: one of I and Q in {name} holds one value only {where}",
                 "check the cable or channel of that component; if the samples are real ones, convert them to real",
             )  # fmt: skip
+            return
+
+
+def _not_a_number(band: Band, error: InputFileError) -> Finding:
+    return fault(
+        FindingKind.NOT_FINITE, band, f"{band.value}: {error}",
+        "check the format; if it is right, record again: NaN and infinity are no samples",
+    )  # fmt: skip
+
+
+def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
+    """Yield the first sample of float32 that is no finite number, and how far the file was read if not to its end."""
+    if reader.file.form.component != "float32":
+        return
+    for first in range(reader.first_sample, reader.end_sample, _READ_SAMPLES):
+        if limit.is_over:
+            read_s = (first - reader.first_sample) / reader.file.sample_rate_hz
+            yield remark(
+                FindingKind.NOT_FINITE, reader.band,
+                f"{reader.band.value}: no NaN or infinity in the first {read_s:.1f} s of {reader.duration_s:.1f} s, "
+                "as far as the file was read, nor at its middle and end",
+                "vestige process and vestige track name such a sample where they come to it",
+            )  # fmt: skip
+            return
+        try:
+            reader.samples(first, min(_READ_SAMPLES, reader.end_sample - first))
+        except InputFileError as error:
+            yield _not_a_number(reader.band, error)
             return
 
 

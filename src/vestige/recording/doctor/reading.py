@@ -10,7 +10,7 @@ import numpy as np
 
 from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
-from vestige.recording.doctor.finding import FindingKind
+from vestige.recording.doctor.finding import Finding, FindingKind, fault
 from vestige.recording.samples.sample_file import open_samples
 from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import SampleBatch
@@ -30,6 +30,10 @@ class Reading:
     file: BandFile
     says: str  # what is different, as the evidence says it: "the spectrum reversed"
     change: str  # what to write in the description
+
+    def fault(self, evidence: str) -> Finding:
+        """Return the finding that the samples are as this reading has them, not as described."""
+        return fault(self.kind, self.file.band, f"{self.file.band.value}: {evidence}", self.change)
 
 
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:

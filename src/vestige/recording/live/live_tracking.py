@@ -87,6 +87,10 @@ class LiveTracking:
         Error of the samples' time tag in s, positive if it is late; None as long as no message has told the time.
     end_sample
         Number after that of the last sample that was tracked.
+    first_observed
+        Time of the first epoch with an observation, by the receiver's clock; None before.
+    seen
+        Satellites that were observed.
     """
 
     def __init__(
@@ -107,6 +111,8 @@ class LiveTracking:
         self._epochs = _KeptEpochs()
         self._ended = False
         self.time_tag_error_s: float | None = None
+        self.first_observed: GalileoTime | None = None
+        self.seen: set[int] = set()
         self.track = ObservationTrack(self._epochs, max_gap_s=GAP_INTERVALS / EPOCHS_PER_S + 1e-6)
 
     @property
@@ -159,6 +165,10 @@ class LiveTracking:
 
     def take(self, stretch: TrackedStretch, told_s: float | None) -> None:
         """Take what a stretch of samples gave, and the error of the time tag as it is known after it."""
+        for epoch in stretch.epochs:
+            if epoch.observations:
+                self.first_observed = self.first_observed or epoch.time
+                self.seen |= epoch.observations.keys()
         if told_s is None:
             self._epochs.wait(stretch.epochs)
         else:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS
+from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import AuthenticationError
 from vestige.navigation.ephemeris import Ephemeris
@@ -40,6 +41,7 @@ class ReceivedMessage:
         self._collector = EphemerisCollector(ISSUES)
         self._trust: FileTrust | None = None
         self._receiver: OsnmaReceiver | None = None
+        self._roots: tuple[RootKey, ...] = ()  # of key files, which the receiver has learned
         self._n_subframes = 0  # of receivers before, with another trust anchor
         self._begun = False
 
@@ -77,7 +79,11 @@ class ReceivedMessage:
             raise AuthenticationError(
                 f"{self.path}: the keys in its message prove nothing without an OSNMA public key or Merkle tree"
             )
-        return contents_of_receiver(self._receiver_for(settings.trust))
+        receiver = self._receiver_for(settings.trust)
+        if settings.roots != self._roots:
+            receiver.learn(settings.roots)
+            self._roots = settings.roots
+        return contents_of_receiver(receiver)
 
     def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
         """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them.
@@ -95,7 +101,7 @@ class ReceivedMessage:
         if self._receiver is None or trust != self._trust:
             if self._receiver is not None:
                 self._n_subframes += self._receiver.n_subframes
-            self._trust, self._receiver = trust, OsnmaReceiver(trust.public_keys, trust.tree)
+            self._trust, self._receiver, self._roots = trust, OsnmaReceiver(trust.public_keys, trust.tree), ()
             for page in self._pages:
                 self._receiver.process(page)
         return self._receiver

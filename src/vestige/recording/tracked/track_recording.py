@@ -20,6 +20,7 @@ from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TRACKED_STRETCH_S, TrackingReceiver
+from vestige.time import GalileoTime
 
 _LOOK_S = 0.02  # between two looks at a pipe
 MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each RECS: loops would hardly have settled
@@ -160,6 +161,40 @@ def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
         if state.ended:
             return
         stream.wait(_LOOK_S)
+
+
+def early_recs_warning(count: int, first: GalileoTime) -> str:
+    """Return the warning that RECS of satellites that are tracked came before tracking began.
+
+    Parameters
+    ----------
+    count
+        Number of the RECS, at least 1.
+    first
+        Time of the first epoch with an observation, by the receiver's clock.
+
+    Examples
+    --------
+    >>> early_recs_warning(1, GalileoTime(1422, 0)).split(";")[0]
+    '1 RECS came before E1 was tracked, from 2026-11-22T00:00:00.000 GST on, and has no verdict'
+    """
+    return (
+        f"{count} RECS came before E1 was tracked, from {first} on, and {'has' if count == 1 else 'have'} no verdict; "
+        "begin the recording 5 s before a RECS, or measure E1 around each RECS with --no-track"
+    )
+
+
+def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
+    """Return the time of transmission from which on RECS have observations.
+
+    Parameters
+    ----------
+    first
+        Time of the first epoch with an observation, by the receiver's clock.
+    time_tag_error_s
+        Error of that clock in s, positive if it is late.
+    """
+    return first + -(time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
 
 
 def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:

@@ -6,16 +6,18 @@
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |
 | `inav_pages.csv` | I/NAV pages as the official OSNMA test vectors have them; a page that was not received is zero |
 | `taps.csv` | correlators of E1-C every 100 ms: time, satellite, then in-phase and quadrature part of each |
+| `power.csv` | C/N0 and power of E1-C every 100 ms, and the power of all samples, for each satellite |
 """
 
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.constants import SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.navigation.inav.page import PAGE_BYTES, PAGE_S, InavPage
 from vestige.output import replacement
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
@@ -27,12 +29,12 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 OBSERVATIONS_NAME, NAVIGATION_NAME = "observations.rnx", "navigation.rnx"
-PAGES_NAME, TAPS_NAME = "inav_pages.csv", "taps.csv"
+PAGES_NAME, TAPS_NAME, POWER_NAME = "inav_pages.csv", "taps.csv", "power.csv"
 _CLOCK_IS_SET_S = 1.0  # a clock that is wrong by more is set by the message in the files, to a second
 
 
-def write_tracked(folder: Path, tracked: TrackedRecording) -> tuple[Path, ...]:
-    """Write what there is of `OBSERVATIONS_NAME`, `NAVIGATION_NAME`, `PAGES_NAME` and `TAPS_NAME`; return the files.
+def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
+    """Write what there is of the files above; return them.
 
     Parameters
     ----------
@@ -40,6 +42,8 @@ def write_tracked(folder: Path, tracked: TrackedRecording) -> tuple[Path, ...]:
         Must exist.
     tracked
         Result of tracking a recording.
+    sample_rate_hz
+        Sampling rate of E1 in Hz.
     """
     epochs = [epoch for epoch in tracked.epochs if epoch.observations]
     offset_s = clock_set_s(tracked)
@@ -51,6 +55,9 @@ def write_tracked(folder: Path, tracked: TrackedRecording) -> tuple[Path, ...]:
         written.append(folder / TAPS_NAME)
         with replacement(written[-1]) as part:
             _write_taps(part, epochs, offset_s)
+        written.append(folder / POWER_NAME)
+        with replacement(written[-1]) as part:
+            _write_power(part, epochs, offset_s, sample_rate_hz)
     ephemerides = ephemerides_in(tracked.pages)
     if ephemerides:
         written.append(folder / NAVIGATION_NAME)
@@ -91,6 +98,48 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
             time = _earlier(epoch.time, offset_s)
             for svid, taps in sorted(epoch.taps.items()):
                 values = [f"{value:.3f}" for tap in taps for value in (tap.real, tap.imag)]
+                table.writerow([time.week, f"{time.second + time.fraction:.1f}", svid, *values])
+
+
+def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
+    """Return the power of E1-C in dB relative to one unit of the samples' numbers squared; NaN if there is none.
+
+    The sum of N samples of power p has a noise variance of N p/2 per dimension if they are noise, and a signal of power
+    C gives a prompt of √C N. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
+
+    Parameters
+    ----------
+    prompt
+        Prompt correlator over 100 ms, in standard deviations of the noise per dimension if the samples were noise.
+    samples_power_db
+        Mean power of the samples in the same unit.
+    sample_rate_hz
+        Sampling rate in Hz.
+
+    Examples
+    --------
+    >>> round(signal_power_db(80.0 + 0j, 3.0, 4e6), 2)
+    -17.97
+    """
+    excess = abs(prompt) ** 2 - 2.0
+    if not (excess > 0 and math.isfinite(samples_power_db)):
+        return math.nan
+    return 10 * math.log10(excess / (2 * SECONDARY_PERIOD_S * sample_rate_hz)) + samples_power_db
+
+
+def _write_power(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int, sample_rate_hz: float) -> None:
+    with path.open("w", encoding="ascii", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(["gst_week", "gst_second", "svid", "cn0_dbhz", "e1c_power_db", "samples_power_db"])
+        for epoch in epochs:
+            time = _earlier(epoch.time, offset_s)
+            prompt = len(epoch.tap_chips) // 2
+            for svid, one in sorted(epoch.observations.items()):
+                taps = epoch.taps.get(svid)
+                power_db = math.nan
+                if taps is not None and taps.size:
+                    power_db = signal_power_db(complex(taps[prompt]), epoch.power_db, sample_rate_hz)
+                values = ["" if math.isnan(one) else f"{one:.2f}" for one in (one.cn0_dbhz, power_db, epoch.power_db)]
                 table.writerow([time.week, f"{time.second + time.fraction:.1f}", svid, *values])
 
 

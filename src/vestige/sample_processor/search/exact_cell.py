@@ -68,7 +68,6 @@ def exact_peak(
         start_time=cell.start_time,
         doppler_hz=doppler_hz,
         doppler_rate_hz_per_s=0.0,
-        expected_cn0_dbhz=float("nan"),
     )
     return peak_at(source, handover, threshold)
 

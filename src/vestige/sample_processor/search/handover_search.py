@@ -250,7 +250,6 @@ def _handover(source: SampleSource, line: CandidateEpochs, place: int, tap: int)
         start_time=line.anchor + at_s,
         doppler_hz=line.doppler_hz + line.doppler_rate_hz_per_s * at_s,
         doppler_rate_hz_per_s=line.doppler_rate_hz_per_s,
-        expected_cn0_dbhz=float("nan"),
     )
 
 

@@ -21,7 +21,12 @@ from vestige.sample_processor.tracking.channel_kernel import (
 )
 from vestige.sample_processor.tracking.loop_gains import loop_gains
 from vestige.sample_processor.tracking.replica_kernel import half_chip_windows
-from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, TrackingSettings
+from vestige.sample_processor.tracking.settings import (
+    DLL_DISCRIMINATORS,
+    PERIODS_PER_SECONDARY,
+    PLL_DISCRIMINATORS,
+    TrackingSettings,
+)
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
@@ -64,7 +69,9 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
 
 
 def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, bandwidth_hz: float) -> float:
-    """Return what turns (|L|² − |E|²)/A² into the code error in chips, for small errors.
+    """Return what turns the code discriminator over A² into the code error in chips, for small errors.
+
+    The discriminator is |L|² − |E|² or Re((L − E) P*), as the settings say.
 
     Parameters
     ----------
@@ -83,7 +90,8 @@ def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, 
         CBOC_MINUS, replica, places, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=bandwidth_hz
     )
     slope = (after - before) / (2 * _SLOPE_STEP_CHIPS)
-    return float(peak**2 / (-4 * there * slope))
+    strength = peak if settings.dll_discriminator == "dot product" else 2 * there
+    return float(peak**2 / (-2 * strength * slope))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,6 +169,8 @@ class Channel:
             "dll": loop_gains(1, settings.dll_bandwidth_hz, interval_s),
             "fll": loop_gains(1, settings.fll_bandwidth_hz, interval_s)[0],
             "code_scale": code_discriminator_scale(settings, batch.sample_rate_hz, bandwidth_hz),
+            "phase_kind": PLL_DISCRIMINATORS.index(settings.pll_discriminator),
+            "code_kind": DLL_DISCRIMINATORS.index(settings.dll_discriminator),
             "early": middle - 1,
             "prompt": middle,
             "late": middle + 1,

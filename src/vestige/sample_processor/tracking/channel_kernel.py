@@ -6,9 +6,11 @@ The code oscillator cuts the samples into code periods: period k begins with the
 negative. Each period gives the bank P_j of E1-C, with the secondary chip taken off, and the prompt of E1-B. After every
 integration the discriminators tell the errors, with the early (E), prompt (P) and late (L) correlator:
 
-    carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle
+    carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
+                      or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
     carrier frequency arg(P_k P*_{k−1}) / (2π T)     while the carrier is pulled in
-    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P
+    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
+                      or Re((L − E) P*) / (2 A² R(0) R'(d))
 
 with R the correlation of the received pulse with the replica at half the distance d from early to late. The gains are
 those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
@@ -83,7 +85,9 @@ CONSTANTS = np.dtype(
         ("pll", "f8", (3,)),
         ("dll", "f8", (3,)),
         ("fll", "f8"),
-        ("code_scale", "f8"),  # 1 / (4 R R') in chips
+        ("code_scale", "f8"),  # 1 / (4 R R') in chips; of the dot product 1 / (2 R(0) R')
+        ("phase_kind", "i8"),  # place in `PLL_DISCRIMINATORS`
+        ("code_kind", "i8"),  # place in `DLL_DISCRIMINATORS`
         ("early", "i8"),  # places of the correlators in the bank
         ("prompt", "i8"),
         ("late", "i8"),
@@ -192,7 +196,7 @@ def _update(c, s, total):
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
     s.amplitude = size if s.amplitude == 0.0 else s.amplitude + t / _AMPLITUDE_TIME_S * (size - s.amplitude)
     rate_hz = 0.0
-    angle = _phase_error(prompt, s.amplitude)
+    angle = _phase_error(c.phase_kind, prompt, s.amplitude)
     if s.mode == PULL_IN:
         if s.pulled_in > 0:
             cross = prompt.imag * s.last_re - prompt.real * s.last_im
@@ -216,7 +220,10 @@ def _update(c, s, total):
     s.last_re, s.last_im = prompt.real, prompt.imag
     s.carrier_step = (c.intermediate_hz + s.doppler_hz + rate_hz) / c.sample_rate_hz
 
-    difference = (late.real**2 + late.imag**2) - (early.real**2 + early.imag**2)
+    if c.code_kind == 0:
+        difference = (late.real**2 + late.imag**2) - (early.real**2 + early.imag**2)
+    else:
+        difference = (late.real - early.real) * prompt.real + (late.imag - early.imag) * prompt.imag
     # chips; positive: the signal is later
     error = c.code_scale * difference / s.amplitude**2 if s.amplitude > 0.0 else 0.0
     error = min(max(error, -0.5), 0.5)
@@ -226,8 +233,15 @@ def _update(c, s, total):
 
 
 @njit(cache=True, nogil=True)
-def _phase_error(prompt, amplitude):
-    """Return the phase error in cycles: linear in the noise, where an arctangent makes more of it in weak signals."""
+def _phase_error(kind, prompt, amplitude):
+    """Return the phase error in cycles.
+
+    The normalized quadrature is linear in the noise, where an arctangent makes more of it in weak signals.
+    """
+    if kind == 1:
+        return np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
+    if kind == 2:
+        return np.arctan(prompt.imag / prompt.real) / (2 * np.pi) if prompt.real != 0.0 else 0.0
     size = max(amplitude, 0.5 * np.hypot(prompt.real, prompt.imag))
     if size <= 0.0:
         return 0.0

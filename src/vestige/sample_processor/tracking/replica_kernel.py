@@ -8,6 +8,9 @@ of each sample is made once and serves the whole bank; the distance of a correla
 **Replica.** BOC(1,1) is a code of twice the rate: every chip is followed by its opposite. A window of 32 half chips and
 the fixed-point code phase give the sign of a sample by one shift, without a look-up [see
 `vestige.signals.chip_window_kernel`]. CBOC adds the six half cycles of BOC(6,1) in a half chip, from the same phase.
+With BOC(1,1) the replicas of E1-C and E1-B are made together, because they share the shifts.
+
+**Sums.** Two correlators are summed in one loop, because loading the samples takes as long as multiplying them.
 
 **Carrier.** One rotator table for the period; the phase of each block is applied to its sums, in float64.
 """
@@ -45,6 +48,17 @@ def _fill_boc(window, fraction, step, replica):
         shift = np.uint32(fraction + np.uint32(i) * step) >> np.uint32(FRACTION_BITS)
         sign = np.uint32(np.uint32(window << shift) & np.uint32(_SIGN))
         replica[i] = float_of(np.int32(sign | np.uint32(_ONE)))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _fill_two_boc(window_1, window_2, fraction, step, replica_1, replica_2):
+    """Fill the same piece of the replicas of two codes."""
+    for i in range(replica_1.size):
+        shift = np.uint32(fraction + np.uint32(i) * step) >> np.uint32(FRACTION_BITS)
+        sign_1 = np.uint32(np.uint32(window_1 << shift) & np.uint32(_SIGN))
+        sign_2 = np.uint32(np.uint32(window_2 << shift) & np.uint32(_SIGN))
+        replica_1[i] = float_of(np.int32(sign_1 | np.uint32(_ONE)))
+        replica_2[i] = float_of(np.int32(sign_2 | np.uint32(_ONE)))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -90,6 +104,26 @@ def fill_replica(windows, phase, step, high, replica):
             _fill_cboc(window, fraction, fixed_step, np.int32(np.int64(base) & 1), np.float32(high), part)
 
 
+@njit(cache=True, nogil=True)
+def _fill_both(pilot_windows, data_windows, phase, step, high, pilot, data):
+    """Fill the replicas of E1-C and E1-B for the same samples; arguments as for `fill_replica`."""
+    if high != 0.0:
+        fill_replica(pilot_windows, phase, step, -high, pilot)
+        fill_replica(data_windows, phase, step, high, data)
+        return
+    piece = max(1, int(30.0 / step))
+    fixed_step = np.uint32(np.round(step * _WHOLE))
+    for first in range(0, pilot.size, piece):
+        at = phase + first * step
+        base = np.floor(at)
+        fraction = np.uint32((at - base) * _WHOLE)
+        window = np.int64(base) + _AHEAD
+        last = first + piece
+        _fill_two_boc(
+            pilot_windows[window], data_windows[window], fraction, fixed_step, pilot[first:last], data[first:last]
+        )
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, y_re, y_im):
     for i in range(y_re.size):
@@ -99,12 +133,16 @@ def _wipe(x, cos, sin, y_re, y_im):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _sums(y_re, y_im, replica):
-    re, im = np.float32(0.0), np.float32(0.0)
+def _two_sums(y_re, y_im, replica_1, replica_2):
+    re_1, im_1 = np.float32(0.0), np.float32(0.0)
+    re_2, im_2 = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
-        re += y_re[i] * replica[i]
-        im += y_im[i] * replica[i]
-    return re, im
+        re, im = y_re[i], y_im[i]
+        re_1 += re * replica_1[i]
+        im_1 += im * replica_1[i]
+        re_2 += re * replica_2[i]
+        im_2 += im * replica_2[i]
+    return re_1, im_1, re_2, im_2
 
 
 @njit(cache=True, nogil=True)
@@ -124,7 +162,7 @@ def correlate_period(x, pilot_windows, data_windows, high, phase, step, cycles, 
     cycles, cycles_per_sample
         Carrier phase of the first sample and its step, in cycles.
     lags
-        int64[k]: by how many samples the replica of each correlator is late.
+        int64[k]: by how many samples the replica of each correlator is late; k is odd.
     pilot
         complex128[k], filled with the sums over the samples.
     """
@@ -133,22 +171,25 @@ def correlate_period(x, pilot_windows, data_windows, high, phase, step, cycles, 
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     rotator_table(cycles_per_sample, cos, sin)
     y_re, y_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
-    pilot_replica = np.empty(BLOCK + 2 * reach, np.float32)
-    data_replica = np.empty(BLOCK, np.float32)
+    pilot_replica, data_replica = np.empty(BLOCK + 2 * reach, np.float32), np.empty(BLOCK + 2 * reach, np.float32)
     pilot[:] = 0.0
     data = 0.0 + 0.0j
+    last = lags.size - 1
     for first in range(0, n, BLOCK):
         m = min(BLOCK, n - first)
         re, im = y_re[:m], y_im[:m]
         _wipe(x[2 * first : 2 * (first + m)], cos, sin, re, im)
         angle = -2 * np.pi * ((cycles + cycles_per_sample * (first + MIDDLE)) % 1.0)
         turn = complex(np.cos(angle), np.sin(angle))
-        fill_replica(pilot_windows, phase + (first - reach) * step, step, -high, pilot_replica[: m + 2 * reach])
-        fill_replica(data_windows, phase + first * step, step, high, data_replica[:m])
-        for k in range(lags.size):
-            begin = reach - lags[k]
-            a, b = _sums(re, im, pilot_replica[begin : begin + m])
+        begin, end = phase + (first - reach) * step, m + 2 * reach
+        _fill_both(pilot_windows, data_windows, begin, step, high, pilot_replica[:end], data_replica[:end])
+        for k in range(0, last, 2):
+            early, late = reach - lags[k], reach - lags[k + 1]
+            a, b, c, d = _two_sums(re, im, pilot_replica[early : early + m], pilot_replica[late : late + m])
             pilot[k] += (a + 1j * b) * turn
-        a, b = _sums(re, im, data_replica[:m])
-        data += (a + 1j * b) * turn
+            pilot[k + 1] += (c + 1j * d) * turn
+        begin_last = reach - lags[last]
+        a, b, c, d = _two_sums(re, im, pilot_replica[begin_last : begin_last + m], data_replica[reach : reach + m])
+        pilot[last] += (a + 1j * b) * turn
+        data += (c + 1j * d) * turn
     return data

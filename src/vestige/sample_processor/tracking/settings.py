@@ -9,6 +9,8 @@ from vestige.errors import VestigeError
 
 PERIODS_PER_SECONDARY = 25  # code periods of E1-C in a period of its secondary code [OS-ICD, 3.5]
 REPLICAS = ("BOC(1,1)", "CBOC")
+PLL_DISCRIMINATORS = ("normalized quadrature", "arctan2", "arctan")
+DLL_DISCRIMINATORS = ("early-minus-late power", "dot product")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +28,13 @@ class TrackingSettings:
     dll_bandwidth_hz
         One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids it, so it follows what code and
         carrier do not share: ionosphere, multipath, noise.
+    pll_discriminator
+        Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt: `normalized
+        quadrature` is Q/A with the smoothed amplitude A, linear in the noise; `arctan2` is the angle of the prompt,
+        linear up to half a cycle; `arctan` is arctan(Q/I), which ignores a sign, so half a cycle is no error.
+    dll_discriminator
+        Measure of the code error, from the early, prompt and late correlators: `early-minus-late power` is |L|² − |E|²;
+        `dot product` is Re((L − E) P*), which loses less to noise because the prompt is stronger.
     integration_periods
         Code periods of 4 ms that are added coherently before the loops are updated: 1 or 5.
     early_late_chips
@@ -47,6 +56,8 @@ class TrackingSettings:
     pll_order: int = 3
     fll_bandwidth_hz: float = 10.0
     dll_bandwidth_hz: float = 1.0
+    pll_discriminator: str = "normalized quadrature"
+    dll_discriminator: str = "early-minus-late power"
     integration_periods: int = 1
     early_late_chips: float = 0.16
     n_correlators: int = 5
@@ -67,6 +78,8 @@ class TrackingSettings:
             ("integration_periods", (1, 5)),
             ("n_correlators", (5, 7, 9, 11)),
             ("replica", REPLICAS),
+            ("pll_discriminator", PLL_DISCRIMINATORS),
+            ("dll_discriminator", DLL_DISCRIMINATORS),
         ):
             if getattr(self, name) not in allowed:
                 expected = ", ".join(str(one) for one in allowed)

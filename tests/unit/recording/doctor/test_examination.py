@@ -16,9 +16,10 @@ import pytest
 from builders import received_batch, satellite
 from vestige.constants import E1_CARRIER_HZ, E6_CARRIER_HZ
 from vestige.recording.doctor import e1_signals
-from vestige.recording.doctor.examination import Examination, examine
-from vestige.recording.doctor.finding import FindingKind
+from vestige.recording.doctor.examination import Examination, _not_finite, examine
+from vestige.recording.doctor.finding import Finding, FindingKind, TimeLimit
 from vestige.recording.recording import describe_recording
+from vestige.recording.samples.sample_file import open_samples
 from vestige.recording.samples.sample_format import SampleFormat, encode
 from vestige.records import Band
 
@@ -219,6 +220,41 @@ def test_a_jump_later_in_the_recording_is_placed(tmp_path: Path) -> None:
     assert "+1000.0 µs" in one.line
     begin_s, end_s = (float(word) for word in one.line.split("between ")[1].split(" s:")[0].split(" s and "))
     assert 1.3 - 0.45 < begin_s < 1.3 < end_s < 1.3 + 0.45
+
+
+@pytest.mark.slow
+def test_a_jump_of_e6_is_placed(tmp_path: Path) -> None:
+    """1000 samples, 200 µs, are missing 0.45 s after the first of E6; the middle is at 0.75 s."""
+    e6 = np.delete(samples(Band.E6, 1.6), np.arange(2_250_000, 2_251_000))
+    found = examined(right(E1=samples(Band.E1, 1.6), E6=e6), tmp_path)
+    (one,) = found.faults
+    assert (one.kind, one.band) == (FindingKind.LOST_SAMPLES, Band.E6)
+    assert "+200.0 µs" in one.line
+    begin_s, end_s = (float(word) for word in one.line.split("between ")[1].split(" s:")[0].split(" s and "))
+    assert 0.1 < begin_s < 0.45 < end_s < 0.7
+
+
+def _looked_for_nan(folder: Path, limit_s: float) -> list[Finding]:
+    made = right()
+    made.stored[Band.E6] = samples(Band.E6).view(np.float32).copy()
+    made.stored[Band.E6][400_001] = np.nan
+    made.says[Band.E6]["format"] = "float32"
+    reader = open_samples(describe_recording(made.write(folder)).bands[Band.E6])
+    return list(_not_finite(reader, TimeLimit(limit_s)))
+
+
+def test_nan_between_the_places_that_are_looked_at(tmp_path: Path) -> None:
+    (one,) = _looked_for_nan(tmp_path, 60.0)
+    assert one.is_fault
+    assert "sample 200000" in one.line
+
+
+def test_a_file_too_long_to_be_read_to_its_end_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vestige.recording.doctor.examination._READ_SAMPLES", 50_000)
+    monkeypatch.setattr(TimeLimit, "is_over", property(lambda limit: limit.seconds == 0.0))
+    (one,) = _looked_for_nan(tmp_path, 0.0)
+    assert (one.kind, one.is_fault) == (FindingKind.NOT_FINITE, False)
+    assert "in the first 0.0 s of 0.1 s" in one.line
 
 
 @pytest.mark.slow

@@ -125,7 +125,7 @@ def test_blocks_go_in_order_of_time_and_a_search_goes_on_where_it_stopped() -> N
     assert starts[0] == starts[2] < starts[3]
     assert [state.blocks for state in states] == list(range(1, len(states) + 1))
     assert len(states[-1].peaks) == 2
-    for stopped in (states[3], states[-1]):
+    for stopped in (states[-2], states[-1]):
         again = list(search.run(source, [CHIPS], START, START + 1, 7.5, after=stopped))
         assert again == states[states.index(stopped) :]
 

@@ -15,7 +15,7 @@ from vestige.sample_processor.tracking.channel import correlator_lags
 from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
 
-RATE_HZ = 6.2e6
+RATE_HZ = 4.1e6
 RANGE_M, RATE_MPS = 2.41e7, -350.0
 
 

@@ -88,7 +88,7 @@ def test_bins_are_half_the_inverse_integration_time_apart(ms: int) -> None:
     assert grid.bins_hz[-1] + 250 / ms >= grid.half_width_hz
 
 
-@pytest.mark.parametrize("ms", MILLISECONDS)
+@pytest.mark.parametrize("ms", [pytest.param(ms, marks=[pytest.mark.slow] if ms > 8 else []) for ms in MILLISECONDS])
 def test_the_stated_loss_holds_without_noise(ms: int) -> None:
     """A strong signal on each of some bins, through both engines: never more is lost than they say."""
     n = 5115 * ms
