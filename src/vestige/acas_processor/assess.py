@@ -24,17 +24,19 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
+from vestige.acas_processor.checks.check import confirmed
 from vestige.acas_processor.checks.clock import remembered_clock
 from vestige.acas_processor.checks.osnma_subframes import subframes
 from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import MINIMUM, POSITION, combine, confirmed, is_alarm
+from vestige.acas_processor.levels import MINIMUM, POSITION, combine, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
 from vestige.acas_processor.monitoring.memory import FixMemory, MissMemory
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
 from vestige.acas_processor.monitoring.recs_windows import remembered_carrier
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
+from vestige.acas_processor.position.clock_error import clock_error
 from vestige.acas_processor.position.fix_measurement import elevations_from
 from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.possible_range import known_positions
@@ -219,11 +221,14 @@ class _Assessment:
             return limits * (self._time_s.size + 1)
         times = self._measured.snapshots.time
         fixes = guess.quiet & (guess.authentic > 0)
+        shown = clock_error(self._measured)
         for epoch in range(self._time_s.size):
             limit = limits[-1]
             if fixes[epoch]:
                 fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
-                limit = limit.after_fix(times.at(epoch), fixed_s=fixed_s)
+                # Nobody sets the clock by the fix: an error that the fix shows is still there afterwards.
+                error_s = abs(float(shown.error_s[epoch]))
+                limit = limit.after_fix(times.at(epoch), fixed_s=fixed_s + (error_s if error_s > fixed_s else 0.0))
             limits.append(limit)
         return limits
 
@@ -252,13 +257,14 @@ class _Assessment:
         any_failed = np.zeros(self._time_s.size, np.bool_)
         for one in failed.values():
             any_failed |= one if one.ndim == 1 else one.any(axis=1)
+        suspicious = memory.suspicious
         for epoch in range(self._time_s.size):
-            memory = replace(memory, suspicious=memory.suspicious or bool(any_failed[epoch]))
+            suspicious = suspicious or bool(any_failed[epoch])
             if not self._measured.snapshots.recs[epoch]:
                 continue
             now: GalileoTime = times.at(epoch)
             since_s = None if memory.searched_at is None else now - memory.searched_at
-            due = search_due(since_s, period_s, suspicious=memory.suspicious, found_twice=memory.found_twice)
+            due = search_due(since_s, period_s, suspicious=suspicious, found_twice=memory.found_twice)
             if due and searches is not None:
                 here = np.array([epoch])
                 self._exhaustive.put(here, searches.exhaustive(self._request(here)))
@@ -266,8 +272,8 @@ class _Assessment:
                 memory = replace(memory, searched_at=now, found_twice=bool(self._exhaustive.twice[epoch].any()))
             else:
                 memory = replace(memory, found_twice=False)
-            memory = replace(memory, suspicious=False)
-        return memory
+            suspicious = False
+        return replace(memory, suspicious=suspicious)
 
     @property
     def verdicts(self) -> VerdictBlock:
@@ -322,7 +328,12 @@ class _Assessment:
         times, limits = self._measured.snapshots.time, self._uncertainties
         if limits[-1].fixed_at is None:
             return np.full(self._time_s.size, limits[0].initial_s)
-        return np.array([limits[epoch].at(times.at(epoch)) for epoch in range(self._time_s.size)])
+        limit_s, first = np.empty(self._time_s.size), 0
+        for last in range(1, limit_s.size + 1):  # the limit is another one after a fix alone
+            if last == limit_s.size or limits[last] is not limits[first]:
+                limit_s[first:last] = limits[first].over(times[first:last])
+                first = last
+        return limit_s
 
     def after(self) -> ReceiverState:
         """Return the state after the block; to be called after `verdicts`."""

@@ -37,10 +37,11 @@ from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int, Int8, Int64
+from jaxtyping import Bool, Int, Int8
 
 from vestige.acas_processor.checks.check import Check
 from vestige.acas_processor.checks.clock import ClockCheck
+from vestige.acas_processor.checks.clock_limit import CLOCK_LIMIT_P_FA, ClockLimitMonitor
 from vestige.acas_processor.checks.e1_e6_range import KAPPA, RangeCheck
 from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.checks.osnma import OsnmaAgreementMonitor
@@ -223,6 +224,15 @@ _FIX = (
     _clock(CheckName.CLOCK_SLOPE),
     CheckSpec(
         step=5,
+        name=CheckName.CLOCK_LIMIT,
+        failure=_SUSPECT,
+        make=lambda _, p_fa: ClockLimitMonitor(p_fa=p_fa),
+        scope=_RECEIVER,
+        own_p_fa=lambda _: CLOCK_LIMIT_P_FA,
+        settable=False,
+    ),
+    CheckSpec(
+        step=5,
         name=CheckName.RAIM,
         failure=_SUSPECT,
         make=lambda _, p_fa: RaimMonitor(p_fa=p_fa),
@@ -378,22 +388,3 @@ def combine(
             twice |= np.any(of_check, axis=1, keepdims=True)
     spread = twice & (found < suspect)
     return _BY_GRAVITY[np.where(spread, suspect, found)], np.where(spread, OTHERS, cause).astype(np.int8)
-
-
-def confirmed(
-    failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
-) -> Bool[np.ndarray, "*n"]:
-    """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
-
-    `before` says how many of a satellite's last tests before the block failed in a row, at most `confirm`.
-    """
-    out = np.zeros(failed.shape, np.bool_)
-    flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))
-    for column, streak in enumerate(np.ravel(before).tolist()):
-        rows = np.flatnonzero(flat_run[:, column])
-        padded = np.concatenate(
-            [np.zeros(confirm, np.bool_), np.ones(int(streak), np.bool_), flat_failed[rows, column]]
-        )
-        in_a_row = np.logical_and.reduce(np.lib.stride_tricks.sliding_window_view(padded, confirm), axis=1)
-        flat_out[rows, column] = in_a_row[in_a_row.size - rows.size :]
-    return out

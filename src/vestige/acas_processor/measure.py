@@ -187,7 +187,7 @@ class _DecryptedHandovers:
         delay_m = assisted_delay_m(self.assistance, segment.svid, time, processor.group_delay_convention)
         chips = decrypt(segment, key, mode=processor.cipher_mode)
         observation = self.snapshots.e1.observation(segment.svid, epoch, satellite)
-        handover = hand_over(observation, time, chips, delay_m=delay_m, e6_over_e1_db=processor.e6_over_e1_db)
+        handover = hand_over(observation, time, chips, delay_m=delay_m)
         self.expected_s[epoch, satellite] = handover.start_time - time
         self.doppler_e6_hz[epoch, satellite] = handover.doppler_hz
         duration_s = chips.chips.size / chips.chip_rate_hz

@@ -35,7 +35,7 @@ def check_detection(
     """
     seen = dict.fromkeys(checks, 0)
     for seed in seeds:
-        results = direct_results(ScenarioPlan(scenario=scenario(seed)), judge=False)
+        results = direct_results(ScenarioPlan(scenario=scenario(seed), with_phases=False), judge=False)
         time_s = results["time_s"].values
         counts = (time_s >= window_s[0]) & (time_s < window_s[1])
         for name, check in judged_by(results, with_p_fa(p_fa)).checks.items():

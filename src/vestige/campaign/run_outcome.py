@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     import xarray
 
 HALF = 0.5
+HARMLESS = "no alarm, no harm"
 _LAST = 0.25  # of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
 
@@ -213,7 +214,7 @@ def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) ->
         return "detected, missed" if detected else "missed"
     if detected:
         return "detected"
-    return "no verdict" if denied else "no alarm, no harm"
+    return "no verdict" if denied else HARMLESS
 
 
 def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.monitoring.state import ReceiverState
-from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords
+from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, attack_coords, phase_columns
 from vestige.campaign.columns.judged_columns import JUDGED_COLUMNS, judged_columns
 from vestige.campaign.columns.measured_columns import (
     E1_COLUMNS,
@@ -83,6 +83,8 @@ class ScenarioPlan:
     """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
+    # Whether `truth_phase_rad` is measured under attack: that needs the arrival of E6 at every epoch, not RECS alone.
+    with_phases: bool = True
 
     @property
     def simulations(self) -> tuple[Simulation, ...]:
@@ -190,7 +192,9 @@ class ScenarioPlan:
     def _measured(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
         truths: tuple[TruthBlock, ...] = inputs["truth"]
         of = ReceiverTruth(simulations=self.simulations, truth=truths, first=first, every=self.scenario.recs.every)
-        snapshots = self._receiver.snapshots_of(of)
+        sky = self.scenario.constellation is not None
+        pages = OsnmaReception(of=of).pages(self.scenario.interval_s) if sky else None
+        snapshots = self._receiver.snapshots_of(of, pages)
         measured = self._judged.processor.measure(snapshots, self._receiver.assistance)
         columns = (
             measured_columns(self.scenario.start_time, measured)
@@ -203,18 +207,18 @@ class ScenarioPlan:
         if self.scenario.attack:
             columns |= _side_by_side(
                 [
-                    attack_columns(truth, arrived, e1_multipath_m)
-                    for truth, arrived, e1_multipath_m in zip(
-                        truths, of.arrived_at_epochs, of.e1_multipath_m.T, strict=True
-                    )
+                    attack_columns(truth, e1_multipath_m)
+                    for truth, e1_multipath_m in zip(truths, of.e1_multipath_m.T, strict=True)
                 ]
             )
+            if self.with_phases:
+                columns |= _side_by_side([phase_columns(one) for one in of.arrived_at_epochs])
         if self._receiver.with_taps:
             columns |= e1_columns(snapshots, self._receiver.searches(of).finds)
         if self.scenario.processor.checks:
             columns |= own_check_columns(self.scenario.start_time, measured)
-        if self.scenario.constellation:
-            columns |= osnma_columns(snapshots, OsnmaReception(of=of).pages(self.scenario.interval_s))
+        if pages is not None:
+            columns |= osnma_columns(snapshots, pages)
             columns |= view_columns(truths)
         return {name: np.ascontiguousarray(values, dtype=self.columns[name].dtype) for name, values in columns.items()}
 

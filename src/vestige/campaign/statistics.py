@@ -85,20 +85,20 @@ def binomial_test(successes: int, trials: int, probability: float) -> float:
     return min(1.0, 2 * min(at_least, at_most))
 
 
-def proportion(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> Proportion:
+def proportion(successes: int, trials: int) -> Proportion:
     """Return `successes` in `trials` with their exact interval."""
-    low, high = binomial_interval(successes, trials, confidence=confidence)
-    return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=confidence)
+    low, high = binomial_interval(successes, trials)
+    return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=CONFIDENCE)
 
 
-def count_interval(count: float, *, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
+def count_interval(count: float) -> tuple[float, float, float]:
     """Return a count and the ends of the exact interval of its mean, if it is a Poisson count."""
-    tail = (1 - confidence) / 2
+    tail = (1 - CONFIDENCE) / 2
     low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
     return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
 
 
-def enough(successes: int, trials: int, wished_width: float, *, confidence: float = CONFIDENCE) -> bool:
+def enough(successes: int, trials: int, wished_width: float) -> bool:
     """Return whether the interval after `successes` in `trials` is at most `wished_width` wide: a sweep may stop there.
 
     To get the same answer from any number of workers, ask after each chunk in the order of the chunks, and leave out
@@ -110,7 +110,7 @@ def enough(successes: int, trials: int, wished_width: float, *, confidence: floa
     """
     if not wished_width > 0:
         raise ValueError(f"a width of {wished_width} is never reached")
-    low, high = binomial_interval(successes, trials, confidence=confidence)
+    low, high = binomial_interval(successes, trials)
     return high - low <= wished_width
 
 
@@ -141,9 +141,7 @@ def summarise(
     results: xarray.Dataset,
     detector: str = "early",
     *,
-    cluster_m: tuple[float, float] = CLUSTER_M,
     percentiles: Sequence[float] = PERCENTILES,
-    confidence: float = CONFIDENCE,
 ) -> Summary:
     """Return what one detector did: detections, misses, and where the range offsets lie.
 
@@ -162,15 +160,15 @@ def summarise(
         offsets.append(block["range_offset_m"].values[place][detected])
     offset_m: Float[np.ndarray, " n"] = np.concatenate(offsets or [np.zeros(0)]).astype(np.float64)
     detections = offset_m.size
-    in_cluster = int(np.count_nonzero((offset_m >= cluster_m[0]) & (offset_m <= cluster_m[1])))
+    in_cluster = int(np.count_nonzero((offset_m >= CLUSTER_M[0]) & (offset_m <= CLUSTER_M[1])))
     at = np.percentile(offset_m, percentiles) if detections else np.full(len(percentiles), np.nan)
     return Summary(
         detector=detector,
         epochs=results.sizes["epoch"],
-        detections=proportion(detections, decisions, confidence=confidence),
+        detections=proportion(detections, decisions),
         misses=decisions - detections,
-        cluster=proportion(in_cluster, detections, confidence=confidence),
-        cluster_m=cluster_m,
+        cluster=proportion(in_cluster, detections),
+        cluster_m=CLUSTER_M,
         range_offset_mean_m=float(offset_m.mean()) if detections else float("nan"),
         range_offset_std_m=float(offset_m.std()) if detections else float("nan"),
         percentiles_m=dict(zip(map(float, percentiles), at.tolist(), strict=True)),
@@ -183,7 +181,7 @@ def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satell
     return int(np.count_nonzero(exceeding)), int(np.count_nonzero(correlated))
 
 
-def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> Proportion:
+def false_alarms(results: xarray.Dataset) -> Proportion:
     """Return how many decisions of single taps on noise alone exceed the threshold.
 
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
@@ -201,7 +199,7 @@ def false_alarms(results: xarray.Dataset, *, confidence: float = CONFIDENCE) -> 
             taps = np.where(offset_m < _first_arrival_m(block)[..., None] - E6_CHIP_M, taps, np.nan)
         one = _exceedances(block, taps)
         exceeding, trials = exceeding + one[0], trials + one[1]
-    return proportion(exceeding, trials, confidence=confidence)
+    return proportion(exceeding, trials)
 
 
 # terms of the hand-over's error: positive where the line of sight is later in E6 than predicted

@@ -50,9 +50,9 @@ def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projec
     return figure.add_subplot(projection=projection)
 
 
-def new_panels(n: int, *, width_cm: float = WIDTH_CM, height_cm: float = 3.0) -> list[Axes]:
-    """Return the axes of n panels above each other with one abscissa, each `height_cm` high."""
-    figure = Figure(figsize=(width_cm / CM_PER_INCH, n * height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
+def new_panels(n: int) -> list[Axes]:
+    """Return the axes of n panels above each other with one abscissa, each 3 cm high."""
+    figure = Figure(figsize=(WIDTH_CM / CM_PER_INCH, n * 3.0 / CM_PER_INCH), dpi=DPI, layout="constrained")
     panels: list[Axes] = list(figure.subplots(n, sharex=True))
     return panels
 

@@ -135,8 +135,6 @@ class Handover:
         Expected carrier Doppler on E6 at `start_time`, in Hz.
     doppler_rate_hz_per_s
         Its rate of change in Hz/s.
-    expected_cn0_dbhz
-        Expected C/N0 of E6-C alone in dBHz.
     """
 
     svid: int
@@ -144,7 +142,6 @@ class Handover:
     start_time: GalileoTime
     doppler_hz: float
     doppler_rate_hz_per_s: float
-    expected_cn0_dbhz: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,7 @@ class CheckName(StrEnum):
     CLOCK_INNOVATION = "clock innovation"
     CLOCK_CONSISTENCY = "clock consistency"
     CLOCK_SLOPE = "clock slope"
+    CLOCK_LIMIT = "clock limit"
     RAIM = "RAIM"
     SOLUTION_SEPARATION = "solution separation"
     POWER_DISTORTION = "power-distortion"

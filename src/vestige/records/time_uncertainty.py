@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+from jaxtyping import Float
+
+from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_time_uncertainty
 
@@ -30,6 +34,12 @@ class TimeUncertainty:
         if self.fixed_at is None:
             return self.initial_s
         return min(self.fixed_s + self.frequency_error * abs(time - self.fixed_at), self.initial_s)
+
+    def over(self, times: GalileoTimes) -> Float[np.ndarray, "*n"]:
+        """Return the upper limit at many times, in s; the same bits as `at` one by one."""
+        if self.fixed_at is None:
+            return np.full(times.shape, self.initial_s)
+        return np.minimum(self.fixed_s + self.frequency_error * np.abs(times.since(self.fixed_at)), self.initial_s)
 
     def after_fix(self, time: GalileoTime, fixed_s: float = FIXED_S) -> TimeUncertainty:
         """Return the uncertainty after an authentic fix at a time."""

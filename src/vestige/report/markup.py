@@ -68,15 +68,15 @@ def card(name: str, value: object, small: object) -> Html:
     return element("div", element("dt", name), element("dd", value, element("small", small)), class_="card")
 
 
-def figure(kind: str, title: str, alt: str, note: object = "", *, more: object = "") -> Html:
+def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
     """Return a figure that the script of the page draws.
 
-    `kind` names the script's drawing. The title stands above it, the note below, `more` between title and drawing;
-    `alt` says what it shows, for who does not see it.
+    `kind` names the script's drawing. The title stands above it, the note below. `alt` says what it shows, for
+    who does not see it.
     """
     canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
     caption = element("figcaption", note) if note else ""
-    return element("figure", element("h3", title), more, canvas, caption, class_=f"figure {kind}")
+    return element("figure", element("h3", title), canvas, caption, class_=f"figure {kind}")
 
 
 def number(value: float, digits: int = 3, unit: str = "") -> str:

@@ -61,6 +61,7 @@ from vestige.signals.definitions import E6C
 from vestige.spoofer.after_disclosure import LONGEST_FORGERY_S
 from vestige.spoofer.attack import Attack
 from vestige.spoofer.repeaters import Meaconing
+from vestige.spoofer.scer import against
 from vestige.spoofer.spoofer import Attacks, Spoofer
 from vestige.time import GalileoTime
 
@@ -223,7 +224,8 @@ class CampaignScenario(Section):
         check_length(self.fidelity, duration_s)
         check_jammers(front_end.front_end(self.receiver.sample_rate_hz).input_rate_hz, self.attack)
         if self.fidelity == "correlators":
-            check_attacks(front_end.front_end(self.receiver.sample_rate_hz), Spoofer(attacks=self.attack))
+            met = Spoofer(attacks=against(self.attack, self.receiver.cn0_dbhz))
+            check_attacks(front_end.front_end(self.receiver.sample_rate_hz), met)
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
             check_clock(self.receiver.clock, duration_s, LARGEST_CLOCK_ERROR_S)
         else:
@@ -290,7 +292,13 @@ class CampaignScenario(Section):
                 interval_s=round(self.interval_s * self.recs.every, 1),
                 truth_interval_s=self.interval_s,
                 line_of_sight=effects.line_of_sight,
-                spoofer=Spoofer(attacks=placed_attacks(self.attack, effects.path, self.epochs * self.interval_s)),
+                spoofer=Spoofer(
+                    attacks=placed_attacks(
+                        against(self.attack, self.receiver.cn0_dbhz + effects.nominal_db),
+                        effects.path,
+                        self.epochs * self.interval_s,
+                    )
+                ),
                 svid=effects.path.ephemeris.svid,
                 elevation=effects,
                 osnma=service,
@@ -386,5 +394,5 @@ class CampaignScenario(Section):
             n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
             cipher_mode=CipherMode(self.recs.cipher_mode),
-            spoofer=Spoofer(attacks=self.attack),
+            spoofer=Spoofer(attacks=against(self.attack, receiver.cn0_dbhz)),
         )

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice, product
 from pathlib import Path
 
 from vestige.campaign.execution.direct import direct_results
@@ -107,7 +107,8 @@ def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) ->
 
     The scenario is of a sky, or with a processor of level 3; the window ends before its second time.
     """
-    return outcomes_of(scenario, direct_results(ScenarioPlan(scenario=scenario), judge=False), LEVEL_NUMBERS, window_s)
+    plan = ScenarioPlan(scenario=scenario, with_phases=False)  # no outcome asks for them
+    return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
 def measure_threats(
@@ -130,11 +131,12 @@ def measure_threats(
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         write_runs(folder / RUNS, known)
-    shared: dict[str, Future[Outcomes]] = {}
     total, done = len(chosen) * len(seeds), 0
-    for case in chosen:
+    runs = _runs(chosen, seeds, pool, workers, known, folder)
+    for number, of_case in groupby(runs, key=lambda run: run[0]):
+        case = chosen[number]
         found: dict[bool, list[Outcomes]] = {True: [], False: []}
-        for attacked, outcomes in _runs(case, seeds, pool, workers, known, shared, folder):
+        for _, attacked, outcomes in of_case:
             found[attacked].append(outcomes)
             done += attacked
             if progress is not None:
@@ -149,18 +151,21 @@ def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> 
 
 
 def _runs(
-    case: Case,
+    chosen: Sequence[Case],
     seeds: Sequence[int],
     pool: Executor,
     workers: int,
     known: dict[RunKey, RunOutcome],
-    shared: dict[str, Future[Outcomes]],
     folder: Path | None,
-) -> Iterator[tuple[bool, Outcomes]]:
-    """Yield whether attacked, and outcomes, of each run of a case in order; new ones go into the file."""
+) -> Iterator[tuple[int, bool, Outcomes]]:
+    """Yield number of the case, whether attacked, and outcomes of each run in order; new ones go into the file.
 
-    def submitted() -> Iterator[tuple[bool, tuple[RunKey, ...], Future[Outcomes] | None]]:
-        for seed in seeds:
+    The runs of a case begin before those of the case before it have ended, so that no worker waits.
+    """
+    shared: dict[str, Future[Outcomes]] = {}
+
+    def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], Future[Outcomes] | None]]:
+        for (number, case), seed in product(enumerate(chosen), seeds):
             scenario = case.scenario(seed, True)
             window_s = window_of(scenario)
             both = {True: scenario} | ({False: case.scenario(seed, False)} if scenario.attack else {})
@@ -175,13 +180,13 @@ def _runs(
                     future = shared.get(digest) or pool.submit(measure_scenes, one, window_s)
                     if not attacked:
                         shared[digest] = future
-                yield attacked, keys, future
+                yield number, attacked, keys, future
 
     runs = submitted()
     pending = deque(islice(runs, _IN_FLIGHT * workers))
     try:
         while pending:
-            attacked, keys, future = pending.popleft()
+            number, attacked, keys, future = pending.popleft()
             if future is not None:
                 known.update(zip(keys, future.result(), strict=True))
                 if folder is not None:
@@ -189,9 +194,9 @@ def _runs(
                     with naming(runs_file), runs_file.open("a", encoding="utf-8", newline="") as file:
                         file.write("".join(line_of(key, known[key]) for key in keys))
             pending.extend(islice(runs, 1))
-            yield attacked, tuple(known[key] for key in keys)
+            yield number, attacked, tuple(known[key] for key in keys)
     finally:
-        for _, _, future in pending:
+        for *_, future in pending:
             if future is not None:
                 future.cancel()
 

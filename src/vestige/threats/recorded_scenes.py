@@ -40,8 +40,8 @@ class RecordedScene:
 
     @property
     def name(self) -> str:
-        """Threat, scene, and which of its recordings: `A1 while E1 is acquired`."""
-        return " ".join(part for part in (self.threat.id, self.scene.name, self.recording.name) if part)
+        """Threat and recording, or scene if that has one recording: `A1 receiver already tracking`."""
+        return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:
         """Return the campaign of which the recording is the epochs `first_s` to `end_s`, with or without its attack."""

@@ -34,10 +34,11 @@ import numpy as np
 from scipy.special import pdtrc
 
 from vestige.acas_processor.levels import LEVELS, TestCadence
-from vestige.campaign.run_outcome import HALF, OutcomeCounts, RunOutcome, outcome_word, worst_of
+from vestige.campaign.run_outcome import HALF, HARMLESS, OutcomeCounts, RunOutcome, outcome_word, worst_of
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.constants import DAY_S
 
+MIXED = "mixed"  # word of a scene in which no outcome is that of more than half of the runs
 ERROR = 0.05  # probability that a level which keeps the budget of each check is said to exceed one
 _GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
 
@@ -88,6 +89,7 @@ class SceneOutcome(OutcomeCounts):
     missed: Proportion
     denied: Proportion
     succeeded: Proportion  # runs that are missed or denied
+    harmless: Proportion  # runs that are neither detected nor missed nor denied
     # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
     by_chance: Proportion
     checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
@@ -103,9 +105,10 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """What came of it in most runs, in one or two words."""
+        """What came of it in most runs, in one or two words; `MIXED` if nothing did."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
-        return outcome_word(*(share.value > HALF for share in shares))
+        word = outcome_word(*(share.value > HALF for share in shares))
+        return MIXED if word == HARMLESS and self.harmless.value <= HALF else word
 
     @property
     def exceeded(self) -> tuple[CheckBudget, ...]:
@@ -138,6 +141,7 @@ def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> S
         **shares,
         **counts,
         succeeded=proportion(sum(run.missed or run.denied for run in runs), len(runs)),
+        harmless=proportion(sum(not (run.detected or run.missed or run.denied) for run in runs), len(runs)),
         by_chance=proportion(sum(run.detected for run in chance), len(chance)),
         checks=_check_shares(runs),
         budgets=_check_budgets(runs),

@@ -1,4 +1,4 @@
-"""The threat table: attacks A0 to A17, what each mitigation level is expected to make of them, scenes to measure it.
+"""The threat table: attacks A0 to A21, what each mitigation level is expected to make of them, scenes to measure it.
 
 The table is data, `threats.toml` beside this file, which explains it. Its rows are the attacks that [WFO, Sec. IV] has
 its levels defend against, with the parameters of recorded attacks where there are some [TEXBAT].
@@ -50,7 +50,7 @@ class ShortRecording(Section):
     Attributes
     ----------
     name
-        State of the receiver when the attack begins, among the recordings of a scene.
+        Name among the recordings of a scene: what the receiver does when the attack begins.
     faster
         Factor by which all that the attacker does is faster than in the scene.
     first_s, end_s

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from kept_acquisitions import e1_acquired_once
 from vestige.acas_processor.processor import AcasProcessor, Step
 from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
 from vestige.acas_processor.searches.sampled_snapshot import block_of
@@ -25,9 +27,15 @@ SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 SETTINGS = ("receiver.sample_rate_hz=6.2e6", "receiver.cn0_dbhz=43", "attack=none")
 SVID = 11
 EXHAUSTIVE = E6ExhaustiveSearch(
-    how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0, engine="segment"), around_s=1e-3
+    how=ExhaustiveSearch(integration_s=4e-3, doppler_span_hz=2000.0, engine="segment"), around_s=1e-3
 )
 OPPOSITE = GroupDelayConvention(sign=-1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _e1_is_acquired_once() -> Iterator[None]:
+    with e1_acquired_once():
+        yield
 
 
 @cache

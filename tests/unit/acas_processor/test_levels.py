@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evidence_builder import evidence, outcome
+from vestige.acas_processor.checks.check import confirmed
 from vestige.acas_processor.checks.e1_e6_range import RangeCheck
 from vestige.acas_processor.checks.power.e6_power import E6PowerCheck
-from vestige.acas_processor.levels import LEVELS, NO_CAUSE, OPTIONAL, OTHERS, Scope, combine, confirmed, is_alarm
+from vestige.acas_processor.levels import LEVELS, NO_CAUSE, OPTIONAL, OTHERS, Scope, combine, is_alarm
 from vestige.records import Outcome, Status
 from vestige.records.checks import CheckName
 

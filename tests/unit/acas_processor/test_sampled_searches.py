@@ -21,6 +21,7 @@ from vestige.records import Assistance, Band, E1Observation, Snapshot, Status
 from vestige.records.checks import CheckName
 from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.records.time_uncertainty import TimeUncertainty
+from vestige.records.times import GalileoTimes
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.sample_source import BatchSource
@@ -33,7 +34,7 @@ from vestige.time import GalileoTime
 SCENARIO = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 DELAY_S = 0.0237
 FROM_S, TO_S = 0.07, 0.13
-EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=16e-3, doppler_span_hz=2000.0, engine="segment"))
+EXHAUSTIVE = E6ExhaustiveSearch(how=ExhaustiveSearch(integration_s=4e-3, doppler_span_hz=2000.0, engine="segment"))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -161,6 +162,9 @@ def test_the_uncertainty_shrinks_with_a_fix_and_grows_with_the_clock() -> None:
     assert after.at(snapshot.time + 30.0) == pytest.approx(32e-6)
     assert after.at(snapshot.time + 1e9) == 15.0
     assert before.fixed_at is None
+    times = GalileoTimes.of([snapshot.time + later for later in (-3.5, 0.0, 30.25, 1e9)])
+    for one in (before, after):
+        assert one.over(times).tolist() == [one.at(times.at(place)) for place in range(4)]
 
 
 def test_a_satellite_that_e1_does_not_show_is_searched_in_e6_all_the_same() -> None:

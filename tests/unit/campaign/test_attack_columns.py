@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns
+from vestige.campaign.columns.attack_columns import ATTACK_COLUMNS, attack_columns, phase_columns
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.snapshots.e1 import tracked_cn0_dbhz
 from vestige.receiver.truth import TruthBlock
@@ -31,7 +31,8 @@ def _columns(*attacks: Attacks) -> tuple[dict[str, np.ndarray], TruthBlock, Simu
     assert isinstance(scenario, CampaignScenario)
     simulation = replace(scenario.simulation(), spoofer=Spoofer(attacks=attacks))
     truth = simulation.truth().advance(0, 30)
-    return attack_columns(truth, simulation.arrival(truth), simulation.e1_multipath_m(truth)), truth, simulation
+    found = phase_columns(simulation.arrival(truth)) | attack_columns(truth, simulation.e1_multipath_m(truth))
+    return found, truth, simulation
 
 
 def test_each_band_has_its_own_counterfeit() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from sky_builder import CLEAN, SCENARIO, columns_of, sky_scenario
+from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -175,3 +176,13 @@ def test_meaconing_of_a_second_moves_the_clock_by_a_second() -> None:
     attack = 'attack=[{kind="meaconing", delay_s=1.0, power_db=20, start_s=10}]'
     found: dict[str, Any] = columns_of(sky_scenario(*NO_ERRORS, "epochs=31", "recs.every=10", attack))
     assert found["fix_clock_error_m"][0, -1] == pytest.approx(SPEED_OF_LIGHT_MPS, rel=1e-5)
+
+
+def test_without_phases_all_other_columns_keep_their_bits() -> None:
+    attack = "attack=[{kind='meaconing', start_s=10, delay_s=1e-6, power_db=3.0}]"
+    scenario = sky_scenario("epochs=61", "fidelity='correlators'", attack)
+    whole, rest = (direct_results(ScenarioPlan(scenario=scenario, with_phases=phases)) for phases in (True, False))
+    assert set(whole) - set(rest) == {"truth_phase_rad"}
+    assert not set(rest) - set(whole)
+    for name in rest:
+        assert rest[name].values.tobytes() == whole[name].values.tobytes(), name

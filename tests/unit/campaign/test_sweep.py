@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from sky_builder import sky_scenario
-from vestige.campaign.run import RunProgress, run
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.run import RunProgress
 from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
@@ -22,11 +23,11 @@ from vestige.theory.thresholds import probability_of_detection
 from vestige.threats.matrix import measure_scenes
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
-CHUNK = 500
+EPOCHS, CHUNK = 1500, 250
 
 
 def scenario(*settings: str) -> CampaignScenario:
-    loaded = load_scenario(QUICK, ("epochs=3000", "processor.p_fa=1e-4", *settings))
+    loaded = load_scenario(QUICK, (f"epochs={EPOCHS}", "processor.p_fa=1e-4", *settings))
     assert isinstance(loaded, CampaignScenario)
     return loaded
 
@@ -49,16 +50,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Row]]:
     return folder, swept(folder)
 
 
-def test_a_row_is_what_its_campaign_says(tmp_path: Path, whole: tuple[Path, list[Row]]) -> None:
+def test_a_row_is_what_its_campaign_says(whole: tuple[Path, list[Row]]) -> None:
     folder, rows = whole
-    for (settings, one), row in zip(CAMPAIGNS, rows, strict=True):
-        alone = run(ScenarioPlan(scenario=one), tmp_path / f"{settings}", chunk_epochs=CHUNK)
+    for (_, one), row in zip(CAMPAIGNS, rows, strict=True):
+        alone = direct_results(ScenarioPlan(scenario=one))
         kept = open_results(folder / row.store).dataset
         assert all(alone[name].values.tobytes() == kept[name].values.tobytes() for name in alone.data_vars)
         detected = int((alone["tap_index"].sel(detector="early") >= 0).sum())
         found = row.detections["early"]
-        assert (found.successes, found.trials, row.epochs) == (detected, 3000, 3000)
-        assert (found.low, found.high) == binomial_interval(detected, 3000)
+        assert (found.successes, found.trials, row.epochs) == (detected, EPOCHS, EPOCHS)
+        assert (found.low, found.high) == binomial_interval(detected, EPOCHS)
         assert row.p_d_theory == probability_of_detection(row.cn0_dbhz, 0.016, 1e-4)
 
 
@@ -111,22 +112,22 @@ def test_a_row_without_attack_or_cut_short_has_no_outcome(whole: tuple[Path, lis
     assert (row.epochs, row.outcome) == (CHUNK, None)
 
 
-@pytest.mark.parametrize("width", [Width(width=0.06), Width(width=0.5, relative=True)])
+@pytest.mark.parametrize("width", [Width(width=0.085), Width(width=0.5, relative=True)])
 def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
     tmp_path: Path, width: Width, whole: tuple[Path, list[Row]]
 ) -> None:
     folder, rows = whole[0], swept(tmp_path / "a", width)
-    assert [row.epochs for row in rows] != [3000] * 3
+    assert [row.epochs for row in rows] != [EPOCHS] * 3
     for row in rows:
         detected = open_results(folder / row.store).dataset["tap_index"].sel(detector="early").values >= 0
-        counts = [(int(detected[:n].sum()), n) for n in range(CHUNK, 3000 + 1, CHUNK)]
+        counts = [(int(detected[:n].sum()), n) for n in range(CHUNK, EPOCHS + 1, CHUNK)]
 
         def narrow(hits: int, trials: int) -> bool:
             low, high = binomial_interval(hits, trials)
             rarer = min(hits, trials - hits) / trials
             return high - low <= width.width * (rarer if width.relative else 1) and (rarer > 0 or not width.relative)
 
-        expected = next((n for hits, n in counts if narrow(hits, n)), 3000)
+        expected = next((n for hits, n in counts if narrow(hits, n)), EPOCHS)
         assert (row.epochs, row.detections["early"].trials) == (expected, expected)
         assert row.detections["early"].successes == counts[expected // CHUNK - 1][0]
 
@@ -134,7 +135,7 @@ def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
 @pytest.mark.slow
 def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
     """Ended early, by two threads, by someone else's executor, and stopped in the second campaign and resumed."""
-    width = Width(width=0.06)
+    width = Width(width=0.085)
     expected = swept(tmp_path / "one", width)
     assert swept(tmp_path / "two", width, workers=2) == expected
     with ThreadPoolExecutor(3) as pool:
@@ -153,11 +154,11 @@ def test_nothing_depends_on_workers_or_interruptions(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_narrower_width_goes_on_and_a_wider_one_counts_less(tmp_path: Path) -> None:
-    wide = swept(tmp_path / "a", Width(width=0.1))
-    narrow = swept(tmp_path / "a", Width(width=0.05))
+    wide = swept(tmp_path / "a", Width(width=0.14))
+    narrow = swept(tmp_path / "a", Width(width=0.07))
     assert [row.epochs for row in narrow] > [row.epochs for row in wide]
-    assert narrow == swept(tmp_path / "b", Width(width=0.05))
-    assert swept(tmp_path / "a", Width(width=0.1)) == wide
+    assert narrow == swept(tmp_path / "b", Width(width=0.07))
+    assert swept(tmp_path / "a", Width(width=0.14)) == wide
 
 
 def test_relative_width_needs_both_outcomes() -> None:
@@ -171,8 +172,8 @@ def test_without_signal_every_detection_is_a_false_alarm(tmp_path: Path) -> None
     """P_fa 1e-2 on the three taps of eleven that are a chip apart; binomial limits at 1e-6."""
     silent = scenario("receiver.signal=false", "processor.p_fa=1e-2")
     (row,) = run_sweep([({"receiver.signal": False}, silent)], tmp_path)
-    assert row.false_alarms.trials == 9000
-    low, high = binomial_interval(row.false_alarms.successes, 9000, confidence=1 - 1e-6)
+    assert row.false_alarms.trials == 3 * EPOCHS
+    low, high = binomial_interval(row.false_alarms.successes, 3 * EPOCHS, confidence=1 - 1e-6)
     assert low < 0.01 < high
     assert np.isnan(row.p_d_theory)
     assert "detections" not in (tmp_path / SWEEP_TABLE).read_text()

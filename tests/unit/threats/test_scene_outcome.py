@@ -224,6 +224,7 @@ SUMS = {
 
 def _scene(n: int = 20, **counts: float) -> SceneOutcome:
     usual = {"detected": 0, "mitigated": 0, "protected": n, "missed": 0, "denied": 0, "succeeded": 0, "by_chance": 0}
+    usual["harmless"] = n - max(int(counts.get(name, 0)) for name in ("detected", "missed", "denied"))
     shares = {name: proportion(int(counts.get(name, count)), n) for name, count in usual.items()}
     sums: dict[str, Any] = SUMS | {name: count for name, count in counts.items() if name in SUMS}
     return SceneOutcome(
@@ -285,6 +286,10 @@ def test_agreement(expected: str, counts: dict[str, int], how: Agreement) -> Non
         ({"missed": 20}, "missed"),
         ({"denied": 20}, "no verdict"),
         ({}, "no alarm, no harm"),
+        ({"missed": 9}, "no alarm, no harm"),
+        ({"missed": 10}, "mixed"),
+        ({"detected": 10, "missed": 10, "harmless": 0}, "mixed"),
+        ({"detected": 7, "missed": 7, "harmless": 6}, "mixed"),
     ],
 )
 def test_the_word_of_a_cell(counts: dict[str, int], word: str) -> None:

@@ -20,7 +20,7 @@ SCENES = [(threat, scene) for threat in THREATS for scene in threat.scene]
 
 
 def test_the_table_is_complete() -> None:
-    assert [threat.id for threat in THREATS] == [f"A{number}" for number in range(18)]
+    assert [threat.id for threat in THREATS] == [f"A{number}" for number in range(22)]
     assert len(THREATS[0].scene) == 5  # clean, harsh, two ionospheres, multipath
     for threat in THREATS:
         names = [scene.name for scene in threat.scene]
@@ -51,13 +51,17 @@ def test_what_level_1_is_expected_to_do() -> None:
         "miss",
         "detect",
         "miss",
+        "miss",
+        "miss",
+        "miss",
+        "miss",
     ]
     assert [threat.outcome(1)[0] for threat in THREATS] == expected
 
 
 def test_levels_2_and_3() -> None:
     misses = {level: {threat.id for threat in THREATS if threat.outcome(level)[0] == "miss"} for level in (2, 3)}
-    assert misses == {2: {"A6", "A7", "A9", "A17"}, 3: {"A7", "A17"}}
+    assert misses == {2: {"A6", "A7", "A9", "A17", "A19", "A20"}, 3: {"A7", "A17", "A19", "A20"}}
 
 
 @pytest.mark.slow
@@ -75,7 +79,7 @@ def test_an_attack_is_what_its_row_says() -> None:
     for threat, scene in SCENES:
         scenario = scene_scenario(threat, scene, 3)
         spoofer = Spoofer(attacks=scenario.attack)
-        assert bool(spoofer.warnings()) is (threat.id in {"A7", "A15"})
+        assert bool(spoofer.warnings()) is (threat.id in {"A7", "A15", "A19", "A20", "A21"})
         last_s = min(scenario.epochs * scenario.interval_s, 880.0)
         late_s = np.arange(last_s - 30.0, last_s)  # a whole period of what comes and goes
         svid = next((svids[0] for svids in (getattr(one, "svids", ()) for one in scenario.attack) if svids), 12)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int64
 from scipy.special import bdtrc, ndtr, ndtri
 
 from vestige.records.checks import CheckName, CheckSeries
@@ -114,3 +114,22 @@ def count_threshold(trials: int, probability: float, p_fa: float) -> int:
     """
     counts = np.arange(trials + 1, dtype=np.float64)
     return int(np.argmax(bdtrc(counts, trials, probability) <= p_fa))
+
+
+def confirmed(
+    failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
+) -> Bool[np.ndarray, "*n"]:
+    """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
+
+    `before` says how many of a satellite's last tests before the block failed in a row, at most `confirm`.
+    """
+    out = np.zeros(failed.shape, np.bool_)
+    flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))
+    for column, streak in enumerate(np.ravel(before).tolist()):
+        rows = np.flatnonzero(flat_run[:, column])
+        padded = np.concatenate(
+            [np.zeros(confirm, np.bool_), np.ones(int(streak), np.bool_), flat_failed[rows, column]]
+        )
+        in_a_row = np.logical_and.reduce(np.lib.stride_tricks.sliding_window_view(padded, confirm), axis=1)
+        flat_out[rows, column] = in_a_row[in_a_row.size - rows.size :]
+    return out

@@ -18,7 +18,9 @@ Between two RECS the phase is known up to whole turns. It is continued by the sm
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
 with v the fastest change of E6 − E1 by the ionosphere. Where that does not hold for all of the N RECS, the check is not
-run. Neither is it over more than 120 s, in which the ionosphere may not change along a straight line. At
+run. Neither is it over more than 120 s, in which the ionosphere may not change along a straight line. `p_fa` is that of
+noise and multipath about such a line. Where the ionosphere bends, it is exceeded: at 10⁻⁶ and reflections that are new
+with each RECS, 73 of 59,677 overlapping windows of 100 RECS failed without a spoofer, none of 30 (docs/checks). At
 35 dBHz and v = 3 mm/s the phase can be continued over 27 s: with one RECS each 30 s there is no such check.
 """
 
@@ -76,7 +78,7 @@ class E6PhaseMonitor(Monitor):
     pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s
         One-sided bandwidths of the phase and the frequency loop of E1, and their integration time.
     p_fa
-        False-alarm probability of one test of one satellite, an upper limit.
+        False-alarm probability of one test of one satellite, an upper limit while the ionosphere changes along a line.
     """
 
     name: ClassVar = CheckName.E6_PHASE

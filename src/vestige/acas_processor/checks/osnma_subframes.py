@@ -6,8 +6,9 @@ satellite brought all pages that hold it, and none of them differs from what the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int64
@@ -43,34 +44,56 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
     """
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []
-    pieces = [] if block is None else [(block, piece) for piece in range(block.epoch.size)]
-    for of, piece in pieces:
-        start = int(of.subframe[piece])
-        if current is None or start != current.start:  # the last pieces of the other never came: nothing is said of it
-            current = Subframe(start=start)
-        current = _joined(current, of, piece, svids)
-        if not of.last[piece]:
+    for of in _together(block):
+        if current is None or of.start != current.start:  # the last pieces of the other never came: nothing is said
+            current = Subframe(start=of.start)
+        current = _joined(current, of, svids)
+        if not of.last:
             continue
         counts = _counts(current)
         keyed = (*keyed, counts[0])[-KEY_WINDOW:]
-        rows.append((int(of.epoch[piece]), keyed.count(False), len(keyed), *counts[1:]))
+        rows.append((of.epoch, keyed.count(False), len(keyed), *counts[1:]))
         current = None
     columns = np.array(rows, np.int64).reshape(-1, 7).T
     names = ("epoch", "missing", "window", "due", "lost", "received", "differs")
     return Subframes(**dict(zip(names, columns, strict=True))), OsnmaMemory(keyed=keyed, open=current)
 
 
-def _joined(known: Subframe, block: OsnmaBlock, piece: int, svids: tuple[int, ...]) -> Subframe:
-    """Return a subframe with one more piece."""
+class _Pieces(NamedTuple):
+    """Pieces of one subframe that follow each other, with the bits of all of them."""
 
-    def with_bits(bits: Mapping[int, int], more: Int64[np.ndarray, " m"]) -> dict[int, int]:
-        return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more.tolist(), strict=True)}
+    start: int  # of the subframe
+    epoch: int  # row of the last piece
+    last: bool  # whether that ends the subframe
+    # a number of bits for each satellite
+    due: list[int]
+    received: list[int]
+    differs: list[int]
+
+
+def _together(block: OsnmaBlock | None) -> Iterator[_Pieces]:
+    """Yield the pieces of a block, those of one subframe together."""
+    if block is None or not block.epoch.size:
+        return
+    ends = np.append((block.subframe[1:] != block.subframe[:-1]) | block.last[:-1], True)
+    final = np.flatnonzero(ends)
+    first = np.concatenate([[0], final[:-1] + 1])
+    bits = (np.bitwise_or.reduceat(one, first, axis=0).tolist() for one in (block.due, block.received, block.differs))
+    of_ends = (one[final].tolist() for one in (block.subframe, block.epoch, block.last))
+    yield from map(_Pieces, *of_ends, *bits)
+
+
+def _joined(known: Subframe, pieces: _Pieces, svids: tuple[int, ...]) -> Subframe:
+    """Return a subframe with more pieces."""
+
+    def with_bits(bits: Mapping[int, int], more: list[int]) -> dict[int, int]:
+        return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more, strict=True)}
 
     return Subframe(
         start=known.start,
-        due=with_bits(known.due, block.due[piece]),
-        received=with_bits(known.received, block.received[piece]),
-        differs=with_bits(known.differs, block.differs[piece]),
+        due=with_bits(known.due, pieces.due),
+        received=with_bits(known.received, pieces.received),
+        differs=with_bits(known.differs, pieces.differs),
     )
 
 

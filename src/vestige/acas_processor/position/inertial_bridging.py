@@ -70,9 +70,9 @@ def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
     """Return what the next block needs."""
-    left = [now for _, _, now in _pairs(evidence)]
-    last = left[-1] if left else evidence.rates
-    after = int(np.max(np.flatnonzero(evidence.measured.snapshots.recs), initial=-1)) + 1
+    snapshots = evidence.measured.snapshots
+    after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
+    last = _left_behind(evidence, after - 1) if after and snapshots.increments is not None else evidence.rates
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 

@@ -93,7 +93,7 @@ def why_impossible(
         for one, sign in ((SHORTEST_TRAVEL_S, -1), (LONGEST_TRAVEL_S, 1))
     )
     wrong = (range_m < lowest_m) | (range_m > highest_m)
-    others = np.abs(range_m - _median(np.where(wrong, np.nan, range_m))) > SPREAD_M
+    others = np.abs(range_m - row_median(np.where(wrong, np.nan, range_m))) > SPREAD_M
     return np.where(wrong, _TRAVEL, np.where(others, _OTHERS, 0)).astype(np.int8)
 
 
@@ -123,7 +123,7 @@ def too_far_away(
     clock_m = range_m + sent.clock_m - distance_m
     limit_m = (known.reach_m + MARGIN_M + _RANGE_RATE_MPS * clock_limit_s)[:, None]
     wrong = np.abs(clock_m) > limit_m + SPEED_OF_LIGHT_MPS * clock_limit_s[:, None]
-    others = np.abs(clock_m - _median(np.where(wrong & found, np.nan, clock_m))) > 2 * limit_m
+    others = np.abs(clock_m - row_median(np.where(wrong & found, np.nan, clock_m))) > 2 * limit_m
     return found & (wrong | others)
 
 
@@ -161,7 +161,7 @@ def known_positions(
     return KnownPositions(position_m=position_m, reach_m=reach_m)
 
 
-def _median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
+def row_median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
     """Return the median of what is known of each row; NaN if nothing is."""
     order = np.sort(values, axis=1)  # NaN last
     count = np.count_nonzero(np.isfinite(values), axis=1)

@@ -24,7 +24,6 @@ from vestige.constants import (
     E1_CARRIER_HZ,
     E6_CARRIER_HZ,
     GAMMA_E1_E6,
-    NOMINAL_E6_OVER_E1_DB,
     SPEED_OF_LIGHT_MPS,
 )
 from vestige.crypto.recs.group_delay import OS_ICD_CONVENTION, GroupDelayConvention, inter_frequency_delay_s
@@ -69,12 +68,7 @@ def assisted_delay_m(
 
 
 def hand_over(
-    observation: E1Observation,
-    observed_at: GalileoTime,
-    chips: ChipSequence,
-    *,
-    delay_m: float = 0.0,
-    e6_over_e1_db: float = NOMINAL_E6_OVER_E1_DB,
+    observation: E1Observation, observed_at: GalileoTime, chips: ChipSequence, *, delay_m: float = 0.0
 ) -> Handover:
     """Return where and how the chips are expected in the E6 samples.
 
@@ -94,7 +88,6 @@ def hand_over(
         start_time=observed_at + dt,
         doppler_hz=scale * (observation.doppler_hz + observation.doppler_rate_hz_per_s * dt),
         doppler_rate_hz_per_s=scale * observation.doppler_rate_hz_per_s,
-        expected_cn0_dbhz=observation.cn0_dbhz + e6_over_e1_db,
     )
 
 

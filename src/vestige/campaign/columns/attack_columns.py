@@ -44,13 +44,15 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     }
 
 
-def attack_columns(
-    truth: TruthBlock, arrived: Arrival, e1_multipath_m: Float[np.ndarray, " n"]
-) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS` of one satellite, whose chips of each epoch arrive as `arrived` says."""
+def phase_columns(arrived: Arrival) -> dict[str, np.ndarray]:
+    """Return the phase among `ATTACK_COLUMNS` of one satellite, whose chips of each epoch arrive as `arrived` says."""
+    return {"truth_phase_rad": np.angle(arrived.carrier)}
+
+
+def attack_columns(truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]) -> dict[str, np.ndarray]:
+    """Return the values of `ATTACK_COLUMNS` of one satellite but for those of `phase_columns`."""
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
-        "truth_phase_rad": np.angle(arrived.carrier),
         "truth_prediction_error_m": truth.iono_diff_m + truth.bias_m - e1_error_m(truth, e1_multipath_m),
         "truth_spoofed": np.any(on_air, axis=1),
         "truth_spoofer_offset_m": truth.e6.delay_m,

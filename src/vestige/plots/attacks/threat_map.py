@@ -35,6 +35,7 @@ MEANINGS = {
     "detected, missed": _Meaning(ORANGE, "detected, missed: an alarm, and a wrong range in use"),
     "missed": _Meaning(_RED, "missed: a wrong range in use, no alarm"),
     "no verdict": _Meaning(GREY, "no verdict: too few RECS could be judged"),
+    "mixed": _Meaning("#F0E68C", "mixed: no outcome in more than half of the runs"),
     "no alarm, no harm": _Meaning(_WHITE, "no alarm, no harm"),
 }
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evidence_builder import evidence, outcome
+from vestige.acas_processor.checks.power import decision_map
 from vestige.acas_processor.checks.power.decision_map import (
     DecisionMap,
     Hypotheses,
@@ -31,6 +32,17 @@ def test_the_same_seed_gives_the_same_map(plain: DecisionMap) -> None:
     again = simulated_decision_map(Hypotheses())
     assert again is not plain
     np.testing.assert_array_equal(again.classes, plain.classes)
+
+
+def test_each_draw_is_counted_in_its_cell(plain: DecisionMap) -> None:
+    """As numpy counts between the edges of the map; what lies beyond belongs to the outermost cells."""
+    rise_db, distortion = Hypotheses().simulate(SPOOFED, stream(6, "cells"), 20_000)
+    rise_db[:4], distortion[:4] = [-9.0, 40.0, 25.0, 3.0], [0.0, 2.0, 1e5, 1e4]
+    inside = [
+        np.clip(v, e[0], e[-1]) for v, e in ((rise_db, plain.power_edges_db), (distortion, plain.distortion_edges))
+    ]
+    expected, _, _ = np.histogram2d(*inside, bins=(plain.power_edges_db, plain.distortion_edges))
+    np.testing.assert_array_equal(decision_map._counts(rise_db, np.log1p(distortion)), expected)
 
 
 def test_confusion_of_equal_costs(plain: DecisionMap) -> None:

@@ -135,3 +135,27 @@ def test_a_key_that_is_compared_as_a_whole() -> None:
     for received, differs, missing in ((KEY_BIT, 0, 0), (0, 0, 1), (KEY_BIT, KEY_BIT, 1)):
         found, _ = subframes(_pieces([(KEY_BIT, received, differs)]), (11,), OsnmaMemory())
         assert (found.missing[0], found.due[0]) == (missing, 1)
+
+
+def test_pieces_at_once_are_those_one_by_one() -> None:
+    """Subframes of several pieces, without an end, and with an end before their last piece."""
+    rng = stream(0, "pieces")
+    bits = rng.integers(0, 1 << 15, (3, 200, 2))
+    pieces = OsnmaBlock(
+        epoch=np.arange(200),
+        subframe=30 * np.cumsum(rng.random(200) < 0.3),
+        due=bits[0],
+        received=bits[0] & bits[1],
+        differs=bits[0] & bits[1] & bits[2],
+        last=rng.random(200) < 0.3,
+    )
+    whole, memory = subframes(pieces, (11, 12), OsnmaMemory())
+    rows, then = [], OsnmaMemory()
+    for k in range(200):
+        one, then = subframes(
+            OsnmaBlock(**{name: getattr(pieces, name)[k : k + 1] for name in OsnmaBlock.__slots__}), (11, 12), then
+        )
+        rows.append([getattr(one, name) for name in NAMES])
+    assert memory == then
+    for name, parts in zip(NAMES, zip(*rows, strict=True), strict=True):
+        assert getattr(whole, name).tolist() == np.concatenate(parts).tolist()

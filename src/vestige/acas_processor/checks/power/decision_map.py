@@ -80,12 +80,14 @@ class Hypotheses:
             jam = 10 ** (rng.uniform(*self.jam_to_noise_db, n) / 10)
         everywhere = eta if truth is SignalClass.SPOOFED else zero  # a ray is one satellite's own
         rise_db = power_rise_db(everywhere, jam, signals_to_noise=self.signals_to_noise)
-        amplitude = np.sqrt(2 * 10 ** (self.cn0_dbhz / 10) * self.integration_s * eta)
-        mean = amplitude * mean_distortion(offset, self.half_spacing_chips, self.pulse)
+        mean = zero
+        if eta is not zero:
+            amplitude = np.sqrt(2 * 10 ** (self.cn0_dbhz / 10) * self.integration_s * eta)
+            mean = amplitude * mean_distortion(offset, self.half_spacing_chips, self.pulse)
         spread = np.sqrt(distortion_variance(self.half_spacing_chips, self.pulse) * (1 + jam))
-        difference = mean + spread * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+        in_phase, quadrature = mean + spread * rng.standard_normal(n), spread * rng.standard_normal(n)
         measured_db = rise_db + self.sigma_power_db * rng.standard_normal(n)
-        return measured_db, np.abs(difference) * 10 ** (-rise_db / 20)
+        return measured_db, np.sqrt(in_phase**2 + quadrature**2) * 10 ** (-rise_db / 20)
 
 
 _POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
@@ -129,11 +131,7 @@ def simulated_decision_map(
     densities = []
     for truth in SignalClass:
         rise_db, distortion = hypotheses.simulate(truth, stream(seed, "decision map", truth.name), draws)
-        x, y = (
-            np.clip(value, edge[0], edge[-1])
-            for value, edge in zip((rise_db, np.log1p(distortion)), edges, strict=True)
-        )
-        counts, _, _ = np.histogram2d(x, y, bins=edges)
+        counts = _counts(rise_db, np.log1p(distortion))
         densities.append(gaussian_filter(counts / draws, _SMOOTHING_CELLS, mode="reflect", truncate=4.0))
     likelihood = np.stack(densities)
     cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
@@ -142,6 +140,15 @@ def simulated_decision_map(
     classes = np.argmin(expected, axis=0)
     classes = _filled(classes, likelihood.sum(axis=0) > 1e-12)
     return DecisionMap(power_edges_db=edges[0], distortion_edges=np.expm1(edges[1]), classes=classes.astype(np.int8))
+
+
+def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]) -> Int64[np.ndarray, "a b"]:
+    """Return how many pairs are in each cell. The cells are regular, so no search in their edges is needed."""
+    cells, shape = np.zeros(power_db.size, np.int64), []
+    for value, (first, last, step) in ((power_db, _POWER_DB), (distortion, _DISTORTION)):
+        shape.append(round((last - first) / step))
+        cells = cells * shape[-1] + np.clip((value - first) * (1 / step), 0, shape[-1] - 1).astype(np.int64)
+    return np.bincount(cells, minlength=shape[0] * shape[1]).reshape(shape)
 
 
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:

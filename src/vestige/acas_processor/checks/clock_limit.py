@@ -1,0 +1,95 @@
+"""Whether the signals are as late as the receiver's own clock allows.
+
+Theory of operation
+-------------------
+The receiver keeps time by itself, and states an upper limit U of the error of its clock against Galileo System Time
+(`time_uncertainty_s`). The E1 ranges measure the same error: the clock b of a position fix, times c. A replay that
+comes τ later makes b larger by c τ, whatever else the attacker suppresses. The check passes if
+
+    with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
+    without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
+
+where P are the pseudoranges, and 65 to 105 ms the travel times of Galileo satellites (`position/possible_range.py`).
+`MARGIN_M` covers ionosphere and troposphere, which the fix does not correct, and orbits. K follows from `p_fa`.
+
+The check is only as good as U. A replay passes if it is no later than U allows, or if the clock is wrong by as much as
+the replay is late. U is the limit that the receiver states. The smaller limit that follows from its last authentic fix
+does not count here, because the attacker may have been there before that fix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_factor
+from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.position.clock_error import TRAVEL_SPREAD_S, clock_error
+from vestige.acas_processor.position.possible_range import MARGIN_M
+from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records.checks import CheckName, CheckSeries
+
+CLOCK_LIMIT_P_FA = 1e-9  # of one test: 6 σ of the fix's clock, some ten metres of a limit that is mostly milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockLimitMonitor(Monitor):
+    """Whether the clock error that the E1 ranges show lies within the limit that the receiver states.
+
+    Attributes
+    ----------
+    p_fa
+        False-alarm probability of one test, an upper limit if the stated limit of the clock's error is right.
+
+    Examples
+    --------
+    >>> monitor = ClockLimitMonitor()
+    >>> f"{monitor.smallest_delay_s(time_uncertainty_s=1e-3, sigma_clock_m=5.0) * 1e3:.4f} ms"
+    '1.0018 ms'
+    """
+
+    name: ClassVar = CheckName.CLOCK_LIMIT
+    unit: ClassVar = "s"
+    p_fa: float = CLOCK_LIMIT_P_FA
+
+    def smallest_delay_s(self, *, time_uncertainty_s: float, sigma_clock_m: float) -> float:
+        """Return the threshold with a position fix in s: a replay that is later fails if the clock itself is right.
+
+        Parameters
+        ----------
+        time_uncertainty_s
+            Upper limit of the error of the receiver's clock in s.
+        sigma_clock_m
+            Standard deviation of the fix's clock in m.
+        """
+        return float(self._with_fix_s(np.array([time_uncertainty_s]), np.array([sigma_clock_m]))[0])
+
+    def _with_fix_s(
+        self, limit_s: Float[np.ndarray, " n"], sigma_m: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        return limit_s + (MARGIN_M + two_sided_factor(self.p_fa) * sigma_m) / SPEED_OF_LIGHT_MPS
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        """Return the check over a block."""
+        stated_s = evidence.measured.snapshots.time_uncertainty_s
+        limit_s = np.where(np.isfinite(stated_s), stated_s, np.nan)
+        shown = clock_error(evidence.measured)
+        late_s, fixed = shown.error_s, shown.of_fix
+        threshold_s = np.where(fixed, self._with_fix_s(limit_s, shown.sigma_m), limit_s + TRAVEL_SPREAD_S)
+
+        def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
+            if np.isnan(limit_s[epoch]):
+                return "no upper limit of the error of the receiver's clock is known"
+            if np.isnan(late_s[epoch]):
+                return "E1 has no pseudorange"
+            how = "late" if late_s[epoch] > 0 else "early"
+            means = "the position fix shows" if fixed[epoch] else "the travel times on E1 show"
+            return (
+                f"{means} that the signals are {abs(late_s[epoch]):.9g} s {how} by the receiver's clock, more than the "
+                f"{threshold_s[epoch]:.9g} s that the limit of its error allows"
+            )
+
+        return series_of(self, late_s, threshold_s, explain)
