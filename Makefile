@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+DOCS   := $(VENV)/.docs
 # One thread for each FFT or BLAS call: parallelism is over independent blocks of work.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -21,7 +22,7 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 # are left out, because the parts that the tests import do not need them.
 JUDGES := cssrlib==1.2.1 bitstruct==8.24.0 galois==0.4.11 crccheck==1.3.1
 
-.PHONY: setup judges demo test test-slow test-all fuzz lint types arch fmt constraints clean
+.PHONY: setup judges demo docs docs-quick test test-slow test-all fuzz lint types arch fmt constraints clean
 
 setup: $(READY)
 
@@ -34,6 +35,18 @@ $(READY): pyproject.toml constraints.txt
 judges: $(READY)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps $(JUDGES)
 	@$(BIN)/python -c 'import cssrlib.osnma, cssrlib.rawnav'
+
+# What Sphinx needs is installed by the first `make docs` only.
+$(DOCS): $(READY) pyproject.toml constraints.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	@touch $@
+
+# The documentation site, in build/docs/html. docs-quick runs only the two examples of the front page.
+docs: $(DOCS)
+	@$(BIN)/python docs/site/build.py
+
+docs-quick: $(DOCS)
+	@$(BIN)/python docs/site/build.py --quick
 
 demo: $(READY)
 	@rm -rf build/demo
@@ -72,7 +85,7 @@ fmt: $(READY)
 # Refresh the exact versions that development and CI install.
 constraints:
 	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
-	build/constraints/bin/python -m pip install --quiet '.[dev]'
+	build/constraints/bin/python -m pip install --quiet '.[dev,docs]'
 	build/constraints/bin/python -m pip freeze --exclude vestige > constraints.txt
 
 clean:

@@ -10,69 +10,54 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.detectors import EarlyDetector, MaximumDetector
-    from vestige.acas_processor.monitoring.calibration import hardware_bias_correction_s
-    from vestige.acas_processor.position.error_budget import ErrorBudget
-    from vestige.acas_processor.processor import AcasProcessor
-    from vestige.campaign.store.results import Results, open_results
-    from vestige.errors import VestigeError
-    from vestige.recording.assistance.folder import read_assistance
-    from vestige.recording.recording import open_recording
-    from vestige.recording.snapshots import RecordingSource
-    from vestige.records import Outcome, Status, Verdict
-    from vestige.scenario.load import load_scenario
-    from vestige.scenario.scenario_processor import processor_of
-    from vestige.simulated.simulated_source import simulate
-    from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, threshold
-    from vestige.time import GalileoTime
+    from vestige.acas_processor.detectors import EarlyDetector as EarlyDetector
+    from vestige.acas_processor.detectors import MaximumDetector as MaximumDetector
+    from vestige.acas_processor.monitoring.calibration import hardware_bias_correction_s as hardware_bias_correction_s
+    from vestige.acas_processor.position.error_budget import ErrorBudget as ErrorBudget
+    from vestige.acas_processor.processor import AcasProcessor as AcasProcessor
+    from vestige.campaign.store.results import Results as Results
+    from vestige.campaign.store.results import open_results as open_results
+    from vestige.errors import VestigeError as VestigeError
+    from vestige.recording.assistance.folder import read_assistance as read_assistance
+    from vestige.recording.recording import open_recording as open_recording
+    from vestige.recording.snapshots import RecordingSource as RecordingSource
+    from vestige.records import Outcome as Outcome
+    from vestige.records import Status as Status
+    from vestige.records import Verdict as Verdict
+    from vestige.scenario.load import load_scenario as load_scenario
+    from vestige.scenario.scenario_processor import processor_of as processor_of
+    from vestige.simulated.simulated_source import simulate as simulate
+    from vestige.theory.thresholds import probability_of_detection as probability_of_detection
+    from vestige.theory.thresholds import required_cn0_dbhz as required_cn0_dbhz
+    from vestige.theory.thresholds import threshold as threshold
+    from vestige.time import GalileoTime as GalileoTime
 
+# The public names in the order of use, and the modules that have them
 _HOME = {
+    "open_recording": "recording.recording",
+    "read_assistance": "recording.assistance.folder",
+    "RecordingSource": "recording.snapshots",
     "AcasProcessor": "acas_processor.processor",
     "EarlyDetector": "acas_processor.detectors",
-    "ErrorBudget": "acas_processor.position.error_budget",
-    "GalileoTime": "time",
     "MaximumDetector": "acas_processor.detectors",
-    "Outcome": "records",
-    "Results": "campaign.store.results",
-    "RecordingSource": "recording.snapshots",
-    "Status": "records",
+    "ErrorBudget": "acas_processor.position.error_budget",
     "Verdict": "records",
+    "Status": "records",
+    "Outcome": "records",
+    "GalileoTime": "time",
     "VestigeError": "errors",
     "hardware_bias_correction_s": "acas_processor.monitoring.calibration",
-    "load_scenario": "scenario.load",
-    "processor_of": "scenario.scenario_processor",
-    "open_recording": "recording.recording",
-    "open_results": "campaign.store.results",
     "probability_of_detection": "theory.thresholds",
-    "read_assistance": "recording.assistance.folder",
     "required_cn0_dbhz": "theory.thresholds",
-    "simulate": "simulated.simulated_source",
     "threshold": "theory.thresholds",
+    "load_scenario": "scenario.load",
+    "open_results": "campaign.store.results",
+    "Results": "campaign.store.results",
+    "simulate": "simulated.simulated_source",
+    "processor_of": "scenario.scenario_processor",
 }
 
-__all__ = [  # noqa: RUF022  (the order of use)
-    "open_recording",
-    "read_assistance",
-    "RecordingSource",
-    "AcasProcessor",
-    "EarlyDetector",
-    "MaximumDetector",
-    "ErrorBudget",
-    "Verdict",
-    "Status",
-    "Outcome",
-    "GalileoTime",
-    "VestigeError",
-    "hardware_bias_correction_s",
-    "probability_of_detection",
-    "required_cn0_dbhz",
-    "threshold",
-    "load_scenario",
-    "open_results",
-    "Results",
-    "simulate",
-    "processor_of",
-]
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:

@@ -74,7 +74,7 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
         ctx.exit()
 
 
-@click.command(cls=_LazyVerbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=_LazyVerbs, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Print the version."
 )

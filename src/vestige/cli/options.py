@@ -17,6 +17,17 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 
+def options_together(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Return one decorator that adds several options to a verb, in the order in which they are given."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
 class FiniteNumber(click.types.FloatParamType):
     """A number that is neither infinite nor NaN."""
 
@@ -58,20 +69,17 @@ def _name_folders(_context: click.Context, _parameter: click.Parameter, folders:
         own_parts_from(folder)
 
 
-def parts_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add `--parts FOLDER` to a verb, which lets scenarios name the user's own classes; see `own_parts`."""
-    return click.option(
-        "--parts",
-        multiple=True,
-        type=click.Path(path_type=Path),
-        metavar="FOLDER",
-        expose_value=False,
-        is_eager=True,
-        callback=_name_folders,
-        help="Folder of your own detectors, attacks, error models and checks, which are named `module:Name`.",
-    )(command)
-
-
+# Scenarios may then name the user's own classes; see `own_parts`
+parts_option = click.option(
+    "--parts",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    expose_value=False,
+    is_eager=True,
+    callback=_name_folders,
+    help="Folder of your own detectors, attacks, error models and checks, which are named `module:Name`.",
+)
 DETECTOR_NAMES = ("early", "maximum")
 
 
@@ -85,7 +93,6 @@ def detector_name(_context: click.Context, _parameter: click.Parameter, name: st
 detector_option = click.option(
     "--detector",
     default="early",
-    show_default=True,
     metavar="NAME",
     callback=detector_name,
     help="Detector on E6: early, maximum, or `module:Name` of your own.",
@@ -113,15 +120,17 @@ scheduler_option = click.option(
 )
 
 
-def trust_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add `--public-key` and `--merkle-tree` to a verb that has an assistance folder, which may hold both."""
-    for name in ("Merkle tree", "public key"):
-        command = click.option(
+# Verbs that read an assistance folder have these options; the folder may hold both files
+trust_options = options_together(
+    *(
+        click.option(
             f"--{name.lower().replace(' ', '-')}",
             type=click.Path(path_type=Path),
             help=f"File of the OSNMA {name}, if it is not in the assistance folder.",
-        )(command)
-    return command
+        )
+        for name in ("public key", "Merkle tree")
+    )
+)
 
 
 def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
@@ -169,21 +178,19 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
 # The two points on which the interface of the service is not public: the AES mode, and what a BGD value means
 def threads_option(what: str) -> Callable[..., Any]:
     """Return the option `-j` of a verb that works on the samples of a recording; `what` is its help."""
-    return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, show_default=True, help=what)
+    return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, help=what)
 
 
 cipher_mode_option = click.option(
     "--cipher-mode",
     type=click.Choice(["cbc", "ctr"]),
     default="cbc",
-    show_default=True,
     help="AES mode with which the RECS are encrypted.",
 )
 group_delay_option = click.option(
     "--bgd",
     type=click.Choice(["os-icd", "file-value", "minus-os-icd", "minus-file-value"]),
     default="os-icd",
-    show_default=True,
     help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value); minus: earlier.",
 )
 

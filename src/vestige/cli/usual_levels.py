@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import FiniteRange, options_together
 from vestige.constants import NOMINAL_E6_OVER_E1_DB
 
 if TYPE_CHECKING:
@@ -22,78 +22,70 @@ if TYPE_CHECKING:
 _POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0, 1000)
 
 
-def usual_level_options(command: Any) -> Any:
-    """Add the options that state what the checks compare with, and how often they may fail without an attack."""
-    options = (
-        click.option(
-            "--usual-e1-power-db",
-            type=_POWER,
-            help="Power of the E1 samples in dB without interference. [default: learned]",
-        ),
-        click.option(
-            "--usual-e6-power-db",
-            type=_POWER,
-            help="Power of the E6 samples in dB without interference. [default: learned]",
-        ),
-        click.option(
-            "--usual-e1-cn0-dbhz",
-            type=_CN0,
-            help="Usual C/N0 of E1-C in dBHz; needs --usual-e6-cn0-dbhz. [default: learned]",
-        ),
-        click.option(
-            "--usual-e6-cn0-dbhz",
-            type=_CN0,
-            help="Usual C/N0 of E6-C in dBHz; needs --usual-e1-cn0-dbhz. [default: learned]",
-        ),
-        click.option(
-            "--e6-over-e1-db",
-            type=FiniteRange(-40, 40),
-            help="Expected C/N0 of E6-C minus that of E1-C in dB. It decides whether E6 should have been detected. "
-            f"[default: difference of the two options above, or {NOMINAL_E6_OVER_E1_DB:g}]",
-        ),
-        click.option(
-            "--cn0-fall-db",
-            type=FiniteRange(0, 40),
-            default=0.0,
-            show_default=True,
-            help="How much lower the usual C/N0 is at the horizon than at the zenith, in dB.",
-        ),
-        click.option(
-            "--floor-sigma-m",
-            type=_SIGMA,
-            default=5.0,
-            show_default=True,
-            help="Standard deviation of each E1 range in m, for RAIM and clock checks.",
-        ),
-        click.option(
-            "--ionosphere-sigma-m",
-            type=_SIGMA,
-            default=0.0,
-            show_default=True,
-            help="Standard deviation of the ionospheric error of E1 ranges at 17.5° elevation, in m.",
-        ),
-        click.option(
-            "--multipath-sigma-m",
-            type=_SIGMA,
-            default=0.0,
-            show_default=True,
-            help="Standard deviation of the multipath error of E1 ranges at 16° elevation, in m.",
-        ),
-        click.option(
-            "--near",
-            metavar="LAT,LON,KM",
-            help="Approximate position: the receiver is within KM of this latitude and longitude in degrees. Signals "
-            "that a search finds are not used if their range contradicts it. Needs orbits (--navigation, --track).",
-        ),
-        click.option(
-            "--alarms-per-day",
-            type=FiniteRange(1e-6, 1000),
-            help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
-        ),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
+# What the checks compare with, and how often they may fail without an attack
+usual_level_options = options_together(
+    click.option(
+        "--usual-e1-power-db",
+        type=_POWER,
+        help="Power of the E1 samples in dB without interference. [default: learned]",
+    ),
+    click.option(
+        "--usual-e6-power-db",
+        type=_POWER,
+        help="Power of the E6 samples in dB without interference. [default: learned]",
+    ),
+    click.option(
+        "--usual-e1-cn0-dbhz",
+        type=_CN0,
+        help="Usual C/N0 of E1-C in dBHz; needs --usual-e6-cn0-dbhz. [default: learned]",
+    ),
+    click.option(
+        "--usual-e6-cn0-dbhz",
+        type=_CN0,
+        help="Usual C/N0 of E6-C in dBHz; needs --usual-e1-cn0-dbhz. [default: learned]",
+    ),
+    click.option(
+        "--e6-over-e1-db",
+        type=FiniteRange(-40, 40),
+        help="Expected C/N0 of E6-C minus that of E1-C in dB. It decides whether E6 should have been detected. "
+        f"[default: difference of the two options above, or {NOMINAL_E6_OVER_E1_DB:g}]",
+    ),
+    click.option(
+        "--cn0-fall-db",
+        type=FiniteRange(0, 40),
+        default=0.0,
+        help="How much lower the usual C/N0 is at the horizon than at the zenith, in dB.",
+    ),
+    click.option(
+        "--floor-sigma-m",
+        type=_SIGMA,
+        default=5.0,
+        help="Standard deviation of each E1 range in m, for RAIM and clock checks.",
+    ),
+    click.option(
+        "--ionosphere-sigma-m",
+        type=_SIGMA,
+        default=0.0,
+        help="Standard deviation of the ionospheric error of E1 ranges at 17.5° elevation, in m.",
+    ),
+    click.option(
+        "--multipath-sigma-m",
+        type=_SIGMA,
+        default=0.0,
+        help="Standard deviation of the multipath error of E1 ranges at 16° elevation, in m.",
+    ),
+    click.option(
+        "--near",
+        metavar="LAT,LON,KM",
+        help="Approximate position: the receiver is within KM of this latitude and longitude in degrees. Signals "
+        "that a search finds are not used if their range contradicts it. Needs orbits (--navigation, --track).",
+    ),
+    click.option(
+        "--alarms-per-day",
+        type=FiniteRange(1e-6, 1000),
+        help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
+    ),
+)
 
 
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:

@@ -10,6 +10,7 @@ import click
 
 from vestige.cli.options import parts_option, set_option
 from vestige.cli.terminal import echo, raise_last
+from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
@@ -32,7 +33,6 @@ def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, a
     """
     import json
 
-    from vestige.errors import VestigeError
     from vestige.scenario.load import load_scenario, scenario_schema
     from vestige.scenario.warnings import scenario_warnings
 

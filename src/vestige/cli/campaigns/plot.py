@@ -10,6 +10,7 @@ import click
 
 from vestige.cli.options import DETECTOR_NAMES, FiniteNumber, FiniteRange, detector_option, parts_option
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +83,6 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     "--width-cm",
     type=FiniteRange(4, 60),
     default=8.0,
-    show_default=True,
     help="Width of the figure.",
 )
 @click.option("--from", "start_s", type=FiniteNumber(), help="First time to show, in s after the start.")
@@ -154,7 +154,6 @@ class _Choice:
 def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path, choice: _Choice) -> None:
     """Draw one figure into a file, or all of a campaign into a folder, and print the names of the files."""
     from vestige import plots
-    from vestige.errors import InputFileError, VestigeError
 
     if kind != _ALL:
         figures = [(kind, output, choice)]
@@ -196,7 +195,6 @@ def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Pa
 def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
     from vestige import plots
     from vestige.campaign.store.results import open_results
-    from vestige.errors import VestigeError
 
     results = open_results(path, partial=True).dataset
     if "epoch" in results.coords:
@@ -254,7 +252,6 @@ def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
     from vestige.acas_processor.levels import LEVELS
     from vestige.campaign.levels import level_verdicts
     from vestige.campaign.outcomes import attacked_epochs
-    from vestige.errors import VestigeError
 
     (of_level,) = level_verdicts(results, (max(LEVELS),))
     monitor = of_level.processor.monitoring.power_distortion

@@ -9,6 +9,7 @@ import click
 
 from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
     from vestige.report import Page
@@ -20,7 +21,9 @@ _SUFFIXES = (".html", ".htm")
 @click.command()
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.html) to write.")
-@click.option("--question", default="", metavar="TEXT", help="Question that the page answers, in your words.")
+@click.option(
+    "--question", default="", show_default=False, metavar="TEXT", help="Question that the page answers, in your words."
+)
 @parts_option
 def command(result: Path, output: Path, question: str) -> None:
     """Write one page about RESULT, and print the name of the file.
@@ -41,7 +44,6 @@ def command(result: Path, output: Path, question: str) -> None:
 def _page(path: Path, question: str) -> Page:
     from vestige.campaign.store.results import open_results
     from vestige.campaign.sweep.sweep import SWEEP_TABLE as SWEEP
-    from vestige.errors import InputFileError, VestigeError
     from vestige.report import run_page, threat_page
     from vestige.threats.table import STORE
     from vestige.threats.table import TABLE as THREATS

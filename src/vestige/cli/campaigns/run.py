@@ -11,6 +11,7 @@ import click
 from vestige.cli.options import WidthType, json_option, parts_option, scheduler_option, set_option, workers_option
 from vestige.cli.pool import MAX_THREADS, pool
 from vestige.cli.terminal import echo
+from vestige.errors import VestigeError
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -107,7 +108,6 @@ def command(
 
 
 def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
-    from vestige.errors import VestigeError
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import load_scenario
 
@@ -138,7 +138,6 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
     """Return settings and scenario of every campaign of a sweep, so that an error shows before anything has run."""
     from vestige.campaign.sweep.sweep_axes import as_settings, grid, parse_axis
-    from vestige.errors import VestigeError
 
     axes = [parse_axis(text) for text in sweeps]
     fixed = {setting.partition("=")[0].strip() for setting in settings}

@@ -2,43 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from vestige.cli.options import check_trust, json_option, time_option
+from vestige.cli.services.recs_make import command as make_command
 from vestige.cli.terminal import echo, raise_last
+from vestige.errors import VestigeError
 from vestige.output import check_output, replacement
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from vestige.crypto.recs.recs_file import RecsFile
-    from vestige.errors import VestigeError
     from vestige.records import EncryptedSegment
     from vestige.time import GalileoTime
     from vestige.validated_key import ValidatedKey
-
-# Verbs of this group that live in files of their own: name -> module with `command`.
-ELSEWHERE = {"make": "vestige.cli.services.recs_make"}
-
-
-class _Group(click.Group):
-    """A group that imports the verbs in `ELSEWHERE` only when they are used."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        there = [name for name, module in ELSEWHERE.items() if importlib.util.find_spec(module)]
-        return [*super().list_commands(ctx), *there]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        module = ELSEWHERE.get(cmd_name)
-        if module is None or importlib.util.find_spec(module) is None:
-            return super().get_command(ctx, cmd_name)
-        return importlib.import_module(module).command
-
 
 _path = click.Path(path_type=Path)
 _reference = click.option(
@@ -48,9 +29,12 @@ _reference = click.option(
 )
 
 
-@click.group(cls=_Group)
+@click.group()
 def command() -> None:
     """Look into, decrypt or make RECS files (re-encrypted code sequences of E6-C)."""
+
+
+command.add_command(make_command, "make")
 
 
 @command.command()
@@ -71,7 +55,6 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     from vestige.crypto.file_bytes import read_bytes
     from vestige.crypto.recs.file_signature import load_public_key, signatures_in, verify_data
     from vestige.crypto.recs.recs_file import MAX_RECS_FILE_BYTES, parse_recs_file
-    from vestige.errors import VestigeError
 
     public_keys = [load_public_key(path) for path in certificates]
     signatures: dict[Path, Mapping[str, tuple[Path, ...]]] = {}
@@ -101,9 +84,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
 @click.option("--public-key", type=_path, help="OSNMA public key (XML or PEM) that the key file must lead to.")
 @click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML) that the public key must lead to.")
 @click.option("-o", "--output", type=_path, help="File for the chips: one bit each, most significant first, 0 is +1.")
-@click.option(
-    "--mode", type=click.Choice(["cbc", "ctr"]), default="cbc", show_default=True, help="AES mode; see the docs."
-)
+@click.option("--mode", type=click.Choice(["cbc", "ctr"]), default="cbc", help="AES mode; see the docs.")
 @_reference
 @json_option
 def decrypt_command(
@@ -118,15 +99,16 @@ def decrypt_command(
     import json
 
     from vestige.crypto.keys.key_file import read_key_file
-    from vestige.crypto.keys.public_key_file import load_public_keys
+    from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree
     from vestige.crypto.recs.recs_file import read_recs_file
     from vestige.crypto.recs.recs_segment import CipherMode
-    from vestige.errors import VestigeError
 
     check_trust(public_key, merkle_tree)
     check_output(output, (file, key_file, public_key, merkle_tree))
     recs = read_recs_file(file, reference=reference)
-    keys = {key.time: key for key in read_key_file(key_file, load_public_keys(public_key, merkle_tree))}
+    public_keys = load_public_keys(public_key, merkle_tree)
+    tree = None if merkle_tree is None else read_merkle_tree(merkle_tree)
+    keys = {key.time: key for key in read_key_file(key_file, public_keys, tree)}
     packed, rows = _decrypt_segments(recs.segments, keys, CipherMode(mode))
     if not packed:
         times = sorted({segment.key_time for segment in recs.segments})

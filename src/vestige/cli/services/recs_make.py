@@ -19,18 +19,19 @@ _path = click.Path(path_type=Path)
 @click.option("--public-key", type=_path, help="OSNMA public key (XML, PEM).")
 @click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML).")
 @click.option("-o", "--output", required=True, type=_path, help="Assistance folder to write.")
-@click.option("--length-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="16", show_default=True)
+@click.option(
+    "--length-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="16", help="Duration of each RECS in ms."
+)
 @click.option(
     "--interval",
     "interval_s",
     type=FiniteRange(0.1, 1e6),
     default=30.0,
-    show_default=True,
     help="Time between RECS in s.",
 )
-@click.option("--kdi", type=click.IntRange(0, 1), default=0, show_default=True, help="Key delay indicator.")
+@click.option("--kdi", type=click.IntRange(0, 1), default=0, help="Key delay indicator.")
 @cipher_mode_option
-@click.option("--svids", default="", help="Satellites, `2,3,7-9`; default: those that E1 sees.")
+@click.option("--svids", default="", show_default=False, help="Satellites, `2,3,7-9`; default: those that E1 sees.")
 @start_option
 @json_option
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:

@@ -8,6 +8,7 @@ import click
 
 from vestige.cli.options import parts_option
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError, VestigeError, satellite_names
 
 
 @click.command()
@@ -22,7 +23,6 @@ def command(results_path: Path, output: Path) -> None:
     """
     from vestige.campaign.rinex_export import COMMAND, export_rinex
     from vestige.campaign.store.results import open_results
-    from vestige.errors import InputFileError, VestigeError, satellite_names
 
     results = open_results(results_path).dataset
     try:

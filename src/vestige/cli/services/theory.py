@@ -22,21 +22,18 @@ _probability = FiniteRange(1e-250, 1, max_open=True)
 
 
 @click.command()
-@click.option("--cn0", "cn0_dbhz", type=FiniteRange(-100, 200), default=35.0, show_default=True, help="C/N0 in dBHz.")
+@click.option("--cn0", "cn0_dbhz", type=FiniteRange(-100, 200), default=35.0, help="C/N0 in dBHz.")
 @click.option(
     "--integration-ms",
     type=FiniteRange(0, 1e6, min_open=True),
     default=16.0,
-    show_default=True,
     help="Coherent integration.",
 )
 @click.option("--p-fa", type=_probability, help=f"False alarm probability of one test.  [default: {DEFAULT_P_FA:g}]")
 @click.option("--p-fa-overall", type=_probability, help="False alarm probability of all tests, in place of --p-fa.")
-@click.option("--hypotheses", type=FiniteRange(1, 1e30), default=1.0, show_default=True, help="Number of tests.")
-@click.option("--p-d", type=_probability, default=0.9, show_default=True, help="Detection probability to require.")
-@click.option(
-    "--noncoherent", type=click.IntRange(1, 1000), default=1, show_default=True, help="Squared magnitudes added."
-)
+@click.option("--hypotheses", type=FiniteRange(1, 1e30), default=1.0, help="Number of tests.")
+@click.option("--p-d", type=_probability, default=0.9, help="Detection probability to require.")
+@click.option("--noncoherent", type=click.IntRange(1, 1000), default=1, help="Squared magnitudes added.")
 @click.option("--paper", is_flag=True, help="Print the paper's numbers, recomputed; the other options have no effect.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, in full precision.")
 def command(

@@ -17,6 +17,7 @@ from pathlib import Path
 import click
 
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError
 
 # four of the night's eight satellites at half its rate, and the RECS that is sent in second 8
 SKY_EPOCHS = "5:9"
@@ -30,7 +31,6 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
     "folder",
     type=click.Path(path_type=Path),
     default="vestige_demo",
-    show_default=True,
     help="Folder to write; must not exist.",
 )
 def command(folder: Path) -> None:
@@ -39,8 +39,6 @@ def command(folder: Path) -> None:
     A recording is simulated and authenticated, then with a wrong key and with a replayed E6. Then come a sky from its
     samples, statistics, and an attack.
     """
-    from vestige.errors import InputFileError
-
     if folder.exists():
         raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from vestige.cli.terminal import echo
+from vestige.errors import InputFileError
 
 
 @click.command()
@@ -32,7 +33,6 @@ def command(folder: Path) -> None:
 
 def write_scenarios(folder: Path) -> list[Path]:
     """Return the files that were written into the folder `scenarios` of a folder, which must not be there yet."""
-    from vestige.errors import InputFileError
     from vestige.scenario.shipped import shipped_scenarios
 
     target = folder / "scenarios"

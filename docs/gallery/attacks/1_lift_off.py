@@ -1,0 +1,32 @@
+"""
+The lift-off attack
+===================
+
+Use this example to see when each detector follows a spoofing signal. The attacker repeats E6, comes in on top of the
+true signal, raises its power and leaves. This is the attack of the paper's Section VI-B.
+"""
+
+# %%
+# ``liftoff.toml`` explains every line of the attack. Here the correlators are simulated, not the samples.
+import numpy as np
+
+import vestige as vs
+from vestige import plots
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.scenario.shipped import shipped_scenarios
+
+(liftoff,) = (path for path in shipped_scenarios() if path.name == "liftoff.toml")
+results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidelity="correlators"'])))
+
+# %%
+# Above the power of the spoofing signal; below the range that each detector measures. The early detector returns to
+# the true signal as soon as the two peaks part, because nothing can arrive before the true signal.
+axes = plots.attack_comparison(results)
+
+# %%
+# In numbers, for the last 300 s.
+last = results["time_s"].values >= 1200
+for detector in ("early", "maximum"):
+    offset_m = results["range_offset_m"].sel(detector=detector).values[last, 0]
+    print(f"{detector:8s} median range offset {np.nanmedian(offset_m):+.1f} m")

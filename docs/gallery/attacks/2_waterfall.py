@@ -1,0 +1,22 @@
+"""
+Correlators against time
+========================
+
+Use this figure to see a second signal come and go. It is the waterfall of the paper, as a landscape and as a map.
+"""
+
+# %%
+# The lift-off attack once more: the spoofing signal leaves the true one at 800 s.
+import vestige as vs
+from vestige import plots
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.scenario.shipped import shipped_scenarios
+
+(liftoff,) = (path for path in shipped_scenarios() if path.name == "liftoff.toml")
+results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidelity="correlators"'])))
+landscape = plots.waterfall(results)
+
+# %%
+# The map shows every epoch. The two ridges are the true signal at 0 m and the spoofing signal at 71 m.
+map_axes = plots.waterfall_map(results)

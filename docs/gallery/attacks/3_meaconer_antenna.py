@@ -1,0 +1,42 @@
+"""
+A meaconer moves the position to its antenna
+============================================
+
+Use this example to see what a meaconer does to a whole sky. Whoever follows it finds itself at the meaconer's antenna,
+and its clock is late by the meaconer's delay.
+"""
+
+# %%
+# The antenna stands 0.001 degrees (111 m) north of the receiver. The copy begins after 60 s and is 6 dB stronger.
+import matplotlib.pyplot as plt
+import numpy as np
+
+import vestige as vs
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.scenario.shipped import shipped_scenarios
+
+(sky,) = (path for path in shipped_scenarios() if path.name == "sky.toml")
+ATTACK = (
+    'attack=[{kind="meaconing", start_s=60, delay_s=2e-6, power_db=6, reception_gain_db=20,'
+    " antenna={latitude_deg=48.101, longitude_deg=11.6, height_m=500}}]"
+)
+settings = ["epochs=180", "recs.every=10", ATTACK]
+results = direct_results(ScenarioPlan(scenario=vs.load_scenario(sky, settings)))
+
+# %%
+# The error of the fix from all satellites. Level 2 sees the second signals: see :doc:`/threats`.
+error = results["fix_error_m"].sel(fix="all")
+figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
+for axis in ("east", "north", "up"):
+    axes[0].plot(results["time_s"], error.sel(local_axis=axis), linewidth=0.8, label=axis)
+axes[0].set(ylabel="error of the fix (m)")
+axes[0].legend()
+clock_m = results["fix_clock_error_m"].sel(fix="all").values
+axes[1].plot(results["time_s"], clock_m, color="grey", linewidth=0.8)
+axes[1].set(xlabel="time (s)", ylabel="error of the clock (m)")
+during = results["time_s"].values > 90
+print(f"north: {np.nanmedian(error.sel(local_axis='north').values[during]):.1f} m")
+way_m = 111.2  # from the antenna to the receiver
+print(f"clock: {np.nanmedian(clock_m[during]):.1f} m; 2 µs and the way are {2e-6 * 299_792_458 + way_m:.1f} m")
+plt.show()

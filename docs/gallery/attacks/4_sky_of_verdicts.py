@@ -1,0 +1,46 @@
+"""
+A sky of verdicts
+=================
+
+Use this example to read verdicts in a script. Two of eight satellites are pulled away; the sky plot shows the verdict
+of each.
+"""
+
+# %%
+# ``vs.simulate`` is a source of snapshots, as a recording is. E1 of E07 and E13 is pulled away by 150 m.
+import matplotlib.pyplot as plt
+import numpy as np
+
+import vestige as vs
+from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.scenario.shipped import shipped_scenarios
+
+(sky,) = (path for path in shipped_scenarios() if path.name == "sky.toml")
+ATTACK = (
+    'attack=[{kind="position-push", bands=["E1"], svids=[7, 13], start_s=30, power_db=6,'
+    ' delay_m={kind="ramp", first=0, last=150, start_s=40, stop_s=140}}]'
+)
+scenario = vs.load_scenario(sky, ["epochs=181", ATTACK])
+verdicts = [*vs.processor_of(scenario).run(vs.simulate(scenario))]
+last = {verdict.svid: verdict for verdict in verdicts}
+for svid, verdict in sorted(last.items()):
+    print(f"E{svid:02d} {verdict.status.name:14s} {verdict.reason}")
+
+# %%
+# Where the satellites are comes from the results of the same campaign.
+results = direct_results(ScenarioPlan(scenario=scenario), judge=False).isel(epoch=-1)
+colours = {"AUTHENTIC": "tab:green", "SPOOFED": "tab:red", "SUSPECT": "tab:orange"}
+figure, axes = plt.subplots(subplot_kw={"projection": "polar"}, figsize=(5, 4.4), layout="constrained")
+axes.set_theta_zero_location("N")
+axes.set_theta_direction(-1)
+for place, svid in enumerate(results["svid"].values.tolist()):
+    azimuth = np.radians(results["azimuth_deg"].values[place])
+    away_deg = 90 - results["elevation_deg"].values[place]
+    status = last[svid].status.name
+    axes.plot(azimuth, away_deg, "o", markersize=12, color=colours.get(status, "tab:grey"))
+    axes.annotate(f"E{svid:02d} {status}", (azimuth, away_deg), (8, 8), textcoords="offset points", fontsize="small")
+axes.set_rlim(0, 90)
+axes.set_xticks(np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"])
+axes.set_yticks([30, 60], ["60°", "30°"])
+plt.show()

@@ -1,0 +1,86 @@
+"""The reference of the commands, out of the commands themselves: what `--help` prints, as pages."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Iterator
+
+import click
+
+from vestige.cli.main import VERBS, vestige
+
+_CODE = re.compile(r"(`[^`]*`)")
+_SPECIAL = re.compile(r"([\\*_<>\[\]|#~])")
+
+
+def escaped(text: str) -> str:
+    """Return a help text as Markdown in which only `code` is special."""
+    parts = _CODE.split(" ".join(text.split()))
+    return "".join(part if part.startswith("`") else _SPECIAL.sub(r"\\\1", part) for part in parts)
+
+
+def _paragraphs(command: click.Command) -> Iterator[str]:
+    text = (command.help or "").split("\f", maxsplit=1)[0]
+    for paragraph in re.split(r"\n\s*\n", text.strip()):
+        kept_lines = paragraph.strip().startswith("\b")
+        lines = paragraph.replace("\b", "").strip("\n").splitlines()
+        yield ("```text\n" + "\n".join(lines) + "\n```") if kept_lines else escaped(" ".join(lines))
+
+
+def _definitions(records: list[tuple[str, str]]) -> Iterator[str]:
+    for names, meaning in records:
+        yield f"`{names}`\n: {escaped(meaning)}"
+
+
+def _option_groups(command: click.Command, context: click.Context) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """Yield the title and the help records of each group of options, as `--help` groups them."""
+    options = {str(one.name): one for one in command.get_params(context) if isinstance(one, click.Option)}
+    groups = dict(getattr(command, "groups", {}))
+    named = {name for names in groups.values() for name in names}
+    groups["Other options" if groups else "Options"] = tuple(name for name in options if name not in named)
+    for title, names in groups.items():
+        records = [options[name].get_help_record(context) for name in names if name in options]
+        if shown := [one for one in records if one is not None]:
+            yield title, shown
+
+
+def command_text(words: list[str], command: click.Command, depth: int = 1) -> str:
+    """Return the page of a command, with a section for each command below it."""
+    context = click.Context(command, info_name=" ".join(words))
+    heading = "#" * depth
+    parts = [f"{heading} {' '.join(words)}", *_paragraphs(command)]
+    usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
+    parts.append(f"```text\n{usage}\n```")
+    arguments = [one.get_help_record(context) for one in command.get_params(context) if isinstance(one, click.Argument)]
+    parts += _definitions([one for one in arguments if one is not None and one[1]])
+    for title, records in _option_groups(command, context):
+        parts += [f"**{title}**", *_definitions(records)]
+    if isinstance(command, click.Group):
+        below = ((name, command.get_command(context, name)) for name in command.list_commands(context))
+        parts += [command_text([*words, name], one, depth + 1) for name, one in below if one is not None]
+    return "\n\n".join(parts) + "\n"
+
+
+def pages() -> dict[str, str]:
+    """Return the pages of the command reference by their place in the staged tree."""
+    found = {}
+    for verb, (module, _) in VERBS.items():
+        command = importlib.import_module(f"vestige.cli.{module}").command
+        found[f"reference/commands/{verb}.md"] = command_text(["vestige", verb], command)
+    rows = [f"[`vestige {verb}`](commands/{verb}.md)\n: {escaped(line)}" for verb, (_, line) in VERBS.items()]
+    tree = "\n".join(f"commands/{verb}" for verb in VERBS)
+    introduction = (
+        "Look here for what a command takes and what each option does. These pages are generated from the commands: "
+        "`vestige VERB --help` prints the same text."
+    )
+    found["reference/commands.md"] = "\n\n".join(
+        [
+            "# Commands",
+            introduction,
+            escaped(vestige.help or ""),
+            *rows,
+            f":::{{toctree}}\n:hidden:\n\n{tree}\n:::",
+        ]
+    )
+    return found
