@@ -61,7 +61,6 @@ def handover_at(chips: ChipSequence, start_s: float, doppler_hz: float = 0.0, ra
         start_time=START + start_s,
         doppler_hz=doppler_hz,
         doppler_rate_hz_per_s=rate,
-        expected_cn0_dbhz=45.0,
     )
 
 

@@ -39,6 +39,7 @@ def e1_acquired_once() -> Iterator[None]:
         kept = _once(acquire)
         patch.setattr("vestige.recording.observations.e1_observation.acquire", kept)
         patch.setattr("vestige.recording.doctor.e1_signals.acquire", kept)
+        patch.setattr("vestige.sample_processor.tracking.tracking_receiver.acquire", kept)
         kept_search = _once(search_e1)
         patch.setattr("vestige.recording.observations.time_tag_search.search_e1", kept_search)
         patch.setattr("vestige.acas_processor.searches.sampled_searches.search_e1", kept_search)

@@ -29,3 +29,11 @@ cn0_e6_dbhz = 45.0
 
 def invoke(command: object, *arguments: object) -> Result:
     return CliRunner().invoke(command, [str(argument) for argument in arguments], standalone_mode=False)  # type: ignore[arg-type]
+
+
+def done(command: object, *arguments: object) -> Result:
+    """Return what a verb printed; raise what it raised."""
+    result = invoke(command, *arguments)
+    if result.exception is not None:
+        raise result.exception
+    return result

@@ -1,4 +1,4 @@
-"""Scripts of benchmarks/ as modules, for tests that run short versions of them."""
+"""Scripts of the repository as modules: benchmarks, of which tests run short versions, and the parts of the site."""
 
 from __future__ import annotations
 
@@ -7,12 +7,18 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+REPOSITORY = Path(__file__).resolve().parents[1]
+BENCHMARKS = REPOSITORY / "benchmarks"
 
 
 def benchmark(name: str) -> ModuleType:
     """Return the script `benchmarks/NAME.py` as a module, which workers can import from, too."""
-    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", BENCHMARKS / f"{name}.py")
+    return script(BENCHMARKS / f"{name}.py", f"benchmark_{name}")
+
+
+def script(path: Path, name: str) -> ModuleType:
+    """Return a Python file as a module of this name."""
+    spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -53,6 +53,11 @@ def test_the_recording_has_enough(real: dict[int, Ephemeris]) -> None:
     assert sum(ephemeris.healthy for ephemeris in real.values()) == 11
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="ephemeris fields of recorded I/NAV words",
+    figure="relative difference at most 1e-14",
+)
 def test_words_are_decoded_alike(osnma_data: Path, real: dict[int, Ephemeris]) -> None:
     for svid, (words, time) in recorded_words(osnma_data).items():
         word_0 = 0b10 << 120 | time.week << 20 | time.second  # RTKLIB wants one that tells the time, and a word 6
@@ -79,6 +84,11 @@ def test_words_are_decoded_alike(osnma_data: Path, real: dict[int, Ephemeris]) -
         assert (eph.svh & 0b111) == (ours.e1b_health << 1 | (not ours.e1b_data_valid))
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="satellite orbits and clocks, through our RINEX navigation file",
+    figure="positions within 0.01 m",
+)
 def test_orbits_and_clocks_agree_through_a_navigation_file(tmp_path: Path, real: dict[int, Ephemeris]) -> None:
     path = tmp_path / "real.rnx"
     write_rinex_navigation(path, real.values())
@@ -100,6 +110,11 @@ def test_orbits_agree_through_the_end_of_a_week(tmp_path: Path) -> None:
         _assert_agree(ephemeris, nav.eph[k])
 
 
+@pytest.mark.judged(
+    by="real ephemerides",
+    what="reference constellation of simulated skies",
+    figure="10 of the satellites within 4.0° of a slot",
+)
 def test_real_satellites_are_in_the_slots_of_the_reference_constellation(real: dict[int, Ephemeris]) -> None:
     """Nine years after the reference epoch ten of the eleven are within 4° of a slot; E06 is between two."""
     toe, time = next(iter(real.values())).toe, np.zeros(1)

@@ -102,6 +102,11 @@ def compare(ephemeris: Ephemeris) -> None:
     assert found.svh & 1 == (not ephemeris.e1b_data_valid)
 
 
+@pytest.mark.judged(
+    by="cssrlib",
+    what="I/NAV words 1 to 5 that vestige encodes",
+    figure="ephemerides come back within 1e-14",
+)
 def test_recorded_ephemerides_come_back(osnma_data: Path) -> None:
     ephemerides = recorded_ephemerides(osnma_data)
     assert len(ephemerides) > 8

@@ -95,6 +95,11 @@ def judged(folder: Path, pages: list[InavPage], mac_lookup: int = 34) -> Judge:
     return Judge(tree, folder / "log.txt").take(pages)
 
 
+@pytest.mark.judged(
+    by="cssrlib",
+    what="OSNMA that vestige broadcasts: root key, keys and tags",
+    figure="all verify, for MACLT 33, 34 and 35",
+)
 @pytest.mark.parametrize("mac_lookup", [33, 34, 35])
 def test_root_key_and_every_tag_verify(tmp_path: Path, mac_lookup: int) -> None:
     judge = judged(tmp_path, sky(mac_lookup)[1], mac_lookup)
@@ -130,6 +135,7 @@ def flip(
     return changed
 
 
+@pytest.mark.judged(by="cssrlib", what="a forged tag", figure="refused, and no other tag")
 @pytest.mark.parametrize("number", range(6))
 def test_a_flipped_tag_is_refused(tmp_path: Path, number: int) -> None:
     random = np.random.default_rng(number)
@@ -202,6 +208,11 @@ def test_public_keys_and_alert_messages_lead_to_the_root(tmp_path: Path) -> None
             assert not takes_public_key(flipped(data, bit), root, tmp_path)
 
 
+@pytest.mark.judged(
+    by="cssrlib",
+    what="DSM-PKR that vestige broadcasts",
+    figure="public key 2 is taken from the signal",
+)
 def test_a_new_public_key_is_taken_from_the_signal(tmp_path: Path) -> None:
     """cssrlib knows PKID 1 alone. It takes PKID 2 from the DSM-PKR and goes on verifying every tag."""
     event = OsnmaEvent(

@@ -49,6 +49,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return room / "case"
 
 
+@pytest.mark.judged(
+    by="gnss-sdr",
+    what="samples of one satellite on E1 and E6-B",
+    figure="Doppler within 0.5 Hz, C/N0 within 1.0 dB",
+)
 @pytest.mark.parametrize(
     ("band", "carrier_hz", "chip_rate_hz", "replica_db"),
     [("e6", 1278.75e6, 5.115e6, 0.0), ("e1", 1575.42e6, 1.023e6, 10 * np.log10(10 / 11))],

@@ -50,6 +50,11 @@ def error_m(folder: Path, model: str) -> np.ndarray:
     return error
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="troposphere of a simulated recording",
+    figure="position within 1.0 m with its correction, more than 8.0 m too high without",
+)
 def test_rtklib_corrects_the_troposphere(tmp_path: Path) -> None:
     scenario = load_scenario(NIGHT, SETTINGS)
     assert isinstance(scenario, CampaignScenario)

@@ -78,6 +78,11 @@ def _check_normal(error_m: np.ndarray, sigma_m: np.ndarray) -> None:
     assert np.all(np.sum(scaled**2, axis=0) > chdtri(n, 1 - 5e-7))
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="RINEX of a simulated sky",
+    figure="true position in 90 epochs, through the end of a week",
+)
 def test_the_true_position_through_a_weeks_end(solve: Callable[..., Solved]) -> None:
     results, error_m, n_used = solve(*CLEAN, *SIX_MINUTES, WEEKS_END, ALL_SATELLITES)
     assert len(error_m) == 90
@@ -86,6 +91,11 @@ def test_the_true_position_through_a_weeks_end(solve: Callable[..., Solved]) -> 
     _check_normal(error_m, _budget_m(results))
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="error budget of a sky with ionosphere and multipath",
+    figure="no axis beyond 5 σ in 240 epochs",
+)
 def test_with_ionosphere_and_rays_within_the_budget(solve: Callable[..., Solved]) -> None:
     """These errors last, so no mean: no axis at any of four minutes' epochs is out by 5 σ."""
     results, error_m, _ = solve("epochs=240", WEEKS_END, ALL_SATELLITES)
@@ -93,6 +103,11 @@ def test_with_ionosphere_and_rays_within_the_budget(solve: Callable[..., Solved]
     assert np.all(np.abs(error_m) < 5 * _budget_m(results))
 
 
+@pytest.mark.judged(
+    by="RTKLIB",
+    what="a satellite that is pulled away",
+    figure="its RAIM excludes the satellite and uses the other 7",
+)
 def test_raim_of_rtklib_leaves_out_a_satellite_that_is_pulled_away(solve: Callable[..., Solved]) -> None:
     attack = (
         'attack=[{kind="position-push", svids=[7], start_s=20, power_db=10, '

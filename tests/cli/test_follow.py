@@ -117,7 +117,12 @@ def _objects(text: str, kind: str = "verdict") -> list[dict]:
 
 @pytest.mark.parametrize(
     ("level", "keys_at"),
-    [("1", 0.0), ("1", 0.9), pytest.param("2", 0.5, marks=SLOW), pytest.param("3", 0.5, marks=SLOW)],
+    [
+        pytest.param("1", 0.0, marks=SLOW),
+        ("1", 0.9),
+        pytest.param("2", 0.5, marks=SLOW),
+        pytest.param("3", 0.5, marks=SLOW),
+    ],
 )
 def test_the_verdicts_are_those_of_the_finished_recording(
     night: Path, expected: Callable[[str], list[dict]], tmp_path: Path, level: str, keys_at: float
@@ -152,6 +157,7 @@ def test_an_estimator_of_the_cn0_needs_e1_out_of_samples(night: Path, more: tupl
     assert "observations" in str(result.exception)
 
 
+@SLOW
 def test_keys_of_a_second_channel_are_waited_for(night: Path, tmp_path: Path) -> None:
     """They come after everything else; what is compared is what the finished recording compares."""
     second = _second_channel(night, tmp_path / "second", ("public_key.pem",))
@@ -564,7 +570,9 @@ def test_a_satellite_that_e1_never_shows_is_named_once_at_the_end(night: Path, t
     assert "no verdict: no satellite of the RECS is seen on E1" in followed.stderr
 
 
-@pytest.mark.parametrize("content", [b"", b"gst_week,gst_second,sv,pseudorange_m\n"])
+@pytest.mark.parametrize(
+    "content", [b"", pytest.param(b"gst_week,gst_second,sv,pseudorange_m\n", marks=pytest.mark.slow)]
+)
 def test_a_file_without_observations_is_one_line_and_replaced_by_e1_samples_as_in_a_finished_recording(
     night: Path, tmp_path: Path, content: bytes
 ) -> None:

@@ -87,7 +87,7 @@ def test_verdicts(calibrated: dict) -> None:
     assert calibrated["hardware_bias_m"] == pytest.approx(-18.0, abs=6.0)
 
 
-@pytest.mark.parametrize("command", [process, live])
+@pytest.mark.parametrize("command", [process, pytest.param(live, marks=pytest.mark.slow)])
 def test_recs_of_the_open_code_are_told_once(folder: Path, command: object) -> None:
     words = (
         "--hardware-bias-m",
@@ -114,7 +114,8 @@ def test_recs_that_were_made_in_counter_mode(folder: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("limit", "of_authentic", "of_missed"), [("spoofed", 0, 0), ("alarm", 0, 3), ("unauthenticated", 0, 3)]
+    ("limit", "of_authentic", "of_missed"),
+    [("spoofed", 0, 0), ("alarm", 0, 3), pytest.param("unauthenticated", 0, 3, marks=pytest.mark.slow)],
 )
 def test_the_exit_status_that_a_script_asks_for(
     folder: Path, tmp_path: Path, limit: str, of_authentic: int, of_missed: int

@@ -13,7 +13,6 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from simulated_chain import make_chain
-from vestige.cli.services import recs as recs_cli
 from vestige.cli.services.recs import command
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.recs import file_signature, recs_file
@@ -177,13 +176,6 @@ def test_decrypt_without_any_of_its_keys(file: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "ecs.bin").exists()
 
 
-def test_verbs_in_files_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "made_for_a_test.py").write_text(
-        "import click\n\n\n@click.command(help='From elsewhere.')\ndef command():\n    click.echo('made')\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(recs_cli.ELSEWHERE, "other", "made_for_a_test")
-    monkeypatch.setitem(recs_cli.ELSEWHERE, "absent", "not_there_at_all")
-    assert "From elsewhere." in run("--help").stdout
-    assert run("other").stdout == "made\n"
-    assert "absent" not in run("--help").stdout
+def test_make_stands_beside_the_others() -> None:
+    assert "Make RECS for a recording with open E6-C" in run("--help").stdout
+    assert "Usage" in run("make", "--help").stdout

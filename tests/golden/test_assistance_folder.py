@@ -39,6 +39,11 @@ def folder(osnma_data: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.judged(
+    by="official test vectors",
+    what="assistance folder: from OSNMA pages to the chips of a RECS",
+    figure="key is disclosed 6 s after the RECS",
+)
 def test_key_from_the_signal_decrypts_the_recs(folder: Path) -> None:
     result = read_assistance(folder)
     assert not result.problems

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C, E6B, E6C
 
 
+@pytest.mark.judged(by="published code tables", what="codes of E1 and E6", figure="50 satellites, bit for bit")
 def test_all_published_codes(code_tables: Path) -> None:
     signals = {
         "E1B": (primary_code, E1B),

@@ -42,6 +42,11 @@ def without_spare(kind: int, word: int) -> dict[str, int]:
     return {name: raw for name, raw in InavWord.decode(word).raw.items() if name not in ("spare", "reserved")}
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="I/NAV encoder",
+    figure="all 46,800 pages of the official vector and 24,679 of a recording, bit for bit",
+)
 def test_every_page_and_word_is_made_again(pages: list[InavPage]) -> None:
     kinds: Counter[int] = Counter()
     for page in pages:
@@ -136,6 +141,7 @@ def test_ephemerides_status_time_and_almanac_are_made_again(pages: list[InavPage
     assert all(counts[f"word {kind}, spare bits too"] > 0.8 * counts[f"word {kind}"] for kind in range(11))
 
 
+@pytest.mark.judged(by="real recording", what="almanac", figure="positions within 6.0 km of the ephemerides")
 def test_almanac_positions_are_those_of_the_ephemerides_to_kilometres(pages: list[InavPage]) -> None:
     words: dict[int, dict[int, int]] = defaultdict(dict)
     ephemerides: dict[int, Ephemeris] = {}
@@ -157,6 +163,11 @@ def test_almanac_positions_are_those_of_the_ephemerides_to_kilometres(pages: lis
     assert max(errors_km) < 6.0
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="reduced clock and ephemeris data (word 16)",
+    figure="range error below 10.0 m",
+)
 def test_reduced_ced_is_as_good_as_that_on_air(osnma_data: Path) -> None:
     """Position and range on the ground, 0 to 10 min after the reference time.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from vestige.recording.doctor.examination import examine
 from vestige.recording.doctor.finding import FindingKind
 from vestige.recording.recording import describe_recording
@@ -12,6 +14,11 @@ from vestige.records import Band
 IN_THE_SKY = [2, 3, 5, 7, 8, 13, 15, 25]
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="`vestige inspect`",
+    figure="the lost samples are found, E6-C of 6 satellites is open",
+)
 def test_the_real_recording_has_one_fault(tmp_path: Path, recording_data: Path) -> None:
     (tmp_path / "recording.toml").write_text(f"""
         start = "2021-11-25T00:40:00 UTC"

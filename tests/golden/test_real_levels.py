@@ -101,6 +101,11 @@ def _step(level: int, snapshot: Snapshot, assistance: Assistance) -> Step:
     return processor.step(None, block, assistance)
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="levels 1, 2 and 3 without an attack",
+    figure="eight satellites AUTHENTIC, no alarm",
+)
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_no_alarm(level: int, quiet: tuple[Snapshot, Assistance]) -> None:
     step = _step(level, *quiet)
@@ -130,6 +135,11 @@ def test_level_1_takes_the_copy_for_the_truth(meaconed: tuple[Snapshot, Assistan
     assert [one.status for one in step.verdicts] == [Status.AUTHENTIC] * len(IN_THE_SKY)
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="levels 2 and 3 under a copy 3 dB stronger",
+    figure="an alarm for each satellite, earlier signal within 12.0 m",
+)
 @pytest.mark.parametrize("level", [2, 3])
 def test_a_stronger_later_copy_is_an_alarm_and_the_earlier_signal_is_the_one_used(
     level: int, meaconed: tuple[Snapshot, Assistance]

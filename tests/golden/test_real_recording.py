@@ -8,6 +8,7 @@ independent receivers (protocol reference, section 9.1).
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -110,6 +111,11 @@ def calibrated(night: Path) -> dict:
     return _run(process, night, "--calibrate")
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="the whole chain: keys, RECS, E1, E6, verdict",
+    figure="the eight satellites in the sky AUTHENTIC, no other seen",
+)
 def test_eight_satellites_of_36_are_authentic(calibrated: dict) -> None:
     verdicts = {one["svid"]: one for one in calibrated["verdicts"]}
     assert tuple(verdicts) == IN_THE_SKY
@@ -120,6 +126,23 @@ def test_eight_satellites_of_36_are_authentic(calibrated: dict) -> None:
         assert one["available_at"] == "2025-12-12T13:30:31.000 GST"
 
 
+@pytest.mark.parametrize("page", ["index.md", "start.md"])
+def test_the_pages_of_the_site_show_what_it_says(calibrated: dict, page: str) -> None:
+    """Both show verdicts for the same samples; the key that the start page uses changes no number."""
+    text = (Path(__file__).resolve().parents[2] / "docs" / "site" / "pages" / page).read_text(encoding="utf-8")
+    shown = re.findall(r"^ *E(\d\d) .*?([\d.]+) σ +([+-][\d.]+) m +(\w+)$", text, re.MULTILINE)
+    said = [
+        (f"{one['svid']:02d}", f"{one['magnitude_sigma']:.1f}", f"{one['range_offset_m']:+.1f}", one["status"])
+        for one in calibrated["verdicts"]
+    ]
+    assert shown == said
+
+
+@pytest.mark.judged(
+    by="independent program",
+    what="strength of E6-C in the real recording",
+    figure="peak over σ within 20 %",
+)
 def test_peaks_are_as_strong_as_an_independent_program_found(calibrated: dict) -> None:
     """Peak/σ of another 16 ms of the same recording, with a floor from 81 cells (± 15 %): ± 20 % together."""
     expected = {2: 14.8, 3: 47.1, 5: 19.1, 7: 20.2, 8: 57.3, 13: 44.3, 15: 41.9, 25: 21.6}
@@ -127,6 +150,11 @@ def test_peaks_are_as_strong_as_an_independent_program_found(calibrated: dict) -
         assert one["magnitude_sigma"] == pytest.approx(expected[one["svid"]], rel=0.2)
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="range offset of E6 against E1",
+    figure="standard deviation below 5.0 m, bias -21.0 m ± 2.5 m",
+)
 def test_range_offsets_scatter_less_than_five_metres(calibrated: dict) -> None:
     offsets = [one["range_offset_m"] for one in calibrated["verdicts"]]
     assert np.std(offsets, ddof=1) < 5.0
@@ -190,6 +218,7 @@ def _doppler_error(samples: SampleBatch, handover: Handover) -> float:
     return ((peak + (1 << 15)) % (1 << 16) - (1 << 15)) / ((1 << 16) * 1e-3)
 
 
+@pytest.mark.judged(by="real recording", what="RECS under another key", figure="NOT_DETECTED for all satellites")
 def test_any_other_key_gives_no_detection(snapshot: tuple[Snapshot, Assistance]) -> None:
     """RECS that say KDI 0 but were encrypted under the keys of five other subframes: 8 × 5 times nothing."""
     one, assistance = snapshot
@@ -209,6 +238,7 @@ def test_any_other_key_gives_no_detection(snapshot: tuple[Snapshot, Assistance])
         assert {verdict.status for verdict in verdicts} == {Status.NOT_DETECTED}
 
 
+@pytest.mark.judged(by="real recording", what="E6 two samples late", figure="SPOOFED, range offset 50.0 m ± 15.0 m")
 def test_e6_two_samples_late_fails_the_range_check(
     calibrated: dict, night: Path, tmp_path: Path, recording_data: Path
 ) -> None:

@@ -121,6 +121,11 @@ def test_with_a_delayed_copy_exactly_two(twice: tuple[Acquisition, ...]) -> None
         assert -6 < copy.cn0_dbhz - true.cn0_dbhz < -1  # both in noise, the copy in the true one's too
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="vestigial search with a copy mixed in",
+    figure="1.3e-3 s apart, within 5e-8 s",
+)
 def test_the_handover_search_tells_which_is_earlier(
     e1_with_copy: SampleBatch, e6: SampleBatch, twice: tuple[Acquisition, ...]
 ) -> None:

@@ -36,6 +36,11 @@ def e1(recording_data: Path) -> SampleBatch:
     )
 
 
+@pytest.mark.judged(
+    by="real recording",
+    what="tracking loops",
+    figure="Doppler within 6.0 Hz, phase noise below 0.35 rad",
+)
 def test_all_eight_satellites_are_tracked(e1: SampleBatch) -> None:
     found = {one.svid: one for one in acquire(e1, IN_THE_SKY)}
     assert sorted(found) == list(IN_THE_SKY)

@@ -40,6 +40,11 @@ def first(found: LevelVerdicts, name: str, part: slice) -> int:
     return part.start + int(failed[0]) if failed.size else -1
 
 
+@pytest.mark.judged(
+    by="the paper",
+    what="lift-off at mitigation levels 2 and 3",
+    figure="received power alarms between 605 s and 650 s in every run",
+)
 @pytest.mark.parametrize("level", [2, 3])
 def test_the_rise_is_detected_in_every_run(level: int) -> None:
     """E6 power sees the fading from 611 s on, E6 C/N0 what fading leaves and what the sum is too strong by."""

@@ -185,6 +185,7 @@ def test_agreement_is_rounding_to_the_printed_digits(value: float, printed: str,
     assert PaperQuantity(name="x", value=value, printed=printed).agrees is agrees
 
 
+@pytest.mark.judged(by="the paper", what="required C/N0 of the searches", figure="the printed digits, at P_d 0.9")
 @pytest.mark.parametrize(
     ("hypotheses", "time_s", "pfa", "cn0"),
     [  # the table of detection numbers
@@ -206,6 +207,7 @@ def test_required_cn0(hypotheses: float, time_s: float, pfa: str, cn0: str) -> N
     assert overall_pfa(single, hypotheses) == pytest.approx(1e-3, rel=1e-12)
 
 
+@pytest.mark.judged(by="the paper", what="probability of detection in 16 ms", figure="the printed digits, at P_fa 1e-7")
 @pytest.mark.parametrize(
     ("cn0", "pd"),
     [(35.0, "0.99999565"), (34.0, "0.99960679"), (33.0, "0.99150641"), (32.0, "0.93607876"), (30.0, "0.52704879")],

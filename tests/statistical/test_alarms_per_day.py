@@ -49,6 +49,7 @@ def _counted(found: list[LevelVerdicts], name: CheckName) -> tuple[int, float]:
     return failed, sum(np.count_nonzero(one.tests[name]) * one.budget[name].confirmed_p_fa for one in found)
 
 
+@pytest.mark.judged(by="theory", what="alarms a day of a level", figure="48.0 a day, Poisson test at 0.001")
 def test_a_level_keeps_the_alarms_a_day_that_are_set(hours: list[tuple[LevelVerdicts, LevelVerdicts]]) -> None:
     """Two an hour are allowed; without the setting there are four or five."""
     alarms = [sum(int(np.count_nonzero(pair[place].begins)) for pair in hours) for place in (0, 1)]

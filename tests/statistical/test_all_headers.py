@@ -7,6 +7,11 @@ import pytest
 from withdrawal_builder import KINDS, START, WITHDRAWN_AT, forged_subframes, nominal, received, withdrawal
 
 
+@pytest.mark.judged(
+    by="ICD",
+    what="unsigned OSNMA headers",
+    figure="none of the 256 headers brings a withdrawn key back",
+)
 @pytest.mark.parametrize("saw_the_root_key_before", [True, False])
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_header_brings_keys_back(kind: str, saw_the_root_key_before: bool) -> None:

@@ -54,6 +54,11 @@ def _banks(fidelity: Fidelity, attacks: tuple[Attacks, ...], seed: int, n: int) 
     return banks_of(simulation, fidelity, 0, simulation.truth().advance(0, n))
 
 
+@pytest.mark.judged(
+    by="vestige at the other fidelity",
+    what="attacks as correlators and as samples",
+    figure="p > 0.001 for all correlators together",
+)
 @pytest.mark.parametrize("attacks", CASES.values(), ids=CASES)
 def test_both_fidelities_have_the_same_distribution(attacks: tuple[Attacks, ...]) -> None:
     sampled, drawn = _banks("samples", attacks, 11, 200), _banks("correlators", attacks, 12, 3000)

@@ -95,6 +95,11 @@ def same(a: np.ndarray, b: np.ndarray) -> float:
     return float(kolmogorov(np.max(np.abs(steps[0] - steps[1])) * np.sqrt(a.size * b.size / (a.size + b.size))))
 
 
+@pytest.mark.judged(
+    by="vestige at the other fidelity",
+    what="E1 correlators and power",
+    figure="power within 0.1 dB, each correlator p > 1e-6",
+)
 @pytest.mark.parametrize("settings", [LOUD, (LIFT_OFF,)])
 def test_both_fidelities_have_one_distribution(settings: tuple[str, ...]) -> None:
     """Undisturbed and strong, and with multipath and a signal that pulls the loop away."""

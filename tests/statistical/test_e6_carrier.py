@@ -49,6 +49,7 @@ def test_the_spoofer_is_seen_before_it_is_there(name: str) -> None:
     assert not any(failed(one, name)[:600].any() for one in lasting)
 
 
+@pytest.mark.judged(by="theory", what="E6 phase and E6 fading without an attack", figure="no alarm in 20 runs")
 @pytest.mark.parametrize("name", ["E6 phase", "E6 fading"])
 def test_no_alarm_without_the_spoofer(name: str) -> None:
     """20 runs of 800 RECS at 1e-6."""

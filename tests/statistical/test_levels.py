@@ -12,6 +12,7 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_test
 
 
+@pytest.mark.judged(by="theory", what="false alarms of each check over an hour", figure="binomial test at 1e-4")
 def test_a_level_keeps_its_budget_of_false_alarms() -> None:
     """Two-sided where a check is exact: the hour of a clean world, 6000 false alarms a day over fourteen checks."""
     scenario = sky_scenario(*CLEAN, "epochs=3600")

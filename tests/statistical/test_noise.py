@@ -40,6 +40,7 @@ def test_moments(pairs: np.ndarray, part: int) -> None:
     assert abs(np.mean(x**4) - 3) < SIGMAS * np.sqrt(96 / N)
 
 
+@pytest.mark.judged(by="theory", what="noise generator", figure="2,000,000 numbers, Kolmogorov-Smirnov test at 1e-6")
 @pytest.mark.parametrize("part", [0, 1])
 def test_distribution(pairs: np.ndarray, part: int) -> None:
     x = pairs[:, part]

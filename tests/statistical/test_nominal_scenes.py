@@ -17,6 +17,11 @@ STRONG_IONOSPHERE = ('receiver.ionosphere.preset="2014"', "position.ionosphere_s
 P_FA = 3e-3
 
 
+@pytest.mark.judged(
+    by="theory",
+    what="false alarms of each check in five nominal scenes",
+    figure="P_fa 0.003, binomial test at 1e-5",
+)
 @pytest.mark.parametrize(
     ("settings", "exact"),
     [

@@ -38,6 +38,11 @@ def judged(delay_m: float, level: int, *settings: str) -> tuple[np.ndarray, np.n
     return is_alarm(block.status), np.where(np.isfinite(block.range_in_use_m), error_m, np.nan), block
 
 
+@pytest.mark.judged(
+    by="truth of the simulation",
+    what="level 2 under a quiet meaconer",
+    figure="an alarm at each delay, range in use within 53 m",
+)
 @pytest.mark.parametrize("delay_m", [60.0, 75.0, 100.0, 150.0, 300.0, 450.0, 570.0, 585.0, 600.0, 900.0])
 def test_level_2_sees_it_and_uses_the_true_range(delay_m: float) -> None:
     alarms, error_m, _ = judged(delay_m, 2)

@@ -68,6 +68,11 @@ def decisions(campaign: CampaignScenario, p_fas: tuple[float, ...]) -> tuple[lis
     return detected.tolist(), trials
 
 
+@pytest.mark.judged(
+    by="theory",
+    what="false alarms of the detector",
+    figure="10,000,000 decisions at P_fa 1e-4, binomial test at 1e-6",
+)
 def test_ten_million_decisions_on_noise() -> None:
     """1e7 at P_fa 1e-4: a count of 1000 ± 32; the test rejects outside of about 850 to 1160."""
     n_taps = 15
@@ -87,6 +92,7 @@ def test_decisions_on_the_noise_of_samples() -> None:
         assert binomial_test(count, trials, p_fa) > ALPHA
 
 
+@pytest.mark.judged(by="theory", what="probability of detection", figure="Marcum Q, binomial test at 1e-6")
 @pytest.mark.parametrize(
     ("fidelity", "epochs", "cn0_dbhz"),
     [

@@ -10,6 +10,7 @@ from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from builders import START, received_batch, satellite
 from vestige.receiver.correlators.e1_loop import REACQUISITION_S
@@ -31,6 +32,11 @@ def _seen_s(receiver: TrackingReceiver, batch: SampleBatch) -> np.ndarray:
     return np.array([epoch.time - START for epoch in epochs if SVID in epoch.observations])
 
 
+@pytest.mark.judged(
+    by="tracking loops on samples",
+    what="time to acquire a satellite again, as campaigns assume it",
+    figure="within 0.2 s",
+)
 def test_the_tracking_receiver_takes_a_second() -> None:
     """It looks for a lost satellite once a second, so the wait is uniform over a second; epochs are 0.1 s apart."""
     sky = [satellite(SVID, 2.41e7, -350.0, 45.0, 45.0, seed=2)]

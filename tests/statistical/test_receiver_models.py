@@ -62,6 +62,7 @@ def overlapping_allan_deviation(phase_s: np.ndarray, step_s: float, m: int) -> f
     return float(np.sqrt(np.mean(second**2) / 2) / (m * step_s))
 
 
+@pytest.mark.judged(by="theory", what="receiver clock", figure="Allan deviation within 4.4 σ")
 @pytest.mark.parametrize(
     ("step_s", "m", "expected"),
     [
@@ -308,6 +309,11 @@ def snapshot_error_m(rays: RayBlock) -> np.ndarray:
     return np.asarray(TAPS_M[peak] + 7.5 * (late - early) / (punctual - np.minimum(early, late)))
 
 
+@pytest.mark.judged(
+    by="reference model",
+    what="range errors of multipath",
+    figure="rms within 2 %, quantile 0.999 within 5 %",
+)
 @pytest.mark.parametrize(
     ("mean_excess_m", "power_db", "e6", "e1", "difference"),
     [

@@ -51,6 +51,7 @@ def _within(found: int, trials: int, expected: float) -> bool:
     return bool(bdtr(found, trials, expected) > ERROR / 2 and bdtr(found - 1, trials, expected) < 1 - ERROR / 2)
 
 
+@pytest.mark.judged(by="theory", what="exhaustive search", figure="P_d of 200 trials, two-sided at 1e-4")
 @pytest.mark.parametrize(("ms", "cn0_dbhz"), [(4, 40.12), (8, 37.20), (16, 34.27)])
 def test_exhaustive_search_finds_as_often_as_theory_says(ms: int, cn0_dbhz: float) -> None:
     """The threshold is that of 30 s and ±5 kHz; a window of 60 chips is searched around the signal."""
@@ -72,6 +73,7 @@ def test_exhaustive_search_finds_as_often_as_theory_says(ms: int, cn0_dbhz: floa
     assert _within(found, TRIALS, _expected(cn0_dbhz, integration_s, pfa, bins=True)), found
 
 
+@pytest.mark.judged(by="theory", what="hand-over search", figure="P_d at 37.65 dBHz, two-sided at 1e-4")
 def test_handover_search_finds_as_often_as_theory_says() -> None:
     """37.65 dBHz, one period of 4 ms, 7500 places; the code lies anywhere within half a tap of the line."""
     pfa = float(single_event_pfa(1e-3, 7500))

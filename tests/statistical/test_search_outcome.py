@@ -53,6 +53,11 @@ def _agrees(found: int, trials: int, model: float) -> bool:
     return bool(not_fewer and not_more)
 
 
+@pytest.mark.judged(
+    by="search of samples",
+    what="model of the searches in campaigns",
+    figure="within 0.06, two-sided at 1e-4",
+)
 @pytest.mark.parametrize(
     ("delay_s", "power_db", "cn0_dbhz"),
     [

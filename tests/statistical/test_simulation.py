@@ -23,6 +23,11 @@ def _simulation(*settings: str) -> Simulation:
     return scenario.simulation()
 
 
+@pytest.mark.judged(
+    by="vestige at the other fidelity",
+    what="correlators and samples",
+    figure="Kolmogorov-Smirnov test of every correlator",
+)
 @pytest.mark.parametrize("cn0_dbhz", [35.0, 40.0])  # 29, 31 and 33 dBHz: `tests/paper/test_harsh_conditions.py`
 def test_both_fidelities_have_the_same_distribution(cn0_dbhz: float) -> None:
     """Two-sample KS of every tap's magnitude in σ, 500 epochs of samples against 20,000: p > 0.001/11 family-wise."""

@@ -32,6 +32,7 @@ def found_in(*settings: str, p_fa: float = P_FA) -> Mapping[CheckName, CheckSeri
     return checks_of(results_of(*settings), p_fa, cn0_model_sigma_db=0.0)
 
 
+@pytest.mark.judged(by="theory", what="checks over an hour of a sky", figure="P_fa 0.01, two-sided at 1e-6")
 def test_false_alarms_meet_their_budget_in_a_clean_world() -> None:
     found = found_in(*CLEAN, *HOUR)
     assert len(found) == 20

@@ -19,6 +19,11 @@ def clean() -> dict[str, np.ndarray]:
     return columns_of(sky_scenario(*CLEAN, "epochs=900", "interval_s=4.0", "recs.every=8"))
 
 
+@pytest.mark.judged(
+    by="theory",
+    what="position fixes and their covariance",
+    figure="NEES is chi-square, two-sided at 5e-7",
+)
 def test_the_fix_is_unbiased_and_consistent(clean: dict[str, np.ndarray]) -> None:
     for which, n in ((0, 900), (1, 113)):
         nees = clean["fix_nees"][which][np.isfinite(clean["fix_nees"][which])].astype(np.float64)
@@ -80,6 +85,7 @@ def test_what_is_believed_in_the_shipped_scene_is_a_bound() -> None:
     assert 0.5 < whole.mean() < 1
 
 
+@pytest.mark.judged(by="theory", what="RAIM statistic", figure="chi-square, two-sided at 5e-7")
 def test_raim_is_chi_square(clean: dict[str, np.ndarray]) -> None:
     statistic = clean["raim_statistic"][0].astype(np.float64)
     freedom = 4 * statistic.size

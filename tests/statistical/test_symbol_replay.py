@@ -47,6 +47,7 @@ def test_false_alarms(n: int, p_fa: float) -> None:
     assert binomtest(found, TESTS, p_fa).pvalue > 1e-4
 
 
+@pytest.mark.judged(by="theory", what="check for replayed E1-B symbols", figure="1000 tests, binomial test at 1e-4")
 @pytest.mark.parametrize(
     ("cn0_dbhz", "gain_db", "n", "head_chips", "decision"),
     [

@@ -55,6 +55,11 @@ def test_power_distortion_sees_a_lift_off_between_two_recs(between_recs: dict[in
     assert set(svids[failed.any(axis=0)].tolist()) <= set(SPOOFED)
 
 
+@pytest.mark.judged(
+    by="threat table on samples",
+    what="threat table",
+    figure="the same words: missed, detected, detected",
+)
 def test_the_words_of_a_lift_off_between_two_recs(
     between_recs: dict[int, RecordedVerdicts], script: ModuleType
 ) -> None:

@@ -14,6 +14,11 @@ def script() -> ModuleType:
     return benchmark("vestigial")
 
 
+@pytest.mark.judged(
+    by="truth of the simulation",
+    what="vestigial searches under a meaconer",
+    figure="both signals found, the earlier one taken",
+)
 def test_both_searches_find_both_signals_and_take_the_earlier(script: ModuleType) -> None:
     for seed in (1001, 1002):
         assert script.spoofed(seed) == {"handover": True, "exhaustive": True}

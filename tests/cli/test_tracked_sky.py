@@ -1,7 +1,8 @@
-"""`process --follow` with samples and RECS alone: E1 is tracked while it is written."""
+"""E1 of a sky, tracked from its samples: `track`, and `process` with samples, RECS and keys alone, live as well."""
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -16,11 +17,18 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from click.testing import Result
 
-from night import invoke
+from night import done, invoke
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
+from vestige.cli.recordings.track import command as track
+from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.navigation.earth import ecef_from_geodetic
+from vestige.navigation.inav.ephemeris_words import ephemeris_words
 from vestige.recording.live.follow_journal import LINES
+from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
+from vestige.recording.observations.observation_file import ObservationTrack, open_observations
 
 pytestmark = pytest.mark.slow
 
@@ -36,26 +44,130 @@ ONCE = (*FAST, "--idle-s", "0.3")
 
 
 @pytest.fixture(scope="module")
-def night(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A sky of four satellites, without observations; the keys are there, as the message needs longer for its root."""
-    folder = tmp_path_factory.mktemp("tracked") / "night"
+def sky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """36 s of four satellites: every word of an ephemeris comes in 30 s."""
+    folder = tmp_path_factory.mktemp("tracked") / "sky"
     settings = [item for one in SETTINGS for item in ("--set", one)]
-    assert invoke(simulate, NIGHT, "-o", folder, "--epochs", f"0:{DURATION_S}", *settings).exception is None
-    for name in ("observations.csv", "inav_pages.csv", "truth.csv"):
-        (folder / name).unlink()
-    shutil.rmtree(folder / "rinex")
+    # one thread costs less time of the processor than two, which wait for each other
+    done(simulate, NIGHT, "-o", folder, "--epochs", f"0:{DURATION_S}", "--workers", 1, *settings)
     yield folder
     shutil.rmtree(folder)  # 0.9 GB
 
 
 @pytest.fixture(scope="module")
-def verdicts(night: Path) -> list[dict]:
+def night(sky: Path) -> Path:
+    """Samples, RECS and keys of the sky alone; the keys are there, as the message needs longer for its root."""
+    folder = sky.parent / "night"
+    folder.mkdir()
+    for path in sky.glob("*sigmf*"):
+        (folder / path.name).symlink_to(path)
+    shutil.copytree(sky / "assistance", folder / "assistance")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tracked(sky: Path) -> Path:
+    folder = sky.parent / "tracked"
+    result = done(track, sky, "-o", folder)
+    assert result.stdout.count("dBHz") == 4
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(night: Path) -> Result:
+    """What `process` says of the finished recording."""
+    return done(process, night, "--json")
+
+
+@pytest.fixture(scope="module")
+def verdicts(finished: Result) -> list[dict]:
     """The verdicts of the finished recording."""
-    result = invoke(process, night, "--json")
-    assert result.exception is None
-    found: list[dict] = json.loads(result.stdout)["verdicts"]
+    found: list[dict] = json.loads(finished.stdout)["verdicts"]
     assert {one["snapshot"] for one in found if one["status"] == "AUTHENTIC"} >= {1, 2, 3}
     return found
+
+
+def test_observations_are_those_that_were_sent(sky: Path, tracked: Path) -> None:
+    """Against the truth, whose noise is known: pseudorange 1 m rms, Doppler 0.5 Hz, phase between epochs 1 cm."""
+    noise = {}
+    with (sky / "truth.csv").open() as stream:
+        for row in csv.DictReader(stream):
+            names = ("e1_noise_m", "doppler_e1_hz", "e1_phase_noise_m")
+            noise[int(row["svid"]), float(row["gst_second"])] = tuple(float(row[name]) for name in names)
+    found = ObservationTrack(open_observations(tracked / "observations.rnx"))
+    range_error, doppler_error, phase_step_error = [], [], []
+    phase_before: dict[int, float] = {}
+    for epoch in open_observations(sky / "observations.csv"):
+        ours = found.at(epoch.time)
+        for svid, one in epoch.observations.items():
+            if svid not in ours:
+                continue
+            noise_m, doppler_hz, phase_noise_m = noise[svid, float(epoch.time.second)]
+            range_error.append(ours[svid].pseudorange_m - (one.pseudorange_m - noise_m))
+            doppler_error.append(ours[svid].doppler_hz - doppler_hz)
+            cycles = ours[svid].carrier_phase_cycles - one.carrier_phase_cycles
+            phase_m = cycles * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ + phase_noise_m
+            if svid in phase_before:
+                phase_step_error.append(phase_m - phase_before[svid])
+            phase_before[svid] = phase_m
+    assert len(range_error) > 4 * 30
+    assert (sum(error**2 for error in range_error) / len(range_error)) ** 0.5 < 1.0
+    assert (sum(error**2 for error in doppler_error) / len(doppler_error)) ** 0.5 < 0.5
+    assert len(phase_step_error) > 4 * 29
+    assert np.sqrt(np.mean(np.square(phase_step_error))) < 0.01
+
+
+def test_the_message_is_read(sky: Path, tracked: Path) -> None:
+    """Every page is one that was sent, and every ephemeris has the words of the one that was sent."""
+    sent = {one.svid: one for one in read_rinex_navigation(sky / "rinex" / "navigation.rnx")}
+    found = read_rinex_navigation(tracked / "navigation.rnx")
+    assert {one.svid for one in found} == {7, 8, 13, 14}
+    for one in found:
+        assert ephemeris_words(one) == ephemeris_words(sent[one.svid])
+    pages = {}
+    for name, folder in (("sent", sky), ("found", tracked)):
+        with (folder / "inav_pages.csv").open() as stream:
+            pages[name] = {row["SVID"]: row["NavBitsHEX"] for row in csv.DictReader(stream)}
+    for svid, line in pages["found"].items():
+        assert line in pages["sent"][svid]
+
+
+@pytest.mark.skipif(shutil.which("rnx2rtkp") is None, reason="RTKLIB is not installed (Debian: apt-get install rtklib)")
+def test_rtklib_finds_the_receiver(tracked: Path) -> None:
+    """Its fix of our observations and orbits is within three of the standard deviations that it states itself."""
+    run = subprocess.run(
+        ["rnx2rtkp", "-p", "0", "-sys", "E", "-e", "observations.rnx", "navigation.rnx"],  # noqa: S607
+        cwd=tracked, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    rows = np.array([line.split()[2:10] for line in run.stdout.splitlines() if line[:1] != "%"], float)
+    place = ecef_from_geodetic(np.radians([48.1]), np.radians([11.6]), np.array([500.0]))[0]
+    assert rows.shape[0] > 20
+    assert np.all(np.abs(rows[:, :3] - place) < 3 * rows[:, 5:8])
+    # what it states is that of a real sky without corrections; ours has none
+    assert np.all(np.abs(np.mean(rows[:, :3] - place, axis=0)) < 2.0)
+
+
+def test_process_needs_samples_recs_and_keys_only(night: Path, finished: Result) -> None:
+    """No observation file: every satellite is AUTHENTIC at each RECS that was tracked, with a position by the message.
+
+    A time tag that is 10 s late gives the same verdicts where the bound on the clock says so.
+    """
+    result, early = json.loads(finished.stdout), "4 RECS came before E1 was tracked, from 2026-11-22T22:00:00.5"
+    assert early in finished.stderr
+    assert {one["status"] for one in result["verdicts"]} == {"AUTHENTIC"}
+    assert len(result["verdicts"]) == 16
+    assert any("4 RECS came before E1 was tracked" in line for line in result["warnings"])
+    last = result["positions"][-1]
+    assert last["latitude_deg"] == pytest.approx(48.1, abs=5e-5)
+    assert last["longitude_deg"] == pytest.approx(11.6, abs=8e-5)
+    said = done(process, night, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 15, "--json")
+    late = json.loads(said.stdout)
+    assert "4 RECS came before E1 was tracked" in said.stderr
+    assert [one["status"] for one in late["verdicts"]] == [one["status"] for one in result["verdicts"]]
+    later = done(process, night, "--start", "2026-11-22T22:00:10 GST", "--time-uncertainty", 60, "--json")
+    unknown = json.loads(later.stdout)["verdicts"]
+    assert {one["status"] for one in unknown} == {"NOT_AVAILABLE"}
+    assert "key" in unknown[0]["reason"]
 
 
 def _copied(night: Path, folder: Path, **samples: Path | bytes | None) -> Path:
