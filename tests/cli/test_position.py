@@ -93,9 +93,7 @@ def test_other_programs_get_the_position(night: Path, tmp_path: Path) -> None:
     files = [tmp_path / f"night{ending}" for ending in ENDINGS]
     outputs = [item for path in files for item in ("--positions", path)]
     live = ("--follow", "--idle-s", 0.2, "--poll-s", 0.02, "--time-uncertainty", 0.02)
-    validators = {
-        name: Draft202012Validator(one()) for name, one in (("", verdict_schema), ("line", verdict_line_schema))
-    }
+    whole, line_by_line = Draft202012Validator(verdict_schema()), Draft202012Validator(verdict_line_schema())
     for n_positions, more in ((1, ()), (1, ()), (2, live)):
         result = invoke(process, night, *BIAS, *navigation, *outputs, *more)
         assert result.exception is None

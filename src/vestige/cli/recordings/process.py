@@ -131,6 +131,7 @@ def prepared(
     """
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.assistance.made_recs import open_code_warning
+    from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME
     from vestige.recording.snapshots import RecordingSource, time_span
 
     folder = assistance_folder(options["recording_path"], options["assistance_path"])
@@ -151,7 +152,10 @@ def prepared(
     known = found.assistance
     open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
     warnings = [*found.warnings, *([open_code] if open_code else [])]
-    for line in (*recording.notes, *found.problems, *found.missing, *warnings):
+    missing = found.missing
+    if options["hardware_bias_m"] is not None or options["calibrate"]:  # then nothing is taken as 0
+        missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
+    for line in (*recording.notes, *found.problems, *missing, *warnings):
         echo(f"warning: {line}", err=True)
     if options["calibrate"]:
         echo(

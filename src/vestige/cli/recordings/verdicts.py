@@ -73,12 +73,14 @@ class Tally:
     def advice(self) -> str:
         """What to look into where no satellite was found on E6; "" if one was."""
         if not self.counts:
-            return f"{self.nothing}; vestige inspect says what the recording holds"
+            swapped = "the files of the two bands may be swapped, or the start may be wrong: " if self.missed else ""
+            return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"
         if set(self.counts) != {Status.NOT_DETECTED.name}:
             return ""
         return (
-            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly, or "
-            "E6 may be later than the correlators reach (--hardware-bias-m); vestige inspect finds out"
+            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly "
+            "(spectral_inversion, sample_rate_hz, file), or E6 may be later than the correlators reach "
+            "(--hardware-bias-m); `vestige inspect RECORDING` finds out"
         )
 
     def fails(self, limit: str | None) -> bool:
