@@ -126,13 +126,13 @@ def _file(path: Path, stack: ExitStack, *, replace: bool) -> Callable[[GalileoTi
 
 def _nmea_on_stdout(stack: ExitStack) -> Callable[[GalileoTime, AuthenticPosition | None], None]:
     """Return what writes NMEA to standard output; all else goes to standard error then."""
-    from vestige.recording.outputs.position_file import FORMATS
+    from vestige.recording.outputs.position_file import POSITION_FORMATS
 
     stream = sys.stdout
     stack.enter_context(redirect_stdout(sys.stderr))
 
     def put(time: GalileoTime, position: AuthenticPosition | None) -> None:
-        stream.write(FORMATS[".nmea"].text(time, position))
+        stream.write(POSITION_FORMATS[".nmea"].text(time, position))
         stream.flush()
 
     return put

@@ -15,20 +15,20 @@ from vestige.records import Outcome, Status
 
 _SCHEMA = "https://json-schema.org/draft/2020-12/schema"
 
-StatusName = Annotated[str, WithJsonSchema({"type": "string", "enum": [one.name for one in Status]})]
-OutcomeName = Annotated[str, WithJsonSchema({"type": "string", "enum": [one.name for one in Outcome]})]
-Svid = Annotated[int, Field(ge=1, le=MAX_SVID)]
-Count = Annotated[int, Field(ge=0)]
+_StatusName = Annotated[str, WithJsonSchema({"type": "string", "enum": [one.name for one in Status]})]
+_OutcomeName = Annotated[str, WithJsonSchema({"type": "string", "enum": [one.name for one in Outcome]})]
+_Svid = Annotated[int, Field(ge=1, le=MAX_SVID)]
+_Count = Annotated[int, Field(ge=0)]
 
 
 class VerdictRow(TypedDict):
     """A verdict without its checks: a row of the table that `vestige process -o` writes."""
 
-    gst_week: Count
+    gst_week: _Count
     gst_second: float
-    svid: Svid
+    svid: _Svid
     level: Annotated[int, Field(ge=1, le=3)]
-    status: StatusName
+    status: _StatusName
     magnitude_sigma: float | None
     threshold_sigma: float | None
     range_offset_m: float | None
@@ -44,7 +44,7 @@ class CheckEntry(TypedDict):
     """One check behind a verdict; it fails where the magnitude of the statistic exceeds the threshold."""
 
     name: str
-    outcome: OutcomeName
+    outcome: _OutcomeName
     statistic: float | None
     threshold: float | None
     unit: str
@@ -54,14 +54,14 @@ class CheckEntry(TypedDict):
 class VerdictEntry(VerdictRow):
     """The verdict of one satellite at one RECS."""
 
-    snapshot: Count
+    snapshot: _Count
     checks: list[CheckEntry]
 
 
 class PositionEntry(TypedDict):
     """A position out of authentic ranges; it is authentic where its orbits are as well."""
 
-    snapshot: Count
+    snapshot: _Count
     time: str
     available_at: str
     latency_s: float
@@ -70,8 +70,8 @@ class PositionEntry(TypedDict):
     height_m: float
     horizontal_sigma_m: Annotated[float, Field(ge=0)]
     vertical_sigma_m: Annotated[float, Field(ge=0)]
-    svids: list[Svid]
-    earlier: list[Svid]
+    svids: list[_Svid]
+    earlier: list[_Svid]
     orbits_authenticated: bool
 
 
@@ -91,23 +91,23 @@ class StateLine(TypedDict):
     """A change of what the receiver shows of a satellite."""
 
     kind: Literal["state"]
-    gst_week: Count
+    gst_week: _Count
     gst_second: float
-    svid: Svid
-    before: StatusName
-    after: StatusName
+    svid: _Svid
+    before: _StatusName
+    after: _StatusName
     alarm: bool
     reason: str
-    snapshot: Count
+    snapshot: _Count
 
 
 class EndLine(TypedDict):
     """The last line: how many snapshots there were, how many lost their samples, and what E1 never showed."""
 
     kind: Literal["end"]
-    snapshots: Count
-    dropped: Count
-    not_seen_on_e1: list[Svid]
+    snapshots: _Count
+    dropped: _Count
+    not_seen_on_e1: list[_Svid]
 
 
 class ProcessObject(TypedDict):
@@ -118,10 +118,10 @@ class ProcessObject(TypedDict):
     warnings: list[str]
     verdicts: list[VerdictEntry]
     positions: list[PositionEntry]
-    not_seen_on_e1: list[Svid]
+    not_seen_on_e1: list[_Svid]
 
 
-Line = Annotated[VerdictLine | PositionLine | StateLine | EndLine, Field(discriminator="kind")]
+_Line = Annotated[VerdictLine | PositionLine | StateLine | EndLine, Field(discriminator="kind")]
 
 
 def verdict_schema() -> dict[str, Any]:
@@ -143,7 +143,7 @@ def verdict_line_schema() -> dict[str, Any]:
     >>> sorted(verdict_line_schema()["discriminator"]["mapping"])
     ['end', 'position', 'state', 'verdict']
     """
-    return _schema(Line, "a line of vestige live --json")
+    return _schema(_Line, "a line of vestige live --json")
 
 
 def _schema(kind: Any, title: str) -> dict[str, Any]:

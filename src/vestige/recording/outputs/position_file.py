@@ -43,7 +43,7 @@ def authentic_fix(position: AuthenticPosition | None) -> AuthenticPosition | Non
 
 
 def nmea(time: GalileoTime, fix: AuthenticPosition | None) -> str:
-    """Return GGA and RMC of one snapshot [NMEA 0183], with their line ends.
+    """Return GGA and RMC of one snapshot, with their line ends.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _csv(time: GalileoTime, fix: AuthenticPosition) -> str:
 
 
 def _feature(time: GalileoTime, fix: AuthenticPosition) -> str:
-    """Return a Feature [RFC 7946]: longitude, latitude, height over the WGS 84 ellipsoid."""
+    """Return a Feature of GeoJSON (RFC 7946): longitude, latitude, height over the WGS 84 ellipsoid."""
     coordinates = [round(fix.longitude_deg, 8), round(fix.latitude_deg, 8), round(fix.height_m, 3)]
     properties = {
         "time": _iso(time.utc),
@@ -90,7 +90,7 @@ def _feature(time: GalileoTime, fix: AuthenticPosition) -> str:
 
 
 def _placemark(time: GalileoTime, fix: AuthenticPosition) -> str:
-    """Return a Placemark [OGC KML 2.2] on the ground: KML counts heights from the sea, and there is no geoid here."""
+    """Return a Placemark of KML 2.2 on the ground: KML counts heights from the sea, and there is no geoid here."""
     values = {
         "height_over_ellipsoid_m": f"{fix.height_m:.3f}",
         "horizontal_sigma_m": f"{fix.horizontal_sigma_m:.3f}",
@@ -144,7 +144,7 @@ class PositionFormat:
         return "" if fix is None and not self.without_fix else self.entry(time, fix)  # type: ignore[arg-type]
 
 
-FORMATS = {
+POSITION_FORMATS = {
     ".nmea": PositionFormat(entry=nmea, without_fix=True),
     ".csv": PositionFormat(entry=_csv, head=",".join(POSITION_COLUMNS) + "\n"),
     ".geojson": PositionFormat(
@@ -167,7 +167,7 @@ class PositionFile:
     Parameters
     ----------
     path
-        Name of the file, with an ending of `FORMATS`.
+        Name of the file, with an ending of `POSITION_FORMATS`.
 
     Raises
     ------
@@ -189,7 +189,7 @@ class PositionFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self._format = path, FORMATS[path.suffix]
+        self.path, self._format = path, POSITION_FORMATS[path.suffix]
         head, tail = self._format.head.encode(), self._format.tail.encode()
         with naming(path):
             path.touch()

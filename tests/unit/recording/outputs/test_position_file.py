@@ -15,7 +15,7 @@ from defusedxml import ElementTree
 from vestige.acas_processor.position.authentic_position import AuthenticPosition
 from vestige.cli.outputs.other_programs import ENDINGS
 from vestige.errors import InputFileError
-from vestige.recording.outputs.position_file import FORMATS, POSITION_COLUMNS, PositionFile
+from vestige.recording.outputs.position_file import POSITION_COLUMNS, POSITION_FORMATS, PositionFile
 from vestige.time import GalileoTime
 
 TIME = GalileoTime(1421, 561_616, 0.25)
@@ -36,7 +36,7 @@ UNPROVEN = replace(HERE, latitude_deg=10.0, orbits_authenticated=False)
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-@pytest.fixture(params=sorted(FORMATS))
+@pytest.fixture(params=sorted(POSITION_FORMATS))
 def written(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """Four snapshots: a fix, none, one with orbits that nobody proved, a fix; the file is closed between them."""
     path = tmp_path / f"night{request.param}"
@@ -48,7 +48,7 @@ def written(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_the_option_names_every_format() -> None:
-    assert set(ENDINGS) == set(FORMATS)
+    assert set(ENDINGS) == set(POSITION_FORMATS)
 
 
 def test_an_independent_reader_finds_the_authentic_positions_alone(written: Path) -> None:
@@ -119,7 +119,7 @@ def test_fastkml_reads_it(tmp_path: Path) -> None:
     assert placemark.extended_data.elements[0].value == "545.432"
 
 
-@pytest.mark.parametrize("ending", [one for one, kind in FORMATS.items() if kind.head])
+@pytest.mark.parametrize("ending", [one for one, kind in POSITION_FORMATS.items() if kind.head])
 @pytest.mark.parametrize("content", ["[]\n", '{"type": "FeatureCollection", "features": [\n', "a" * 400])
 def test_another_file_is_left_as_it_is(tmp_path: Path, ending: str, content: str) -> None:
     path = tmp_path / f"night{ending}"
