@@ -14,6 +14,7 @@ from vestige.crypto.keys.key_file import KEY_COLUMNS
 from vestige.recording.assistance.receiver_corrections import CORRECTIONS_HEADER, read_hardware_bias, read_ionosphere
 from vestige.recording.observations.accelerations import ACCELERATION_COLUMNS, read_accelerations
 from vestige.recording.observations.csv_observations import OBSERVATION_COLUMNS, CsvParser
+from vestige.recording.outputs.position_file import POSITION_COLUMNS
 from vestige.recording.recording_toml import read_recording_toml, recording_schema
 from vestige.recording.samples.test_vector_csv import HEADER
 from vestige.records import Band
@@ -47,6 +48,7 @@ def block(section: str, language: str) -> str:
         ("ionosphere.csv", CORRECTIONS_HEADER.split(",")),
         ("accelerations.csv", ACCELERATION_COLUMNS),
         ("Verdicts", VERDICT_COLUMNS),
+        ("Positions as CSV", POSITION_COLUMNS),
     ],
 )
 def test_every_column_is_explained_in_its_order(section: str, columns: tuple[str, ...]) -> None:

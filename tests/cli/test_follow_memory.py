@@ -129,7 +129,7 @@ def test_memory_is_constant(
         result = invoke(
             # to be slow in tracking is no end of the recording, however short --idle-s is
             process, half_hour, "--follow", "--poll-s", "0.01", "--idle-s", "0", "-o", tmp_path / "kept",
-            "--nmea", tmp_path / "positions.nmea",
+            "--positions", tmp_path / "positions.nmea",
         )  # fmt: skip
     finally:
         tracemalloc.stop()

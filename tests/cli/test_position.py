@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
+import click
 import numpy as np
+import pynmea2
 import pytest
+from jsonschema import Draft202012Validator
 
 from night import invoke
+from vestige.cli.outputs.other_programs import ENDINGS
+from vestige.cli.outputs.verdict_lines import verdict_line_schema, verdict_schema
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.recs_make import command as recs_make
@@ -78,6 +84,61 @@ def test_it_is_printed_and_a_line_of_a_recording_that_is_followed(night: Path) -
     assert followed.exception is None
     kinds = [json.loads(line)["kind"] for line in followed.stdout.splitlines()]
     assert kinds == ["verdict"] * 5 + ["position"] + ["state"] * 5 + ["end"]
+
+
+@pytest.mark.slow
+def test_other_programs_get_the_position(night: Path, tmp_path: Path) -> None:
+    """`process` replaces the files, `live` continues them; the JSON is what its schema says."""
+    navigation = ("--navigation", night.parent / "night.rnx", "--json")
+    files = [tmp_path / f"night{ending}" for ending in ENDINGS]
+    outputs = [item for path in files for item in ("--positions", path)]
+    live = ("--follow", "--idle-s", 0.2, "--poll-s", 0.02, "--time-uncertainty", 0.02)
+    whole, line_by_line = Draft202012Validator(verdict_schema()), Draft202012Validator(verdict_line_schema())
+    for n_positions, more in ((1, ()), (1, ()), (2, live)):
+        result = invoke(process, night, *BIAS, *navigation, *outputs, *more)
+        assert result.exception is None
+        printed = [json.loads(line) for line in result.stdout.splitlines()]
+        for one in printed:
+            (line_by_line if more else whole).validate(one)
+        (position,) = [one for one in printed if one["kind"] == "position"] if more else printed[0]["positions"]
+        assert position["orbits_authenticated"]
+        nmea, table, geojson, kml = (path.read_text() for path in files)
+        assert [pynmea2.parse(line).is_valid for line in nmea.splitlines()] == [True] * 2 * n_positions
+        rows = list(csv.DictReader(table.splitlines()))
+        assert [row["svids"] for row in rows] == [" ".join(map(str, position["svids"]))] * n_positions
+        place = (position["longitude_deg"], position["latitude_deg"], position["height_m"])
+        features = json.loads(geojson)["features"]
+        assert [tuple(one["geometry"]["coordinates"]) for one in features] == [
+            pytest.approx(place, abs=1e-3)
+        ] * n_positions
+        assert kml.count("<Placemark>") == n_positions
+
+
+@pytest.mark.slow
+def test_mavlink_says_that_it_is_authentic(night: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAVLINK20", "1")
+    monkeypatch.setenv("MAVLINK_DIALECT", "development")
+    mavutil = pytest.importorskip("pymavlink.mavutil", reason="pymavlink is not installed: vestige[mavlink]")
+    more = ("--navigation", night.parent / "night.rnx", "--level", 2, "--mavlink", tmp_path / "night.tlog")
+    assert invoke(process, night, *BIAS, *more).exception is None
+    log = mavutil.mavlink_connection(str(tmp_path / "night.tlog"))
+    said = log.recv_match(type="GNSS_INTEGRITY")
+    log.close()
+    assert (said.authentication_state, said.spoofing_state, said.raim_state) == (3, 1, 2)
+    assert 100 < said.raim_hfom < 2000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--positions", "night.gpx"), "night.gpx, expected a name that ends in .nmea, .csv, .geojson, .kml, or -"),
+        (("--positions", "-", "--json"), "standard output is for --json"),
+    ],
+)
+def test_positions_that_cannot_be_written(night: Path, arguments: tuple[str, ...], expected: str) -> None:
+    found = invoke(process, night, *arguments).exception
+    assert isinstance(found, click.UsageError)
+    assert expected in found.format_message()
 
 
 @pytest.mark.slow

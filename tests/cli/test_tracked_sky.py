@@ -215,16 +215,28 @@ def test_the_verdicts_are_those_of_the_finished_recording(night: Path, verdicts:
 
     writer = threading.Thread(target=write)
     writer.start()
-    result = invoke(process, folder, *FAST, "--idle-s", "2", "--nmea", tmp_path / "nmea")
+    result = invoke(
+        process,
+        folder,
+        *FAST,
+        "--idle-s",
+        "2",
+        "--positions",
+        tmp_path / "sky.nmea",
+        "--positions",
+        tmp_path / "sky.csv",
+    )
     writer.join()
     assert result.exception is None
     _agree(_objects(result.stdout), verdicts)
-    sentences = (tmp_path / "nmea").read_text().split()
+    sentences = (tmp_path / "sky.nmea").read_text().split()
     snapshots = {one["snapshot"] for one in _objects(result.stdout)} | {0}
     assert len(sentences) == 2 * len(snapshots)
     # no root key, so no tag has verified an ephemeris: no position is a valid fix
     assert {one.split(",")[6] for one in sentences[::2]} == {"0"}
     assert {one.split(",")[2] for one in sentences[1::2]} == {"V"}
+    assert {one["orbits_authenticated"] for one in _objects(result.stdout, "position")} == {False}
+    assert len((tmp_path / "sky.csv").read_text().splitlines()) == 1
 
 
 def test_killed_and_started_again(night: Path, verdicts: list[dict], tmp_path: Path) -> None:
@@ -324,9 +336,9 @@ def test_two_named_pipes(night: Path, verdicts: list[dict], tmp_path: Path) -> N
 
 
 def test_nmea_on_standard_output(night: Path) -> None:
-    result = invoke(process, night, *[one for one in ONCE if one != "--json"], "--nmea", "-")
+    result = invoke(process, night, *[one for one in ONCE if one != "--json"], "--positions", "-")
     assert result.exception is None
     assert all(line.startswith("$GA") for line in result.stdout.splitlines())
     assert "snapshot 1" in result.stderr
-    both = invoke(process, night, *ONCE, "--nmea", "-").exception
+    both = invoke(process, night, *ONCE, "--positions", "-").exception
     assert isinstance(both, click.UsageError)

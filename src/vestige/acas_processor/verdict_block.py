@@ -29,6 +29,7 @@ class PositionBlock:
     rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
     fixes: FixBlock  # the fix of each of them
     used: Bool[np.ndarray, "n m"]  # satellites of which a range is used
+    orbits_authenticated: Bool[np.ndarray, " n"]  # whether the ephemerides of all of these are authenticated
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:

@@ -115,11 +115,18 @@ def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
     return NOMINAL_E6_OVER_E1_DB if e1_dbhz is None or e6_dbhz is None else float(e6_dbhz - e1_dbhz)
 
 
-def fix_settings(options: dict[str, Any], ephemerides: tuple[Ephemeris, ...]) -> FixSettings:
+def fix_settings(
+    options: dict[str, Any], ephemerides: tuple[Ephemeris, ...], authenticated: frozenset[int] | None
+) -> FixSettings:
     """Return orbits with what the options say of E1 ranges and of the receiver's place."""
     from vestige.acas_processor.position.fix_measurement import FixSettings
 
-    return FixSettings(ephemerides=ephemerides, errors=pseudorange_errors(options), near=approximate_position(options))
+    return FixSettings(
+        ephemerides=ephemerides,
+        authenticated=authenticated,
+        errors=pseudorange_errors(options),
+        near=approximate_position(options),
+    )
 
 
 def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:

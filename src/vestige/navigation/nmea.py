@@ -39,7 +39,9 @@ def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
     """Return GGA and RMC of one moment, without line ends.
 
     There is no model of the geoid, so the altitude is the height over the ellipsoid and the separation is 0: their sum
-    is right. Dilution of precision, speed and course are left empty.
+    is right. Dilution of precision, speed and course are left empty. RMC ends with the mode, as before NMEA 0183
+    4.1: the navigational status after it could only be V, not provided, and readers such as pynmea2 take that for no
+    fix.
 
     Parameters
     ----------
@@ -54,20 +56,20 @@ def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
     >>> for line in sentences(datetime(2026, 11, 22, 21, 59, 42, tzinfo=UTC), None):
     ...     print(line)
     $GAGGA,215942.00,,,,,0,00,,,M,,M,,*50
-    $GARMC,215942.00,V,,,,,,,221126,,,N,V*1B
+    $GARMC,215942.00,V,,,,,,,221126,,,N*61
     """
     tenths = round(utc.microsecond / 1e4)
     clock = f"{utc:%H%M%S}.{min(tenths, 99):02d}"
     if fix is None:
         return (
             _sentence(f"{TALKER}GGA,{clock},,,,,0,00,,,M,,M,,"),
-            _sentence(f"{TALKER}RMC,{clock},V,,,,,,,{utc:%d%m%y},,,N,V"),
+            _sentence(f"{TALKER}RMC,{clock},V,,,,,,,{utc:%d%m%y},,,N"),
         )
     place = f"{_angle(fix.latitude_deg, 2, 'NS')},{_angle(fix.longitude_deg, 3, 'EW')}"
     used = min(fix.n_satellites, _MAX_SATELLITES)
     return (
         _sentence(f"{TALKER}GGA,{clock},{place},1,{used:02d},,{fix.height_m:.2f},M,0.0,M,,"),
-        _sentence(f"{TALKER}RMC,{clock},A,{place},,,{utc:%d%m%y},,,A,V"),
+        _sentence(f"{TALKER}RMC,{clock},A,{place},,,{utc:%d%m%y},,,A"),
     )
 
 

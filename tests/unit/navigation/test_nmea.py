@@ -22,8 +22,8 @@ def test_a_fix() -> None:
     gga, rmc = (line.split("*")[0].split(",") for line in sentences(NOON, MUNICH))
     assert gga == ["$GAGGA", "120005.25", "4806.00000", "N", "01136.00000", "E", "1", "08", "", "500.25", "M", "0.0",
                    "M", "", ""]  # fmt: skip
-    assert rmc == ["$GARMC", "120005.25", "A", "4806.00000", "N", "01136.00000", "E", "", "", "221126", "", "", "A",
-                   "V"]  # fmt: skip
+    assert rmc == ["$GARMC", "120005.25", "A", "4806.00000", "N", "01136.00000", "E", "", "", "221126", "", "",
+                   "A"]  # fmt: skip
 
 
 def test_no_fix_has_no_position() -> None:
@@ -55,6 +55,7 @@ def test_pynmea2_reads_it(fix: NmeaFix | None) -> None:
     gga, rmc = (pynmea2.parse(line, check=True) for line in sentences(NOON, fix))
     assert gga.gps_qual == (1 if fix else 0)
     assert rmc.status == ("A" if fix else "V")
+    assert gga.is_valid == rmc.is_valid == (fix is not None)
     assert rmc.datetime.replace(tzinfo=UTC) == NOON
     if fix:
         assert gga.latitude == pytest.approx(48.1, abs=1e-7)

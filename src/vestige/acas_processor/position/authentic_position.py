@@ -33,6 +33,7 @@ class AuthenticPosition:
     # satellites whose ranges are used, and those of them with the earliest of several signals
     svids: tuple[int, ...]
     earlier: tuple[int, ...]
+    orbits_authenticated: bool  # whether OSNMA proves the ephemerides of these, or the user vouches for them
 
     @property
     def latency_s(self) -> float:
@@ -63,4 +64,5 @@ def authentic_positions(block: VerdictBlock) -> Iterator[AuthenticPosition]:
             vertical_sigma_m=float(np.sqrt(variance_m2[2])),
             svids=tuple(snapshots.svids[column] for column in used),
             earlier=tuple(snapshots.svids[column] for column in used if block.earlier[epoch, column]),
+            orbits_authenticated=bool(found.orbits_authenticated[epoch]),
         )

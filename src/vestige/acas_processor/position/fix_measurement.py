@@ -41,8 +41,8 @@ from vestige.time import GalileoTime
 class FixSettings:
     """Orbits, and what the receiver assumes of its observations."""
 
-    # broadcast orbits and clocks of any satellites; authenticated with OSNMA, if the fix is to be
-    ephemerides: tuple[Ephemeris, ...] = ()
+    ephemerides: tuple[Ephemeris, ...] = ()  # broadcast orbits and clocks of any satellites
+    authenticated: frozenset[int] | None = None  # satellites whose ephemerides are authenticated; None for all
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
     fit_interval_s: float = FIT_INTERVAL_S  # how far from its time an ephemeris is used
     near: ApproximatePosition | None = None  # where the receiver is known to be, if it is

@@ -146,4 +146,6 @@ def _positions(
     used = np.zeros(range_m.shape, np.bool_)
     used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
     fixes = FixBlock(sigma_m=sigma_m, common_m=common_m, bounded=all_fix.bounded, **quantities)
-    return PositionBlock(rows=rows, fixes=fixes, used=used)
+    trusted = snapshots.svids if settings.authenticated is None else tuple(settings.authenticated)
+    authenticated = np.all(~used | np.isin(snapshots.svids, trusted), axis=1)
+    return PositionBlock(rows=rows, fixes=fixes, used=used, orbits_authenticated=np.asarray(authenticated))

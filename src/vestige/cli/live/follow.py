@@ -19,8 +19,8 @@ from vestige.cli.live.live_input import (
     opened_live,
     stdin_description,
 )
-from vestige.cli.live.nmea_log import NMEA_STDOUT, nmea_log
 from vestige.cli.options import assistance_folder
+from vestige.cli.outputs.other_programs import OUTPUT_NAMES, check_outputs, outputs_for_others
 from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
 from vestige.cli.terminal import echo
 from vestige.errors import VestigeError
@@ -29,7 +29,8 @@ from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
-    from vestige.cli.live.nmea_log import NmeaLog
+    from vestige.cli.outputs.other_programs import Write
+    from vestige.cli.outputs.verdict_lines import EndLine
     from vestige.cli.recordings.verdicts import Tally
     from vestige.recording.live.follow_journal import FollowJournal
     from vestige.recording.live.following import FollowedEpoch, Following
@@ -40,7 +41,7 @@ STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
 # Options on which no verdict depends
 _HOW = {
     "workers",
-    "nmea",
+    *OUTPUT_NAMES,
     "as_json",
     "output",
     "poll_s",
@@ -72,7 +73,6 @@ def follow_recording(recording: Path, options: dict[str, Any], processor: AcasPr
     warn = _Warnings()
     following = _following(recording, options, warn)
     settings = _settings(recording, options, following.live)
-    nmea: Path | None = options["nmea"]
     output, described = options["output"], following.live.description.files
     read = (
         *inputs(recording, options),
@@ -81,14 +81,14 @@ def follow_recording(recording: Path, options: dict[str, Any], processor: AcasPr
         following.folder.path,
         options["observations"],
     )
-    check_output(output, (one for one in read if one != STDIN), folder=True)
-    if nmea is not None and nmea != NMEA_STDOUT:
-        check_output(nmea, (one for one in read if one != STDIN))
+    files = tuple(one for one in read if one != STDIN)
+    check_output(output, files, folder=True)
+    check_outputs(options, files)
     with (
-        nmea_log(nmea, as_json=options["as_json"]) as log,
+        outputs_for_others(options, replace=False) as write,
         nullcontext() if output is None else FollowJournal(output, settings) as journal,
     ):
-        _run(following, processor, options, journal, log, warn)
+        _run(following, processor, options, journal, write, warn)
 
 
 def _run(
@@ -96,7 +96,7 @@ def _run(
     processor: AcasProcessor,
     options: dict[str, Any],
     journal: FollowJournal | None,
-    log: NmeaLog,
+    write: Write,
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.recordings.verdicts import Tally, lines, print_changes, print_snapshot
@@ -122,7 +122,7 @@ def _run(
                 following.folder.path, now, known.keys, cipher_mode=processor.cipher_mode
             ):
                 warn(open_code)
-            processor, verified = _with_orbits(processor, following, options)
+            processor = _with_orbits(processor, following, options)
             since = None if state is None else state.last
             block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)
             step = processor.step(state, block, epoch.assistance)
@@ -140,7 +140,7 @@ def _run(
             else:
                 print_snapshot(step)
                 print_changes(step)
-            log.write(step, epoch.snapshot.time + -epoch.time_tag_error_s, verified=verified)
+            write(step, epoch.time_tag_error_s)
             tally.add(step)
     except KeyboardInterrupt as stop:
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
@@ -169,21 +169,16 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
     exit_status(tally, options["fail_on"])
 
 
-def _with_orbits(
-    processor: AcasProcessor, following: Following, options: dict[str, Any]
-) -> tuple[AcasProcessor, frozenset[int] | None]:
-    """Return the processor with the orbits that are known by now, and the satellites whose orbits are authentic.
-
-    The user vouches for a file of orbits (None: all satellites), OSNMA for those of the message.
-    """
+def _with_orbits(processor: AcasProcessor, following: Following, options: dict[str, Any]) -> AcasProcessor:
+    """Return the processor with the orbits that are known by now; OSNMA tags authenticate those of the message."""
     tracking, monitoring = following.live.tracking, processor.monitoring
     if tracking is None or options["navigation"] is not None:
-        return processor, None
-    orbits, verified = tracking.message.ephemerides()
-    if orbits == monitoring.fix.ephemerides:
-        return processor, verified
-    monitoring = replace(monitoring, fix=replace(monitoring.fix, ephemerides=orbits))
-    return replace(processor, monitoring=monitoring), verified
+        return processor
+    orbits, authenticated = tracking.message.ephemerides()
+    if (orbits, authenticated) == (monitoring.fix.ephemerides, monitoring.fix.authenticated):
+        return processor
+    fix = replace(monitoring.fix, ephemerides=orbits, authenticated=authenticated)
+    return replace(processor, monitoring=replace(monitoring, fix=fix))
 
 
 def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
@@ -206,8 +201,13 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
     from vestige.cli.recordings.verdicts import print_not_seen
 
     if as_json:
-        counts = {"snapshots": tally.snapshots, "dropped": n_dropped, "not_seen_on_e1": tally.not_seen_on_e1}
-        echo(json.dumps({"kind": "end"} | counts))
+        end: EndLine = {
+            "kind": "end",
+            "snapshots": tally.snapshots,
+            "dropped": n_dropped,
+            "not_seen_on_e1": tally.not_seen_on_e1,
+        }
+        echo(json.dumps(end))
     print_not_seen(tally, err=True)
 
 

@@ -11,6 +11,7 @@ from vestige.cli.live.follow import check_usage, follow_recording
 from vestige.cli.live.live_input import stdin_options
 from vestige.cli.option_groups import GroupedCommand
 from vestige.cli.options import FiniteRange
+from vestige.cli.outputs.other_programs import OUTPUT_NAMES, output_options
 from vestige.cli.recordings.process_options import PROCESSOR_GROUPS, processor_options
 from vestige.cli.recordings.processor_from_options import processor_from_options
 
@@ -18,7 +19,7 @@ LIVE_GROUPS = {
     "Output": (
         "output",
         "as_json",
-        "nmea",
+        *OUTPUT_NAMES,
         "fail_on",
     ),
     "Waiting for samples and keys": (
@@ -45,7 +46,7 @@ _path = click.Path(path_type=Path)
 @processor_options
 @click.option("-o", "--output", type=_path, help="Keep verdicts and state in this folder; go on from it if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one a line.")
-@click.option("--nmea", type=_path, help="Write positions as NMEA 0183 into this file, or - for standard output.")
+@output_options
 @click.option(
     "--poll-s",
     type=FiniteRange(0.001, 60),

@@ -10,6 +10,12 @@ import click
 
 from vestige.cli.option_groups import GroupedCommand
 from vestige.cli.options import assistance_folder
+from vestige.cli.outputs.other_programs import (
+    OUTPUT_NAMES,
+    check_outputs,
+    output_options,
+    outputs_for_others,
+)
 from vestige.cli.recordings.process_options import (
     PROCESSOR_GROUPS,
     check_processor_usage,
@@ -54,7 +60,9 @@ class _Process(GroupedCommand):
         return super().invoke(ctx) if ctx.command is self else ctx.command.invoke(ctx)
 
 
-@click.command(cls=_Process, groups={"Output": ("output", "as_json", "fail_on", "strict")} | PROCESSOR_GROUPS)
+@click.command(
+    cls=_Process, groups={"Output": ("output", "as_json", *OUTPUT_NAMES, "fail_on", "strict")} | PROCESSOR_GROUPS
+)
 @processor_options
 @click.option(
     "--calibrate", is_flag=True, help="Take the median E6 range offset of this recording as the hardware bias."
@@ -62,6 +70,7 @@ class _Process(GroupedCommand):
 @click.option("--write-bias", type=_path, help="Write the hardware bias into this folder, as receiver.toml.")
 @click.option("-o", "--output", type=_path, help="Write the verdicts into this CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@output_options
 @click.option("--strict", is_flag=True, help="Stop at a damaged assistance file, in place of a warning.")
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
@@ -72,6 +81,7 @@ def command(recording_path: Path, **options: Any) -> None:
     """
     from contextlib import ExitStack
     from dataclasses import replace
+    from functools import partial
 
     from vestige.cli.progress import progress
     from vestige.cli.recordings.verdicts import csv_writer, exit_status, print_json, print_table
@@ -82,7 +92,9 @@ def command(recording_path: Path, **options: Any) -> None:
     options["recording_path"] = recording_path
     recording = open_recording(recording_path, start=options["start"])
     folder = assistance_folder(recording_path, options["assistance_path"])
-    check_output(options["output"], (*inputs(recording_path, options), *recording.description.files, folder))
+    read = (*inputs(recording_path, options), *recording.description.files, folder)
+    check_output(options["output"], read)
+    check_outputs(options, read)
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
     processor, source, warnings = prepared(recording, options, _tracked(recording, options))
@@ -93,6 +105,8 @@ def command(recording_path: Path, **options: Any) -> None:
         steps = (step for step in steps if _is_shown(step))
         if options["output"]:
             steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
+        write = stack.enter_context(outputs_for_others(options, replace=True))
+        steps = _written(steps, partial(write, late_s=source.time_tag_error_s))
         if options["as_json"]:
             remarks = {"calibrated_on_itself": options["calibrate"], "warnings": warnings}
             tally = print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
@@ -117,6 +131,7 @@ def prepared(
     """
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.assistance.made_recs import open_code_warning
+    from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME
     from vestige.recording.snapshots import RecordingSource, time_span
 
     folder = assistance_folder(options["recording_path"], options["assistance_path"])
@@ -133,11 +148,14 @@ def prepared(
     )
     if options["near"] and tracked is None and options["navigation"] is None:
         raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
-    processor = processor_from_options(options, tracked)
+    processor = processor_from_options(options, tracked, found.navigation)
     known = found.assistance
     open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
     warnings = [*found.warnings, *([open_code] if open_code else [])]
-    for line in (*recording.notes, *found.problems, *found.missing, *warnings):
+    missing = found.missing
+    if options["hardware_bias_m"] is not None or options["calibrate"]:  # then nothing is taken as 0
+        missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
+    for line in (*recording.notes, *found.problems, *missing, *warnings):
         echo(f"warning: {line}", err=True)
     if options["calibrate"]:
         echo(

@@ -13,10 +13,13 @@ if TYPE_CHECKING:
     from vestige.acas_processor.detectors import Detector
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.processor import AcasProcessor
+    from vestige.crypto.osnma.osnma_report import AuthenticatedData
     from vestige.recording.tracked.track_recording import TrackedRecording
 
 
-def processor_from_options(options: dict[str, Any], tracked: TrackedRecording | None = None) -> AcasProcessor:
+def processor_from_options(
+    options: dict[str, Any], tracked: TrackedRecording | None = None, proven: tuple[AuthenticatedData, ...] = ()
+) -> AcasProcessor:
     """Return the processor.
 
     Parameters
@@ -25,6 +28,8 @@ def processor_from_options(options: dict[str, Any], tracked: TrackedRecording | 
         Options of the command line, by the names of their parameters (`process_options`).
     tracked
         Result of tracking E1, whose orbits and correlators are used; None if E1 was not tracked.
+    proven
+        Navigation data in the tracked message that OSNMA tags verified.
 
     Raises
     ------
@@ -39,7 +44,7 @@ def processor_from_options(options: dict[str, Any], tracked: TrackedRecording | 
     checks = tuple(OwnCheck.named(kind) for kind in options["checks"])
     if len({one.name for one in checks}) < len(checks):
         raise click.UsageError("--check: two checks have one name, expected one of its own for each")
-    monitoring = _monitoring(options, tracked)
+    monitoring = _monitoring(options, tracked, proven)
     try:
         return AcasProcessor(
             level=int(options["level"]),
@@ -70,30 +75,35 @@ def _detector(name: str, spacing: int) -> Detector:
     )
 
 
-def _monitoring(options: dict[str, Any], tracked: TrackedRecording | None) -> MonitoringSettings:
+def _monitoring(
+    options: dict[str, Any], tracked: TrackedRecording | None, proven: tuple[AuthenticatedData, ...]
+) -> MonitoringSettings:
     """Return the settings of levels 2 and 3, with the orbits of a file, or those of the message."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
     from vestige.acas_processor.searches.sampled_searches import E6ExhaustiveSearch
     from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
-    from vestige.recording.tracked.message_navigation import ephemerides_in
+    from vestige.recording.tracked.message_navigation import authenticated_orbits, ephemerides_in
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
     from vestige.signals.pulse import BOC11
 
     navigation, settings = options["navigation"], MonitoringSettings()
-    ephemerides = () if tracked is None else ephemerides_in(tracked.pages)
+    authenticated: frozenset[int] | None
+    if navigation is not None:  # the user vouches for it
+        orbits, authenticated = read_rinex_navigation(navigation), None
+    else:
+        orbits, authenticated = authenticated_orbits(() if tracked is None else ephemerides_in(tracked.pages), proven)
     half = settings.power_distortion.hypotheses.half_spacing_chips
     if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
-    orbits = ephemerides if navigation is None else read_rinex_navigation(navigation)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)
     return replace(
         settings,
         alarms_per_day=options["alarms_per_day"],
         levels=reference_levels(options),
-        fix=fix_settings(options, orbits),
+        fix=fix_settings(options, orbits, authenticated),
         exhaustive_search=E6ExhaustiveSearch(how=how, around_s=options["search_window"]),
         exhaustive_period_s=options["search_every"],
         power_distortion=replace(settings.power_distortion, hypotheses=hypotheses),

@@ -8,7 +8,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,14 @@ import click
 import numpy as np
 
 from vestige.acas_processor.levels import ALARMS
+from vestige.cli.outputs.verdict_lines import (
+    PositionEntry,
+    PositionLine,
+    StateLine,
+    VerdictEntry,
+    VerdictLine,
+    VerdictRow,
+)
 from vestige.cli.terminal import echo
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
@@ -26,22 +34,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.monitoring.alarm import StateChange
     from vestige.acas_processor.processor import Step
 
-VERDICT_COLUMNS = (
-    "gst_week",
-    "gst_second",
-    "svid",
-    "level",
-    "status",
-    "magnitude_sigma",
-    "threshold_sigma",
-    "range_offset_m",
-    "range_limit_m",
-    "true_offset_m",
-    "cn0_e1_dbhz",
-    "doppler_e6_hz",
-    "available_at",
-    "reason",
-)
+VERDICT_COLUMNS = tuple(VerdictRow.__annotations__)
 FAILED = 3  # exit status with --fail-on
 
 
@@ -80,12 +73,14 @@ class Tally:
     def advice(self) -> str:
         """What to look into where no satellite was found on E6; "" if one was."""
         if not self.counts:
-            return f"{self.nothing}; vestige inspect says what the recording holds"
+            swapped = "the files of the two bands may be swapped, or the start may be wrong: " if self.missed else ""
+            return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"
         if set(self.counts) != {Status.NOT_DETECTED.name}:
             return ""
         return (
-            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly, or "
-            "E6 may be later than the correlators reach (--hardware-bias-m); vestige inspect finds out"
+            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly "
+            "(spectral_inversion, sample_rate_hz, file), or E6 may be later than the correlators reach "
+            "(--hardware-bias-m); `vestige inspect RECORDING` finds out"
         )
 
     def fails(self, limit: str | None) -> bool:
@@ -98,7 +93,7 @@ class Tally:
         return ", ".join(f"{n} {name}" for name, n in self.counts.items()) or "nothing"
 
 
-def _row(verdict: Verdict, step: Step) -> dict[str, Any]:
+def _row(verdict: Verdict, step: Step) -> VerdictRow:
     """Return one verdict as a flat row; what was not measured is None."""
     measured = step.block.measured
     epoch = int(np.flatnonzero(measured.snapshots.index == verdict.index)[0])
@@ -126,11 +121,11 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def entries(step: Step) -> list[dict[str, Any]]:
+def entries(step: Step) -> list[VerdictEntry]:
     """Return the verdicts of a snapshot for a program, with their checks; numbers in full precision."""
     return [
-        _row(verdict, step)
-        | {
+        {
+            **_row(verdict, step),
             "snapshot": verdict.index,
             "checks": [
                 {
@@ -148,15 +143,22 @@ def entries(step: Step) -> list[dict[str, Any]]:
     ]
 
 
-def positions(step: Step) -> list[dict[str, Any]]:
-    """Return the authentic positions of a step for a program, if there are any."""
+def positions(step: Step) -> list[PositionEntry]:
+    """Return the positions out of authentic ranges of a step for a program, if there are any."""
     return [
-        {name: value for name, value in asdict(found).items() if name != "index"}
-        | {
+        {
+            "snapshot": found.index,
             "time": str(found.time),
             "available_at": str(found.available_at),
             "latency_s": found.latency_s,
-            "snapshot": found.index,
+            "latitude_deg": found.latitude_deg,
+            "longitude_deg": found.longitude_deg,
+            "height_m": found.height_m,
+            "horizontal_sigma_m": found.horizontal_sigma_m,
+            "vertical_sigma_m": found.vertical_sigma_m,
+            "svids": list(found.svids),
+            "earlier": list(found.earlier),
+            "orbits_authenticated": found.orbits_authenticated,
         }
         for found in step.positions
     ]
@@ -164,13 +166,13 @@ def positions(step: Step) -> list[dict[str, Any]]:
 
 def lines(step: Step) -> list[str]:
     """Return verdicts, position and changes of state of a snapshot as JSON: one object a line, each with its kind."""
-    objects = [{"kind": "verdict"} | entry for entry in entries(step)]
-    objects += [{"kind": "position"} | entry for entry in positions(step)]
-    objects += [_change(change) | {"snapshot": int(step.block.measured.snapshots.index[-1])} for change in step.changes]
+    objects: list[VerdictLine | PositionLine | StateLine] = [{"kind": "verdict", **entry} for entry in entries(step)]
+    objects += [{"kind": "position", **entry} for entry in positions(step)]
+    objects += [_change(change, int(step.block.measured.snapshots.index[-1])) for change in step.changes]
     return [json.dumps(one, allow_nan=False) for one in objects]
 
 
-def _change(change: StateChange) -> dict[str, Any]:
+def _change(change: StateChange, snapshot: int) -> StateLine:
     return {
         "kind": "state",
         "gst_week": change.time.week,
@@ -180,6 +182,7 @@ def _change(change: StateChange) -> dict[str, Any]:
         "after": change.after.name,
         "alarm": change.alarm,
         "reason": change.reason,
+        "snapshot": snapshot,
     }
 
 
@@ -209,10 +212,11 @@ def print_snapshot(step: Step) -> None:
 def _print_position(step: Step) -> None:
     for found in step.positions:
         earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
+        unproven = "" if found.orbits_authenticated else ", orbits not authenticated"
         echo(
             f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
             f"(1σ {found.horizontal_sigma_m:.1f} m, height {found.vertical_sigma_m:.1f} m) "
-            f"from {len(found.svids)} authentic ranges{earlier}, known after {found.latency_s:.1f} s"
+            f"from {len(found.svids)} authentic ranges{earlier}{unproven}, known after {found.latency_s:.1f} s"
         )
 
 

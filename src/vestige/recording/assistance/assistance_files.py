@@ -26,6 +26,7 @@ from vestige.crypto.keys.public_key import PublicKey
 from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tree
 from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.osnma.osnma_report import AuthenticatedData
 from vestige.crypto.recs import group_delay, recs_file
 from vestige.crypto.recs.file_signature import SignatureStatus, verify_data
 from vestige.crypto.recs.recs_name import parse_name
@@ -122,6 +123,7 @@ class Contents:
     received: tuple[ReceivedOsnma, ...] = ()
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
+    navigation: tuple[AuthenticatedData, ...] = ()  # navigation data that OSNMA tags verified
     problems: tuple[VestigeError, ...] = ()  # what is wrong with a file of which a part is usable all the same
 
 
@@ -205,6 +207,7 @@ def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
         roots=report.verified_roots,
         alerts=report.alerts,
         received=receiver.received(),
+        navigation=report.navigation,
     )
 
 

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 from vestige.constants import DAY_S
 from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
+from vestige.crypto.osnma.osnma_report import AuthenticatedData
 from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, signatures_in
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.recording.assistance.assistance_files import (
@@ -77,12 +78,15 @@ class AssistanceFolder:
         Why others, or parts of them, were not.
     missing
         One line for each kind of data that is not there and that the processor would want.
+    navigation
+        Navigation data in the receiver's own message that OSNMA tags verified.
     """
 
     assistance: Assistance
     files: tuple[AssistanceFile, ...]
     problems: tuple[VestigeError, ...]
     missing: tuple[str, ...]
+    navigation: tuple[AuthenticatedData, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -199,6 +203,7 @@ def read_assistance(
                 files.append(
                     AssistanceFile(path=path, kind=kind, content=contents.summary, signature=contents.signature)
                 )
+    navigation: tuple[AuthenticatedData, ...] = ()
     if message is not None:
         path, contents_of = message
         roots = tuple(root for _, contents in read for root in contents.roots)
@@ -207,13 +212,18 @@ def read_assistance(
             problems.add(contents.problems)
             read.append((path, contents))
             files.append(AssistanceFile(path=path, kind=FileKind.PAGES, content=contents.summary))
+            navigation = contents.navigation
     if remembered is not None:
         for path in remembered.keys() - {path for path, _ in read}:
             del remembered[path]
     assistance = _joined(read, problems)
     missing = _missing(assistance, files, trust)
     return AssistanceFolder(
-        assistance=assistance, files=tuple(files), problems=tuple(problems.collected), missing=missing
+        assistance=assistance,
+        files=tuple(files),
+        problems=tuple(problems.collected),
+        missing=missing,
+        navigation=navigation,
     )
 
 

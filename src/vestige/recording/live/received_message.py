@@ -10,14 +10,13 @@ from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
 
-from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS
 from vestige.crypto.osnma.messages.root_key import RootKey
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import AuthenticationError
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
-from vestige.recording.tracked.message_navigation import EphemerisCollector
+from vestige.recording.tracked.message_navigation import EphemerisCollector, authenticated_orbits
 
 KEPT_S = 240.0  # of keys and of what was demodulated; a RECS waits for its key for a shorter time
 ISSUES = 3  # of the ephemerides of a satellite that are kept: half an hour of real ones
@@ -86,15 +85,9 @@ class ReceivedMessage:
         return contents_of_receiver(receiver)
 
     def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
-        """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them.
-
-        If tags have verified one issue of a satellite, its issues that are not verified yet are left out.
-        """
+        """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them."""
         proven = () if self._receiver is None else self._receiver.navigation()
-        verified = {(one.svid, one.iod_nav) for one in proven if one.authenticated and one.adkd == ADKD_EPHEMERIS}
-        found = self._collector.ephemerides
-        svids = frozenset(one.svid for one in found if (one.svid, one.iod_nav) in verified)
-        return tuple(one for one in found if one.svid not in svids or (one.svid, one.iod_nav) in verified), svids
+        return authenticated_orbits(self._collector.ephemerides, proven)
 
     def _receiver_for(self, trust: FileTrust) -> OsnmaReceiver:
         """Return the receiver of a trust anchor; a new one is given the pages that are kept."""

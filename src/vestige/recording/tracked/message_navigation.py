@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from vestige.crypto.osnma.messages.navigation_data import ADKD_EPHEMERIS
+from vestige.crypto.osnma.osnma_report import AuthenticatedData
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.coding.fec2 import restored_words
 from vestige.navigation.inav.ephemeris_words import STATUS_WORD, ephemeris_from_words
@@ -76,6 +78,25 @@ def ephemerides_in(pages: Iterable[InavPage]) -> tuple[Ephemeris, ...]:
     for page in pages:
         collector.take(page)
     return collector.ephemerides
+
+
+def authenticated_orbits(
+    found: tuple[Ephemeris, ...], proven: Iterable[AuthenticatedData]
+) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
+    """Return the ephemerides to use, and the satellites whose ephemerides OSNMA tags have verified.
+
+    If tags have verified one issue of a satellite, its issues that are not verified are left out.
+
+    Parameters
+    ----------
+    found
+        Ephemerides that the message holds.
+    proven
+        Navigation data that tags have verified.
+    """
+    issues = {(one.svid, one.iod_nav) for one in proven if one.authenticated and one.adkd == ADKD_EPHEMERIS}
+    svids = frozenset(one.svid for one in found if (one.svid, one.iod_nav) in issues)
+    return tuple(one for one in found if one.svid not in svids or (one.svid, one.iod_nav) in issues), svids
 
 
 def _drop_other_issues(words: dict[int, tuple[int, int]], recent: dict[int, int]) -> None:

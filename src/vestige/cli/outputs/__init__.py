@@ -1,0 +1,1 @@
+"""Outputs of `vestige process` and `vestige live` for other programs."""
