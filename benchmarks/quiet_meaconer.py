@@ -5,7 +5,7 @@ python benchmarks/quiet_meaconer.py [--seeds 6] [--early-reach-m 75] [--figure d
 The attacker receives the satellites 20 dB better than the victim, cancels nothing, and captures E1 because it is on air
 before the receiver is. Eight satellites at 45 dBHz, two RECS. Printed are two tables in Markdown: the share of verdicts
 with an alarm, and the share of satellites with a range in use that is wrong by more than 53 m (2κσ).
-With --figure the delays are 20 m apart, and the figure has the share of alarms with the bank of the processor and with
+With --figure the delays are 30 m apart, and the figure has the share of alarms with the bank of the processor and with
 one that reaches 75 m to the early side.
 """
 
@@ -62,7 +62,9 @@ def alarms_and_wrong_ranges(scenario: CampaignScenario) -> tuple[float, float]:
     return float(np.mean(np.concatenate(alarms))), float(np.mean(np.concatenate(wrong)))
 
 
-def shares(delays_m: Sequence[float], powers_db: Sequence[float], seeds: int, early_reach_m: float | None) -> np.ndarray:
+def shares(
+    delays_m: Sequence[float], powers_db: Sequence[float], seeds: int, early_reach_m: float | None
+) -> np.ndarray:
     """Return the shares of alarms and of wrong ranges, powers by delays by 2, over `seeds` runs of each."""
     further = () if early_reach_m is None else (f"processor.early_reach_m={early_reach_m}",)
 
@@ -75,7 +77,7 @@ def shares(delays_m: Sequence[float], powers_db: Sequence[float], seeds: int, ea
 
 def draw(path: Path, seeds: int) -> None:
     """Draw the share of alarms over the delay, a curve for each power, for the usual bank and for one of ±75 m."""
-    delays_m, powers_db = np.arange(60.0, 901.0, 20.0), (1.0, 3.0, 6.0, 9.0)
+    delays_m, powers_db = np.arange(60.0, 901.0, 30.0), (1.0, 3.0, 6.0, 9.0)
     figure, axes = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, layout="constrained")
     for axis, reach_m in zip(axes, (600.0, 75.0), strict=True):
         alarms = shares(delays_m, powers_db, seeds, reach_m)[..., 0]
