@@ -1,10 +1,12 @@
 """A quiet meaconer of both bands that was there from the start: what level 2 says, over its delay and its power.
 
-python benchmarks/quiet_meaconer.py [--seeds 6] [--early-reach-m 75]
+python benchmarks/quiet_meaconer.py [--seeds 6] [--early-reach-m 75] [--figure docs/levels/quiet_meaconer.png]
 
 The attacker receives the satellites 20 dB better than the victim, cancels nothing, and captures E1 because it is on air
 before the receiver is. Eight satellites at 45 dBHz, two RECS. Printed are two tables in Markdown: the share of verdicts
 with an alarm, and the share of satellites with a range in use that is wrong by more than 53 m (2κσ).
+With --figure the delays are 30 m apart, and the figure has the share of alarms with the bank of the processor and with
+one that reaches 75 m to the early side.
 """
 
 from __future__ import annotations
@@ -14,8 +16,10 @@ import os
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import vestige as vs
@@ -58,27 +62,44 @@ def alarms_and_wrong_ranges(scenario: CampaignScenario) -> tuple[float, float]:
     return float(np.mean(np.concatenate(alarms))), float(np.mean(np.concatenate(wrong)))
 
 
+def shares(
+    delays_m: Sequence[float], powers_db: Sequence[float], seeds: int, early_reach_m: float | None
+) -> np.ndarray:
+    """Return the shares of alarms and of wrong ranges, powers by delays by 2, over `seeds` runs of each."""
+    further = () if early_reach_m is None else (f"processor.early_reach_m={early_reach_m}",)
+
+    def mean(delay_m: float, power_db: float) -> np.ndarray:
+        runs = [alarms_and_wrong_ranges(quiet_meaconer(delay_m, power_db, seed, *further)) for seed in range(seeds)]
+        return np.mean(runs, axis=0)
+
+    return np.array([[mean(delay_m, power_db) for delay_m in delays_m] for power_db in powers_db])
+
+
+def draw(path: Path, seeds: int) -> None:
+    """Draw the share of alarms over the delay, a curve for each power, for the usual bank and for one of ±75 m."""
+    delays_m, powers_db = np.arange(60.0, 901.0, 30.0), (1.0, 3.0, 6.0, 9.0)
+    figure, axes = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, layout="constrained")
+    for axis, reach_m in zip(axes, (600.0, 75.0), strict=True):
+        alarms = shares(delays_m, powers_db, seeds, reach_m)[..., 0]
+        for power_db, curve, width in zip(powers_db, alarms, (7.0, 5.0, 3.0, 1.2), strict=True):
+            axis.plot(delays_m, curve, ".-", lw=width, ms=width + 3, label=f"{power_db:+.0f} dB")
+        print(f"bank to {reach_m:.0f} m early: the smallest share of alarms is {alarms.min():.2f}")
+        axis.set(ylim=(-0.05, 1.1), ylabel="verdicts with an alarm", title=f"correlators to {reach_m:.0f} m early")
+    axes[0].legend(ncols=4, loc="lower center")
+    axes[1].set_xlabel("delay of the meaconer (m)")
+    figure.savefig(path, dpi=90)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--early-reach-m", type=float)
+    parser.add_argument("--figure", type=Path)
     options = parser.parse_args()
-    further = () if options.early_reach_m is None else (f"processor.early_reach_m={options.early_reach_m}",)
-    found = np.array(
-        [
-            [
-                np.mean(
-                    [
-                        alarms_and_wrong_ranges(quiet_meaconer(delay_m, power_db, seed, *further))
-                        for seed in range(options.seeds)
-                    ],
-                    axis=0,
-                )
-                for delay_m in DELAYS_M
-            ]
-            for power_db in POWERS_DB
-        ]
-    )
+    if options.figure:
+        draw(options.figure, options.seeds)
+        return
+    found = shares(DELAYS_M, POWERS_DB, options.seeds, options.early_reach_m)
     for title, part in (("alarms", found[..., 0]), ("wrong ranges in use", found[..., 1])):
         print(f"\n| {title} | " + " | ".join(f"{one:.0f} m" for one in DELAYS_M) + " |")
         print("|---" * (len(DELAYS_M) + 1) + "|")

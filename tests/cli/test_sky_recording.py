@@ -52,6 +52,11 @@ SAID = {
     "A8": (["NOT_DETECTED"], ["NOT_DETECTED"], ["NOT_DETECTED"]),
     "A12": (["AUTHENTIC", "SPOOFED"], ["SPOOFED", "SUSPECT"], ["SPOOFED", "SUSPECT"]),
 }
+# A quiet recorder sends both bands again 5 ms later, and nulls the true signals in both.
+REPLAY = (
+    '[{kind="meaconing", delay_s=5e-3, power_db=3, reception_gain_db=20}, '
+    '{kind="nulling", gain_db=-0.5, phase_error_rad=0.07, bands=["E1", "E6"]}]'
+)
 # Checks that compare with earlier epochs, or with levels that have to be learned. The recording holds one RECS.
 NEED_A_PAST = {"E1 received power", "E6 received power", "C/N0", "E6 C/N0", "clock slope"}
 
@@ -63,9 +68,9 @@ def written(command: click.Command, *arguments: object) -> str:
     return result.stdout
 
 
-def recorded(folder: Path, attack: str) -> Path:
+def recorded(folder: Path, attack: str, n_epochs: int = 2) -> Path:
     settings = [item for one in (*SETTINGS, f"attack={attack}") for item in ("--set", one)]
-    written(simulate, NIGHT, "-o", folder / "sky", "--epochs", f"{AT}:{AT + 2}", *settings)
+    written(simulate, NIGHT, "-o", folder / "sky", "--epochs", f"{AT}:{AT + n_epochs}", *settings)
     return folder / "sky"
 
 
@@ -165,6 +170,23 @@ def test_a_recording_of_one_epoch_has_a_verdict(tmp_path: Path, monkeypatch: pyt
     assert text.count("public key PKID 1") == 1
     assert text.count("    public_key.xml: the key of public_key.pem") == 1
     assert text.count("    merkle_tree.xml: the key of public_key.pem") == 1
+
+
+@pytest.mark.slow
+def test_a_recorded_replay_fails_the_clock_limit_and_nothing_else(tmp_path: Path) -> None:
+    """The check is the only one that sees it: with a limit above the delay all satellites are AUTHENTIC."""
+    folder = recorded(tmp_path, REPLAY, 1)
+    words = ("--json", "--level", 2, "--navigation", folder / "rinex" / "navigation.rnx", "--search-window", 1e-4)
+    for limit_s, status, outcome in ((1e-3, "SUSPECT", "FAIL"), (1e-2, "AUTHENTIC", "PASS")):
+        verdicts = json.loads(written(process, folder, *words, "--time-uncertainty", limit_s))["verdicts"]
+        assert [one["status"] for one in verdicts] == [status] * 4
+        for one in verdicts:
+            checks = {check["name"]: check for check in one["checks"]}
+            assert checks["clock limit"]["outcome"] == outcome
+            assert checks["clock limit"]["statistic"] == pytest.approx(5e-3, abs=1e-6)
+            assert limit_s + 1.7e-6 < checks["clock limit"]["threshold"] < limit_s + 3e-6
+            others = {check["outcome"] for name, check in checks.items() if name != "clock limit"}
+            assert others == {"PASS", "NOT_RUN"}
 
 
 def test_a_sky_gives_a_position_and_a_message(folders: Callable[[str], Path]) -> None:

@@ -24,16 +24,17 @@ from vestige.sample_processor.tracking.partial_correlation import (
 )
 from vestige.signals.definitions import E1B
 from vestige.spoofer.scer import Scer
+from vestige.theory.code_estimation import replayed_covariance, replayed_mean
 
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
 
-def tracked(attack: Scer | None, duration_s: float = 1.2) -> tuple[SampleBatch, TrackedPeriods]:
+def tracked(attack: Scer | None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatch, TrackedPeriods]:
     """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and its periods."""
-    one = satellite(SVID, 2.41e7, -350.0, CN0_DBHZ, 45.0, seed=2)[Band.E1]
+    one = satellite(SVID, 2.41e7, -350.0, cn0_dbhz, 45.0, seed=2)[Band.E1]
     if attack is not None:
-        one = replace(one, components=tuple(attack.replayed(true, SVID, 3) for true in one.components))
-    batch = received_batch(Band.E1, [{Band.E1: one}], duration_s=duration_s, rate_hz=RATE_HZ, seed=4)
+        one = replace(one, components=tuple(attack.replayed(true, SVID, 5) for true in one.components))
+    batch = received_batch(Band.E1, [{Band.E1: one}], duration_s=1.2, rate_hz=RATE_HZ, seed=4)
     window = replace(batch, samples=batch.samples[: int(0.1 * RATE_HZ)])
     (found,) = acquire(window, (SVID,))
     measured = measure_e1(window, found)
@@ -75,6 +76,33 @@ def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[Sampl
     # the P_fa at which half of the attacks are seen gives the mean of the statistic
     p_fa = next(p for p in np.logspace(-12, -1, 200) if replay_detection_probability(CN0_DBHZ, 0.0, n, p) > 0.5)
     assert replayed.statistic == pytest.approx(replay_threshold(n, float(p_fa)), abs=4.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("attack", "cn0_dbhz", "head_s"),
+    [
+        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0), 45.0, 0.0),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=10.0, latency_s=4e-6), 55.0, -4e-6),
+    ],
+    ids=["on time", "with a latency"],
+)
+def test_estimated_symbols_in_samples_grow_as_the_theory_says(attack: Scer, cn0_dbhz: float, head_s: float) -> None:
+    """The beginning of a symbol against its later part, behind acquisition and tracking.
+
+    The victim has 65 dBHz, so that its own noise is a small part of the scatter. The mean over the symbols is that of
+    the theory to within 3.5 standard deviations, which follow from the theory, too; an authentic signal has 1.
+    """
+    samples = tracked(attack, 65.0)
+    for first_chips in (4, 16, 64):
+        parts = partial_prompts(*samples, SVID, first_chips=first_chips)
+        symbols = np.sign(parts.later.real)
+        found = np.mean(parts.first.real * symbols) / np.mean(parts.later.real * symbols)
+        expected = replayed_mean(cn0_dbhz, head_s, first_chips).mean()
+        variance = replayed_covariance(cn0_dbhz, head_s, first_chips).sum() / first_chips**2
+        variance += E1B.chip_rate_hz / (2 * 10**6.5 * first_chips)
+        assert abs(found - expected) < 3.5 * np.sqrt(variance / symbols.size)
+        assert found < 1 - 3.5 * np.sqrt(variance / symbols.size)
 
 
 def test_the_sign_of_all_symbols_does_not_matter() -> None:
