@@ -42,7 +42,7 @@ def extreme() -> Ephemeris:
         cis_rad=6e-8,
         af0_s=-7e-4,
         af1=-9e-12,
-        af2_per_s=-1.7e-18,
+        af2_per_s=-1.7e-17,
         bgd_e1_e5a_s=-2e-9,
         bgd_e1_e5b_s=3e-9,
         e1b_health=1,
