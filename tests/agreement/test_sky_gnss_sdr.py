@@ -173,8 +173,8 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
 def _same_system_data(case: AcasTestCase, folder: Path) -> None:
     """Compare what gnss-sdr decoded of words 6 and 7 to 10, UTC and almanac, with what the satellites sent.
 
-    Three satellites make a set, which takes words 7 to 10 of two subframes. gnss-sdr also writes satellites of a set that
-    the samples cut off, with values of the set before; they do not count.
+    Three satellites make a set, which takes words 7 to 10 of two subframes. gnss-sdr writes those of a set
+    that the samples cut off, too, with values of the set before; they do not count.
     """
     assert case.message is not None
     start = case.scenario.start_time
