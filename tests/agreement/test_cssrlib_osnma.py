@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from cssrlib_judge import Judge, Tag, cssrlib_osnma
 from operator_sky import SVIDS, OperatorSky
 from osnma_builder import make_page
 from vestige.crypto.keys.public_key import compressed_point
@@ -22,64 +23,8 @@ from vestige.crypto.osnma.operator.signed_messages import alert_dsm, public_key_
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
 
-cssrlib_osnma = pytest.importorskip("cssrlib.osnma", reason="cssrlib is not installed: make judges")
-
 START = GalileoTime(1400, 7200)  # not the first hour of the week: cssrlib does not take a root key of TOWH 0
 N = 14
-WEEKS_GPS_GST = 1024
-Tag = tuple[int, int, int, int]  # start of the subframe mod 2^20, PRN_A, CTR, ADKD
-
-
-class Judge:
-    """cssrlib with our Merkle tree; what it says of each tag."""
-
-    def __init__(self, tree: Path | None, log: Path) -> None:
-        self.program: Any = cssrlib_osnma.osnma(logfile=str(log))
-        self.program.monlevel = 0
-        self.program.flg_slowmac = True
-        # cssrlib keeps these in the class, so one instance would see what another one received.
-        self.program.dsm, self.program.nb = {}, {}
-        self.program.hk = [bytearray(15) for _ in range(36)]
-        self.program.mack = [bytearray(60) for _ in range(36)]
-        self.program.mack_p, self.program.mack_c = bytearray(60 * 36), bytearray(60 * 36)
-        if tree is not None:
-            self.program.load_mt(str(tree))
-        self.tags: dict[Tag, bool] = {}
-        self.macseqs: list[bool] = []
-        self._wrap()
-
-    def _wrap(self) -> None:
-        verify_tag, verify_macseq = self.program.verify_navmsg, self.program.verify_macseq
-
-        def tag(one: Any) -> bool:
-            result = bool(verify_tag(one))
-            start = int.from_bytes(one.gst_sf, "big") & 0xFFFFF
-            if one.navmsg and one.cop:
-                self.tags[start, one.prn_a, one.cnt, one.adkd] = result
-            return result
-
-        def macseq() -> bool:
-            self.macseqs.append(bool(verify_macseq()))
-            return self.macseqs[-1]
-
-        self.program.verify_navmsg, self.program.verify_macseq = tag, macseq
-
-    def take(self, pages: list[InavPage]) -> Judge:
-        for page in pages:
-            nav, nma = self.program.load_gal_inav(bytearray(page.data))
-            self.program.prn_a = page.svid
-            self.program.save_gal_inav(nav, page.svid, page.time.second)
-            self.program.decode(nma, page.time.week + WEEKS_GPS_GST, page.time.second, page.svid)
-        self.program.fh.close()
-        return self
-
-    @property
-    def root_verified(self) -> bool:
-        return bool(self.program.status & cssrlib_osnma.uOSNMA.ROOTKEY_VERIFIED)
-
-    @property
-    def chain_verified(self) -> bool:
-        return bool(self.program.status & cssrlib_osnma.uOSNMA.KEYCHAIN_VERIFIED)
 
 
 @cache
@@ -119,31 +64,39 @@ def test_root_key_and_every_tag_verify(tmp_path: Path, mac_lookup: int) -> None:
     assert set(judge.tags) == expected
 
 
-def flip(
-    pages: list[InavPage], where: Callable[[InavPage], bool], bit: int, word_bit: int | None = None
+def spoiled(
+    pages: list[InavPage],
+    *,
+    osnma: Callable[[InavPage], int] = lambda _: 0,
+    word: Callable[[InavPage], int] = lambda _: 0,
 ) -> list[InavPage]:
-    """The pages with a bit of the OSNMA field, or of the word, flipped in some of them."""
+    """Return the pages with the bits flipped that a mask of their OSNMA field, or of their word, has."""
     changed = []
     for page in pages:
-        if not where(page):
-            changed.append(page)
-        elif word_bit is not None:
-            changed.append(make_page(page.svid, page.time, page.word ^ 1 << 127 - word_bit, page.osnma))
-        else:
-            osnma = (int.from_bytes(page.osnma, "big") ^ 1 << 39 - bit).to_bytes(5, "big")
-            changed.append(make_page(page.svid, page.time, page.word, osnma))
+        masks = osnma(page), word(page)
+        field = (int.from_bytes(page.osnma, "big") ^ masks[0]).to_bytes(5, "big")
+        changed.append(make_page(page.svid, page.time, page.word ^ masks[1], field) if any(masks) else page)
     return changed
 
 
-@pytest.mark.judged(by="cssrlib", what="a forged tag", figure="refused, and no other tag")
-@pytest.mark.parametrize("number", range(6))
-def test_a_flipped_tag_is_refused(tmp_path: Path, number: int) -> None:
-    random = np.random.default_rng(number)
-    bit = 56 * number + int(random.integers(40))
-    place = START + (30 + 1 + 2 * (bit // 32))
-    pages = flip(sky()[1], lambda page: (page.svid, page.time) == (7, place), 8 + bit % 32)
-    judge = judged(tmp_path, pages)
-    assert [tag[:3] for tag, ok in judge.tags.items() if not ok] == [(START.second + 30, 7, number + 1)]
+def verified(judge: Judge) -> set[Tag]:
+    return {tag for tag, ok in judge.tags.items() if ok}
+
+
+@pytest.mark.judged(by="cssrlib", what="a forged tag", figure="each of its 40 bits: refused, and no other tag")
+def test_any_flipped_bit_of_a_tag_is_refused(tmp_path: Path) -> None:
+    """Half of all tags have one bit flipped, each bit of a tag several times."""
+    clean = judged(tmp_path, sky()[1])
+    forged = [tag for tag in sorted(clean.tags) if np.random.default_rng(tag).random() < 0.5]
+    masks: Counter[tuple[int, int]] = Counter()
+    for number, (start, svid, counter, _) in enumerate(forged):
+        place, bit = divmod(56 * (counter - 1) + number % 40, 32)
+        masks[svid, start + 1 + 2 * place] += 1 << 31 - bit
+    judge = judged(tmp_path, spoiled(sky()[1], osnma=lambda page: masks[page.svid, page.time.second]))
+    assert len(forged) > 5 * 40
+    assert {adkd for *_, adkd in forged} == {0, 4, 12}
+    assert judge.tags.keys() == clean.tags.keys()
+    assert verified(judge) == verified(clean) - set(forged)
 
 
 @pytest.mark.parametrize("byte", [0, 3, 9, 14, 40, 80, 100])
@@ -151,34 +104,112 @@ def test_a_flipped_root_key_message_is_refused(tmp_path: Path, byte: int) -> Non
     """Head, alpha, root key, signature and padding, one bit each, wherever it is sent."""
     block, place = divmod(byte, 13)
 
-    def where(page: InavPage) -> bool:
+    def mask(page: InavPage) -> int:
         number = (page.time.gst_seconds // 30 + page.svid) % 8
-        return number == block and page.time.second % 30 == 1 + 2 * (place + 2)
+        here = number == block and page.time.second % 30 == 1 + 2 * (place + 2)
+        return 1 << 39 - byte % 8 if here else 0
 
-    judge = judged(tmp_path, flip(sky()[1], where, byte % 8))
+    judge = judged(tmp_path, spoiled(sky()[1], osnma=mask))
     assert not judge.root_verified
     assert judge.tags == {}
 
 
+@pytest.mark.judged(by="cssrlib", what="a forged root key", figure="each of the 832 bits of its message: refused")
+def test_any_flipped_bit_of_the_root_key_message_is_refused(tmp_path: Path) -> None:
+    """The padding refuses every bit. Without it the signature refuses every bit of itself and of what it signs."""
+    program = judged(tmp_path, sky()[1]).program
+    number = program.did0
+    message = bytes(program.dsm[number][: 13 * 8])
+
+    def takes(data: bytes) -> bool:
+        program.dsm[number], program.status = bytearray(data.ljust(250, b"\0")), 0  # as long as its buffer
+        try:
+            return bool(program.decode_dsm_kroot(number)) and bool(program.verify_root_key())
+        except LookupError:  # cssrlib ends so at a hash function or a length that the ICD does not have
+            return False
+
+    def signature_is_good(data: bytes, header: int) -> bool:
+        program.dsm[number], program.nma_header = bytearray(data), header
+        program.ds = data[29:93]
+        return bool(program.verify_root_key())
+
+    assert takes(message)
+    assert 8 * len(message) == 832
+    assert [bit for bit in range(832) if takes(flipped(message, bit))] == []
+    header = program.nma_header
+    assert takes(message)  # which sets the state that the last bit changed
+    assert signature_is_good(message, header)
+    # The first octet, number of blocks and of the key, is not signed; the NMA header is.
+    assert [bit for bit in range(8, 8 * 93) if signature_is_good(flipped(message, bit), header)] == []
+    assert [bit for bit in range(8) if signature_is_good(message, header ^ 1 << bit)] == []
+
+
 def test_a_flipped_key_is_refused(tmp_path: Path) -> None:
     """From the first subframe on the last bit of each key is wrong."""
-    judge = judged(tmp_path, flip(sky()[1], lambda page: page.time.second % 30 == 29, 23))
+    judge = judged(tmp_path, spoiled(sky()[1], osnma=lambda page: (page.time.second % 30 == 29) << 16))
     assert judge.root_verified
     assert not judge.chain_verified
     assert judge.tags == {}
 
 
-@pytest.mark.parametrize(("kind", "bit"), [(1, 20), (2, 125), (3, 127), (4, 90), (5, 72), (6, 104), (10, 86)])
-def test_flipped_navigation_data_is_refused(tmp_path: Path, kind: int, bit: int) -> None:
-    pages = flip(sky()[1], lambda page: page.svid == 7 and page.word >> 122 == kind, 0, word_bit=bit)
-    judge = judged(tmp_path, pages)
-    assert judge.root_verified
-    refused = {tag for tag, ok in judge.tags.items() if not ok}
-    adkds = {tag[3] for tag in refused}
-    assert adkds == ({4} if kind in (6, 10) else {0, 12})
-    own = {tag for tag in judge.tags if tag[1] == 7 and (tag[2] == 1 if kind < 6 else tag[3] == 4)}
-    assert own
-    assert own <= refused
+@pytest.mark.judged(by="cssrlib", what="a forged key", figure="each of its 128 bits: refused")
+@pytest.mark.parametrize("known", ["the root key", "the key before"])
+def test_any_flipped_bit_of_a_key_is_refused(tmp_path: Path, known: str) -> None:
+    program = judged(tmp_path, sky()[1]).program
+    key = bytes(program.key_c)
+    verified_chain = cssrlib_osnma.uOSNMA.KEYCHAIN_VERIFIED
+
+    def takes(data: bytes) -> bool:
+        program.status &= ~verified_chain
+        if known == "the key before":
+            program.status |= verified_chain
+        return bool(program.verify_key_chain(data, START.week, program.gst_tow))
+
+    assert 8 * len(key) == 128
+    assert takes(key)
+    assert [bit for bit in range(128) if takes(flipped(key, bit))] == []
+
+
+# First and last bit of each word that tags of an ADKD cover [OSNMA-ICD]
+COVERED = {
+    0: ((1, 6, 126), (2, 6, 126), (3, 6, 128), (4, 6, 126), (5, 6, 73)),
+    4: ((6, 6, 105), (10, 86, 128)),
+}
+
+
+@pytest.mark.judged(by="cssrlib", what="forged navigation data", figure="each of 549 and 141 bits: refused")
+@pytest.mark.parametrize(("adkd", "n_bits"), [(0, 549), (4, 141)])
+def test_any_flipped_bit_of_navigation_data_is_refused(tmp_path: Path, adkd: int, n_bits: int) -> None:
+    """Half of the satellites have one bit of their words flipped in a subframe, the other half in the next one.
+
+    Tags of ADKD 12 cover the same data as those of ADKD 0. Those of ADKD 4 are sent once a minute, and cover the words
+    of the subframe before.
+    """
+    clean = judged(tmp_path, sky()[1])
+    bits = [(kind, bit) for kind, first, end in COVERED[adkd] for bit in range(first, end)]
+    assert len(bits) == n_bits
+    places = [
+        (svid, subframe)
+        for subframe in range(N - 2)
+        for column, svid in enumerate(SVIDS)
+        if (subframe % 2 == 1 and column // 2 % 2 == subframe // 2 % 2 if adkd else column % 2 == subframe % 2)
+    ]
+    for first in range(0, n_bits, len(places)):
+        flips = dict(zip(places, bits[first : first + len(places)], strict=False))
+
+        def mask(page: InavPage, flips: dict[tuple[int, int], tuple[int, int]] = flips) -> int:
+            kind, bit = flips.get((page.svid, (page.time.second - START.second) // 30), (-1, 0))
+            return 1 << 127 - bit if page.word >> 122 == kind else 0
+
+        judge = judged(tmp_path, spoiled(sky()[1], word=mask))
+        refused = {
+            tag
+            for tag, svid in clean.covered.items()
+            if (svid, (tag[0] - START.second) // 30 - 1) in flips and (tag[3] == 4) == (adkd == 4)
+        }
+        assert judge.root_verified
+        assert {(clean.covered[tag], (tag[0] - START.second) // 30 - 1) for tag in refused} == flips.keys()
+        assert verified(judge) == verified(clean) - refused
 
 
 def takes_public_key(data: bytes, root: bytes, folder: Path) -> bool:
@@ -206,6 +237,8 @@ def test_public_keys_and_alert_messages_lead_to_the_root(tmp_path: Path) -> None
         assert takes_public_key(data, root, tmp_path)
         for bit in range(4, 8 * len(data), 97):
             assert not takes_public_key(flipped(data, bit), root, tmp_path)
+    for bit in range(8 * len(root)):
+        assert not takes_public_key(messages[0], flipped(root, bit), tmp_path)
 
 
 @pytest.mark.judged(

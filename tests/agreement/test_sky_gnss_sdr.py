@@ -6,6 +6,7 @@ those of a single-frequency receiver at 45 dBHz without smoothing.
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,8 +23,11 @@ from gnss_sdr_dump import TRACK_RECORD
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import ecef_from_geodetic, local_axes_at
 from vestige.navigation.ephemeris import Ephemeris
+from vestige.navigation.inav.almanac_words import AlmanacEntry, AlmanacSet
 from vestige.navigation.inav.ephemeris_words import ephemeris_words
 from vestige.navigation.inav.page import InavPage
+from vestige.navigation.inav.reduced_ced import NOMINAL_AXIS_M
+from vestige.navigation.inav.timing_words import UtcModel
 from vestige.recording.assistance.assistance_files import FileTrust, Settings, contents_of_pages
 from vestige.recording.navigation.rinex_navigation import read_rinex_navigation
 from vestige.recording.observations.observation_file import ObservationTrack, open_observations
@@ -87,6 +92,8 @@ def gnss_sdr(folder: Path, case: AcasTestCase, band: Band, timeout_s: float, *, 
         for batch in recording.record(band):  # one thread: two take turns and use more time of the processor
             writer.append(batch)
     export("gnss-sdr", open_recording(folder / f"{name}.sigmf-meta"), folder, recording.exported_sky)
+    options = folder / "gnss-sdr" / f"{name}.conf"  # almanac and UTC model are in no other file of gnss-sdr
+    options.write_text(options.read_text().replace("xml_output_enabled=false", "xml_output_enabled=true"))
     printed = run_gnss_sdr(folder, name, timeout_s)
     if not keep:
         (folder / f"{name}.sigmf-data").unlink()
@@ -137,6 +144,9 @@ def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, lea
     what="samples of a whole sky with its message",
     figure="fix within 60 s, mean horizontal error below 2.0 m",
 )
+@pytest.mark.judged(
+    by="gnss-sdr", what="UTC model and almanac (words 6 to 10)", figure="as sent, almanac within 1e-9 of each value"
+)
 def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     """Six satellites or more, a first fix within a minute of signal, mean and every epoch near the truth.
 
@@ -156,7 +166,55 @@ def test_the_fix_of_a_receiver_that_stands(tmp_path: Path) -> None:
     (tmp_path / "e1.sigmf-data").unlink()
     _same_observations(tracked.epochs, _largest(tmp_path / "gnss-sdr", "GSDR*.??O"))
     _same_orbits(ephemerides_in(tracked.pages), _largest(tmp_path / "gnss-sdr", "GSDR*.??L"))
+    _same_system_data(case, tmp_path / "gnss-sdr")
     _root_key_from_the_signal(tracked.pages, tmp_path)
+
+
+def _same_system_data(case: AcasTestCase, folder: Path) -> None:
+    """Compare what gnss-sdr decoded of words 6 and 7 to 10, UTC and almanac, with what the satellites sent.
+
+    Three satellites make a set, which takes words 7 to 10 of two subframes. gnss-sdr writes those of a set
+    that the samples cut off, too, with values of the set before; they do not count.
+    """
+    assert case.message is not None
+    start = case.scenario.start_time
+    entries: dict[int, tuple[AlmanacSet, AlmanacEntry]] = {}
+    utc: UtcModel | None = None
+    for pages in case.message.pages.values():
+        words: dict[int, int] = {}
+        for page in pages:
+            if not start <= page.time < start + float(case.end):
+                continue
+            words[page.word >> 122] = page.word
+            if page.word >> 122 == 6:
+                utc = UtcModel.from_word(page.word, page.time)
+            elif page.word >> 122 == 10 and (almanac := AlmanacSet.from_words(words, page.time)) is not None:
+                entries |= {one.svid: (almanac, one) for one in almanac.entries}
+    assert utc is not None
+    model = {one.tag: one.text for one in ElementTree.parse(folder / "gal_utc_model.xml").getroot()[0]}  # noqa: S314
+    assert (float(model["A0"] or ""), float(model["A1"] or "")) == (utc.a0_s, utc.a1)
+    assert {name: int(model[name] or "") for name in ("Delta_tLS", "tot", "WNot", "WN_LSF", "DN", "Delta_tLSF")} == {
+        "Delta_tLS": utc.leap_seconds, "tot": utc.reference.second, "WNot": utc.reference.week % 256,
+        "WN_LSF": utc.leap_day.week % 256, "DN": utc.leap_day.second // 86_400 + 1,
+        "Delta_tLSF": utc.leap_seconds_after,
+    }  # fmt: skip
+    found = {
+        int(item.findtext("PRN", "")): {one.tag: float(one.text or "") for one in item}
+        for item in ElementTree.parse(folder / "gal_almanac.xml").getroot().iter("second")  # noqa: S314
+    }
+    assert len(entries) >= 3
+    assert entries.keys() <= found.keys()
+    for svid, (almanac, one) in entries.items():
+        value = found[svid]
+        assert (value["toa"], value["WNa"], value["IODa"]) == (almanac.t0a.second, almanac.t0a.week % 4, almanac.issue)
+        assert (value["E5b_HS"], value["E1B_HS"]) == (one.e5b_health, one.e1b_health)
+        assert value["sqrtA"] == pytest.approx(math.sqrt(NOMINAL_AXIS_M) + one.delta_sqrt_a, rel=1e-10)
+        same = {
+            "ecc": one.eccentricity, "af0": one.af0_s, "af1": one.af1, "M_0": one.m0_rad / math.pi,
+            "OMEGA_0": one.omega0_rad / math.pi, "OMEGAdot": one.omega_dot_radps / math.pi,
+            "omega": one.omega_rad / math.pi, "delta_i": one.delta_i_rad / math.pi,
+        }  # fmt: skip
+        assert {name: value[name] for name in same} == pytest.approx(same, rel=1e-9, abs=0)
 
 
 def _root_key_from_the_signal(tracked: Sequence[InavPage], folder: Path) -> None:

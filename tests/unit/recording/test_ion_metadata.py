@@ -190,6 +190,17 @@ def test_the_order_of_the_written_elements(tmp_path: Path) -> None:
     }
     assert used == {"bandsrc": ids["band"], "system": ids["system"], "lane": ids["lane"], "band": ids["band"]}
     assert root.findtext(f"{space}file/{space}timestamp") == "2026-11-22T22:00:32.1234567890123Z"
+    # names and order in which the working group's library writes them
+    names = {
+        parent: [child.tag.removeprefix(space) for child in next(root.iter(f"{space}{parent}"))]
+        for parent in ("chunk", "stream")
+    }
+    assert names == {
+        "chunk": ["sizeword", "countwords", "endian", "padding", "wordshift", "lump"],
+        "stream": [
+            "ratefactor", "quantization", "packedbits", "alignment", "shift", "format", "encoding", "band",
+        ],
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
