@@ -1,7 +1,7 @@
 """vestige: Galileo ACAS / SAS signal authentication.
 
 The names below are the public interface. Each is imported when it is first used, so `import vestige` loads nothing
-heavy.
+heavy. `vestige.__version__` is the version of the installed package.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from vestige.theory.thresholds import threshold as threshold
     from vestige.time import GalileoTime as GalileoTime
 
+    __version__: str
+
 # The public names in the order of use, and the modules that have them
 _HOME = {
     "open_recording": "recording.recording",
@@ -61,6 +63,8 @@ __all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("vestige")
     if name not in _HOME:
         raise AttributeError(f"module 'vestige' has no attribute {name!r}")
     return getattr(importlib.import_module(f"vestige.{_HOME[name]}"), name)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 from llvmlite.binding import get_host_cpu_name
+
+from vestige import __version__
 
 PACKAGE = Path(__file__).resolve().parent
 
 
 @cache
 def vestige_version() -> str:
-    """Return version and digest of the source, `0.1.0+source.1f2e3d4c5b6a`: equal for equal code, wherever it lies."""
-    return f"{version('vestige')}+source.{source_digest(PACKAGE)}"
+    """Return version and digest of the source, `0.2.0+source.1f2e3d4c5b6a`: equal for equal code, wherever it lies."""
+    return f"{__version__}+source.{source_digest(PACKAGE)}"
 
 
 def source_digest(package: Path) -> str:

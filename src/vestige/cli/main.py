@@ -68,9 +68,9 @@ class _LazyVerbs(click.Group):
 
 def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> None:
     if value and not ctx.resilient_parsing:
-        from importlib.metadata import version
+        from vestige import __version__
 
-        echo(f"vestige {version('vestige')}")
+        echo(f"vestige {__version__}")
         ctx.exit()
 
 

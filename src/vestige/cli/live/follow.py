@@ -324,8 +324,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:
     """Return what the verdicts depend on, in words."""
-    from importlib.metadata import version
-
+    from vestige import __version__
     from vestige.recording.exact_time import exact_gst
 
     bands = live.description.bands.values()
@@ -336,4 +335,4 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
         samples += f", from {exact_gst(live.start)}"
     if own := [kind for kind in (options["detector"], *options["checks"]) if is_own(kind)]:
         settings["own parts"] = " ".join(f"{kind}@{digest(kind)}" for kind in own)
-    return settings | {"vestige": version("vestige"), "recording": samples}
+    return settings | {"vestige": __version__, "recording": samples}
