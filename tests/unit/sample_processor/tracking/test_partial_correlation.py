@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from builders import received_batch, satellite
+from code_blocks import blocks_of
 from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import encode_page
 from vestige.records import Band, SampleBatch
@@ -28,8 +30,8 @@ from vestige.spoofer.scer import Scer
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
 
-def tracked(attack: Scer | None, duration_s: float = 1.2) -> tuple[SampleBatch, TrackedPeriods]:
-    """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and its periods."""
+def tracking(attack: Scer | None = None, duration_s: float = 1.2) -> tuple[SampleBatch, Channel]:
+    """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and the channel."""
     one = satellite(SVID, 2.41e7, -350.0, CN0_DBHZ, 45.0, seed=2)[Band.E1]
     if attack is not None:
         one = replace(one, components=tuple(attack.replayed(true, SVID, 3) for true in one.components))
@@ -38,7 +40,13 @@ def tracked(attack: Scer | None, duration_s: float = 1.2) -> tuple[SampleBatch, 
     (found,) = acquire(window, (SVID,))
     measured = measure_e1(window, found)
     assert measured is not None
-    return batch, Channel(measured, window).run(batch.samples, batch.first_sample)
+    return batch, Channel(measured, window)
+
+
+def tracked(attack: Scer | None) -> tuple[SampleBatch, TrackedPeriods]:
+    """Return samples as `tracking` does, and the periods that the channel has tracked."""
+    batch, channel = tracking(attack)
+    return batch, channel.run(batch.samples, batch.first_sample)
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +83,16 @@ def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[Sampl
     # the P_fa at which half of the attacks are seen gives the mean of the statistic
     p_fa = next(p for p in np.logspace(-12, -1, 200) if replay_detection_probability(CN0_DBHZ, 0.0, n, p) > 0.5)
     assert replayed.statistic == pytest.approx(replay_threshold(n, float(p_fa)), abs=4.0)
+
+
+def test_the_code_of_the_page_runs() -> None:
+    """An authentic signal passes the test as docs/scer.md writes it."""
+    (block,) = [block for block in blocks_of("python") if block.page == "docs/scer.md"]
+    batch, channel = tracking()
+    names: dict[str, Any] = {"batch": batch, "channel": channel, "svid": SVID, "chosen": slice(None), "symbols": None}
+    exec(compile(block.text, block.place, "exec"), names)  # noqa: S102
+    assert not names["test"].failed
+    assert names["test"].n_symbols > 200
 
 
 def test_the_sign_of_all_symbols_does_not_matter() -> None:
