@@ -329,7 +329,23 @@ class Assistance:
 
 
 class Outcome(Enum):
-    """Result of one check."""
+    """Result of one check.
+
+    Attributes
+    ----------
+    PASS
+        The statistic does not exceed the threshold.
+    FAIL
+        The statistic exceeds the threshold, after confirmation if the check has any.
+    NOT_RUN
+        The check lacks an input; the reason of its `CheckResult` says which.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> vs.Outcome("not run") is vs.Outcome.NOT_RUN
+    True
+    """
 
     PASS = "pass"  # noqa: S105  (not a password)
     FAIL = "fail"
@@ -349,7 +365,29 @@ class CheckResult:
 
 
 class Status(Enum):
-    """What the receiver may conclude of a satellite."""
+    """What the receiver may conclude of a satellite.
+
+    Columns of stored results hold the position of a status in this order.
+
+    Attributes
+    ----------
+    AUTHENTIC
+        E6 was found where E1 says, and no check failed.
+    SUSPECT
+        A check failed that has other causes than an attack, too.
+    SPOOFED
+        E6 shows that the E1 range is wrong.
+    NOT_DETECTED
+        E6 was not found, although it is strong enough by the C/N0 of E1.
+    NOT_AVAILABLE
+        Nothing can be said: RECS, key, samples or E1 are missing, or the signal is too weak.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> [status.name for status in vs.Status]
+    ['AUTHENTIC', 'SUSPECT', 'SPOOFED', 'NOT_DETECTED', 'NOT_AVAILABLE']
+    """
 
     AUTHENTIC = "authentic"
     SUSPECT = "suspect"
@@ -364,14 +402,36 @@ class Verdict:
 
     Attributes
     ----------
+    index
+        Number of the snapshot, from 0.
+    time
+        Receiver-clock time of the snapshot.
     available_at
-        Earliest time at which a receiver can know it: the key has been received. None if no key was involved.
+        Earliest time at which a receiver can know the verdict: it has received the key. None if no key was involved.
+    svid
+        Satellite, 1 to 36.
+    level
+        Mitigation level, 1 to 3.
+    status
+        Conclusion of the receiver.
+    checks
+        Every check of the level, with statistic, threshold and outcome.
     range_offset_m
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
-        One line for a person.
+        Reason for the status, one line for a person; empty if the signal is authentic.
     true_offset_m
-        Where a search found more than one signal: the range of the earliest minus that of E1, in m. NaN otherwise.
+        If a search found more than one signal, range of the earliest minus that of E1 in m. NaN otherwise.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=1", "receiver.cn0_dbhz=45"]))
+    >>> verdict = next(vs.AcasProcessor().run(source))
+    >>> verdict.svid, verdict.status.name, abs(verdict.range_offset_m) < 15
+    (11, 'AUTHENTIC', True)
+    >>> [check.name for check in verdict.checks if check.outcome is vs.Outcome.FAIL]
+    []
     """
 
     index: int
