@@ -365,7 +365,7 @@ class CheckResult:
 
 
 class Status(Enum):
-    """What the receiver may conclude of a satellite.
+    """The conclusion of the receiver about a satellite.
 
     Columns of stored results hold the position of a status in this order.
 
