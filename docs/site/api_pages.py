@@ -68,6 +68,12 @@ def public_names() -> dict[str, list[str]]:
     return found | {name: [f"vestige.{name}.{one}" for one in module.__all__] for name, module in modules.items()}
 
 
+def places() -> set[Path]:
+    """Return where Sphinx writes the page of each name."""
+    names = [*imported_names(), *(name for names in public_names().values() for name in names)]
+    return {Path("reference/python") / f"{name}.rst" for name in names}
+
+
 def imported_names() -> list[str]:
     """Return the full names of everything that guides, gallery and examples import from modules of vestige."""
     texts = [block for path in staging.documents() for block in _PYTHON.findall(path.read_text(encoding="utf-8"))]

@@ -42,7 +42,7 @@ NOT_RUN = {
     r"process night/? --track": "it takes 10 s; tests/cli/test_tracked_sky.py runs it",
     r"process night/? --assistance recs/? --merkle-tree .*": "it tracks E1, as above; tests/cli/test_samples_alone.py",
     r"process (revoked|demo)": "it needs the recording of `simulate`, as below",
-    r"process night/? .*--search-ms 16 .*": "it takes a minute; tests/cli/test_search.py runs such a search in small",
+    r"process night/? --level 3 .*": "level 3 searches for a minute; tests/cli/test_accelerations.py runs it in small",
     r"recs make .*": "it needs a recording of 2023; tests/golden and tests/cli/test_recs.py run it",
     r"report threats .*": "it needs the whole threat table; tests/cli/test_report.py runs it",
     r"run .* --scheduler .*": "it needs a cluster; tests/cli/test_run.py runs one",
