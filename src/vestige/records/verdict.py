@@ -1,4 +1,4 @@
-"""The answer of the processor: the outcome of each check, the status of a satellite, and the verdict that holds both."""
+"""The answer of the processor: outcome of each check, status of a satellite, and the verdict that holds both."""
 
 from __future__ import annotations
 
