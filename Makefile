@@ -71,6 +71,7 @@ fuzz: $(READY)
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest tests/architecture/test_plain_english.py
 
 types: $(READY)
 	$(BIN)/mypy

@@ -49,7 +49,7 @@ def sections() -> dict[str, Section]:
         if (name := _FILE.search(text)) is None:
             continue
         blocks = dict(_BLOCK.findall(text))
-        typed = [block for language, block in _BLOCK.findall(text) if not language]
+        typed = [block for language, block in _BLOCK.findall(text) if language == "sh"]
         commands = tuple(line for block in typed for line in block.splitlines() if line)
         found[name[1]] = Section(text.partition("\n")[0], name[1], blocks["python"], blocks["toml"], commands)
     return found

@@ -12,7 +12,7 @@ from pathlib import Path
 import staging
 
 import vestige
-from vestige import plots
+from vestige import plots, threats
 
 PACKAGE = Path(vestige.__file__).parent
 _PYTHON = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -34,9 +34,15 @@ vestige
 vestige.plots
 -------------
 
-Each function draws one figure of the results of a campaign: ``from vestige import plots``.
+Each function draws one figure of the results of a campaign: ``vs.plots``.
 
 {plots}
+vestige.threats
+---------------
+
+These names measure the threat table, or an attack of your own: ``vs.threats``.
+
+{threats}
 Names that the guides and the gallery import
 --------------------------------------------
 
@@ -55,6 +61,19 @@ says what it is for. ``python -m pydoc MODULE`` prints its names, parameters and
 """
 
 
+def public_names() -> dict[str, list[str]]:
+    """Return the full names of the public interface, by the section that lists them."""
+    modules = {"plots": plots, "threats": threats}
+    found = {"vestige": [f"vestige.{name}" for name in vestige.__all__ if name not in modules]}
+    return found | {name: [f"vestige.{name}.{one}" for one in module.__all__] for name, module in modules.items()}
+
+
+def places() -> set[Path]:
+    """Return where Sphinx writes the page of each name."""
+    names = [*imported_names(), *(name for names in public_names().values() for name in names)]
+    return {Path("reference/python") / f"{name}.rst" for name in names}
+
+
 def imported_names() -> list[str]:
     """Return the full names of everything that guides, gallery and examples import from modules of vestige."""
     texts = [block for path in staging.documents() for block in _PYTHON.findall(path.read_text(encoding="utf-8"))]
@@ -65,7 +84,7 @@ def imported_names() -> list[str]:
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vestige."):
                 found |= {f"{node.module}.{one.name}" for one in node.names}
-    public = {id(getattr(vestige, name)) for name in vestige.__all__} | {id(getattr(plots, n)) for n in plots.__all__}
+    public = {id(_value(name)) for names in public_names().values() for name in names}
     return sorted(name for name in found if id(_value(name)) not in public and _is_documented(_value(name)))
 
 
@@ -102,8 +121,6 @@ def pages() -> dict[str, str]:
             text += f"{room}\n{'-' * len(room)}\n\n"
         text += f"``{name}``\n    {sentence}\n\n"
     interface = INTERFACE.format(
-        vestige=_summary([f"vestige.{name}" for name in vestige.__all__]),
-        plots=_summary([f"vestige.plots.{name}" for name in plots.__all__]),
-        others=_summary(imported_names()),
+        **{section: _summary(names) for section, names in public_names().items()}, others=_summary(imported_names())
     )
     return {"reference/interface.rst": interface, "reference/modules.rst": text}

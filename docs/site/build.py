@@ -25,7 +25,7 @@ from sphinx.cmd.build import main as sphinx
 SITE = Path(__file__).resolve().parent
 GENERATED = (command_pages.pages, api_pages.pages, format_pages.pages, ledger.pages)
 # What Sphinx or its extensions write into the staged tree themselves.
-OWNED_BY_SPHINX = ("gallery", "reference/python", "sg_execution_times.rst")
+OWNED_BY_SPHINX = ("gallery", "sg_execution_times.rst")
 
 
 def remove_stale(source: Path, written: set[Path]) -> None:
@@ -52,7 +52,7 @@ def main() -> int:
         for place, text in pages().items():
             staging.write_if_changed(source / place, text)
             written.add(Path(place))
-    remove_stale(source, written)
+    remove_stale(source, written | api_pages.places())
     doctrees = str(folder / "doctrees")
     # -a: every page is written, because the menu of each changes with any page; only pages that changed are read.
     options_of_sphinx = ["-q", "-a", "-W", "--keep-going", "-c", str(SITE), "-d", doctrees, "-b", "html"]

@@ -66,6 +66,8 @@ html_title = "vestige"
 html_static_path = [str(SITE / "static")]
 html_css_files = ["vestige.css"]
 html_copy_source = False
+# A summary of a page found would have to be fetched, which a browser refuses on a site that is opened from a disk.
+html_show_search_summary = False
 html_show_sphinx = False
 html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}

@@ -10,11 +10,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
+    from vestige import plots as plots
+    from vestige import threats as threats
     from vestige.acas_processor.detectors import EarlyDetector as EarlyDetector
     from vestige.acas_processor.detectors import MaximumDetector as MaximumDetector
     from vestige.acas_processor.monitoring.calibration import hardware_bias_correction_s as hardware_bias_correction_s
     from vestige.acas_processor.position.error_budget import ErrorBudget as ErrorBudget
     from vestige.acas_processor.processor import AcasProcessor as AcasProcessor
+    from vestige.campaign.run_scenario import run_scenario
     from vestige.campaign.store.results import Results as Results
     from vestige.campaign.store.results import open_results as open_results
     from vestige.errors import VestigeError as VestigeError
@@ -32,9 +36,9 @@ if TYPE_CHECKING:
     from vestige.theory.thresholds import threshold as threshold
     from vestige.time import GalileoTime as GalileoTime
 
-    __version__: str
+    run = run_scenario
 
-# The public names in the order of use, and the modules that have them
+# The public names in the order of use, and the modules that have them; after a colon, their name there if it differs.
 _HOME = {
     "open_recording": "recording.recording",
     "read_assistance": "recording.assistance.folder",
@@ -55,19 +59,27 @@ _HOME = {
     "load_scenario": "scenario.load",
     "open_results": "campaign.store.results",
     "Results": "campaign.store.results",
+    "run": "campaign.run_scenario:run_scenario",
     "simulate": "simulated.simulated_source",
     "processor_of": "scenario.scenario_processor",
 }
 
-__all__ = list(_HOME)
+# Public modules
+_MODULES = ("plots", "threats")
+
+_PUBLIC = (*_HOME, *_MODULES)
+__all__ = list(_PUBLIC)
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return importlib.import_module("importlib.metadata").version("vestige")
+    if name in _MODULES:
+        return importlib.import_module(f"vestige.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'vestige' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"vestige.{_HOME[name]}"), name)
+    module, _, attribute = _HOME[name].partition(":")
+    return getattr(importlib.import_module(f"vestige.{module}"), attribute or name)
 
 
 def __dir__() -> list[str]:

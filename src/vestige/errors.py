@@ -12,6 +12,20 @@ class VestigeError(Exception):
     """Something from outside (a file, a key, an option) is not usable; the message is one line for the user.
 
     Our own mistakes are `ValueError` or `assert`, never this.
+
+    Parameters
+    ----------
+    message
+        File, place, what was found and what was expected. It is cut after 1000 characters.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> try:
+    ...     vs.load_scenario("scenarios/quick.toml", ["epochs=none"])
+    ... except vs.VestigeError as error:
+    ...     print(error)
+    scenarios/quick.toml: epochs: found nothing, expected a value: the key is needed
     """
 
     def __init__(self, message: str) -> None:

@@ -48,6 +48,22 @@ class GalileoTime:
         Whole second of the week, 0 … 604799.
     fraction
         Fraction of the second, [0, 1), in s.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range; `normalized` carries it over.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> time = vs.GalileoTime.parse("2026-11-21T12:00:00 GST")
+    >>> time.week, time.second
+    (1421, 561600)
+    >>> print(time + 30.5)
+    2026-11-21T12:00:30.500 GST
+    >>> (time + 30.5) - time
+    30.5
     """
 
     week: int

@@ -1,4 +1,6 @@
-"""Rules of plain English that a program can check; CONTRIBUTING.md has the others.
+"""Rules of plain English that a program can check; CONTRIBUTING.md has the others. `make lint` runs this file.
+
+That a function's docstring begins with a verb is checked by ruff (D401).
 
 A text that explains a parameter, an attribute or an option names a thing: it does not begin with a word that only makes
 sense together with the name before it.
@@ -6,7 +8,9 @@ sense together with the name before it.
 
 from __future__ import annotations
 
+import ast
 import importlib
+import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +18,7 @@ from pathlib import Path
 import click
 import pytest
 
+import vestige
 from vestige.cli.main import VERBS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,6 +60,32 @@ def test_every_option_is_explained_in_a_sentence(verb: str) -> None:
         assert first[0].isupper(), (verb, option.name, option.help)
         assert first not in OPENERS, (verb, option.name, option.help)
         assert text.endswith("."), (verb, option.name, option.help)
+
+
+# Docstrings that still begin with What, Where, Why, How or Which in place of a noun. Write a smaller number, never a
+# larger one.
+MOST_RIDDLES = 319
+
+
+def first_words(text: str) -> list[str]:
+    """Return the first word of the docstring of each module, class and function of a Python file."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, documented)]
+    return [words[0] for node in nodes if (words := (ast.get_docstring(node) or "").split())]
+
+
+def test_docstrings_begin_with_their_subject() -> None:
+    words = [word for path in SOURCE.rglob("*.py") for word in first_words(path.read_text(encoding="utf-8"))]
+    assert {word for word in words if word in ("Of", "Whose", "That", "As")} == set()
+    riddles = [word for word in words if word in ("What", "Where", "Why", "How", "Which")]
+    assert len(riddles) <= MOST_RIDDLES
+    assert first_words('"""What comes."""\nclass A:\n    """Of it."""') == ["What", "Of"]
+
+
+@pytest.mark.parametrize("name", vestige.__all__)
+def test_a_public_name_begins_with_its_subject(name: str) -> None:
+    words = (inspect.getdoc(getattr(vestige, name)) or "").split()
+    assert words[0] not in (*OPENERS, "Where", "Why", "How", "Which", "From"), name
 
 
 def test_no_sentence_begins_with_of_or_whose() -> None:

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -73,7 +74,9 @@ def test_public_names_exist() -> None:
     import vestige
 
     for name in vestige.__all__:
-        assert getattr(vestige, name).__module__.startswith("vestige.")
+        value = getattr(vestige, name)
+        module = value.__name__ if isinstance(value, ModuleType) else value.__module__
+        assert module.startswith("vestige.")
     assert set(dir(vestige)) == set(vestige.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         _ = vestige.nothing

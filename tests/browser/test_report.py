@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from pages_in_browser import BEYOND, DESK, PHONE, asked_for, opened
 from report_builder import LIFT_OFF, QUICK, SKY, made, threat_folder
 from vestige.campaign.store.results import open_results
 from vestige.report import run_page, threat_page, write_page
 from vestige.threats.table import TABLE
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium, of the extra dev")
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(None in (CHROMIUM, DRIVER), reason="needs the programs chromium and chromedriver")
 
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
-)  # fmt: skip
 RUNS = {"quick": QUICK, "liftoff_sudden": LIFT_OFF, "sky": SKY}
 PAGES = [*RUNS, "threats"]
-PHONE, DESK = (360, 740), (1200, 900)
 # How many colours a canvas has, and the text of all its pixels.
 PIXELS = """
 const canvas = document.querySelector(`canvas[data-figure=${arguments[0]}]`);
@@ -53,33 +44,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {name: (folder / f"{name}.html").as_uri() for name in made_pages}
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    driver.set_page_load_timeout(60)
-    yield driver
-    driver.quit()
-
-
-def opened(browser: Any, address: str, size: tuple[int, int] = DESK, *, dark: bool = False) -> Any:
-    """Open a page, the logs empty."""
-    width, height = size
-    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE}
-    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
-    browser.get("about:blank")
-    browser.get_log("browser")
-    browser.get_log("performance")
-    browser.get(address)
-    return browser
-
-
 def figures(browser: Any) -> list[str]:
     return [canvas.get_attribute("data-figure") for canvas in browser.find_elements("css selector", "canvas")]
 
@@ -100,9 +64,7 @@ def test_a_page_is_silent_and_asks_for_nothing(
 ) -> None:
     opened(browser, pages[name], size)
     assert browser.get_log("browser") == []
-    messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    asked = [one["params"]["request"]["url"] for one in messages if one["method"] == "Network.requestWillBeSent"]
-    assert [address for address in asked if not address.startswith("data:")] == [pages[name]]
+    assert asked_for(browser) == [pages[name]]
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -125,13 +87,7 @@ def test_every_figure_is_drawn(
 def test_a_phone_shows_the_whole_width(name: str, dark: bool, browser: Any, pages: dict[str, str]) -> None:
     opened(browser, pages[name], PHONE, dark=dark)
     assert browser.execute_script("return document.documentElement.scrollWidth") == PHONE[0]
-    beyond = browser.execute_script("""
-        const scrolls = (one) => one && (getComputedStyle(one).overflowX === 'auto' || scrolls(one.parentElement));
-        return [...document.querySelectorAll('body *')]
-          .filter((one) => one.getBoundingClientRect().right > innerWidth + 0.5 && !scrolls(one))
-          .map((one) => one.outerHTML.slice(0, 80));
-    """)
-    assert beyond == []
+    assert browser.execute_script(BEYOND) == []
     smallest = browser.execute_script("""
         return Math.min(...[...document.querySelectorAll('p, td, th, dd, li, code')]
           .filter((one) => one.textContent.trim()).map((one) => parseFloat(getComputedStyle(one).fontSize)));

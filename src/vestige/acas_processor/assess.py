@@ -308,7 +308,7 @@ class _Assessment:
         return ranges_near(found, self._processor, limit_s, known)
 
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
-        """Return the fixes that bound where the receiver may be: of E1, with those that set the clock's limit."""
+        """Return the E1 positions that limit where the receiver may be; they also set the limit of its clock."""
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
         guess, _ = self._combined(self._failed)

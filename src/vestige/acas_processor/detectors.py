@@ -84,12 +84,27 @@ class _Spaced:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaximumDetector(_Spaced):
-    """The highest tap above the threshold [WFO, Sec. III-A].
+    """Choose the highest tap above the threshold [WFO, Sec. III-A].
+
+    It follows whichever signal is stronger.
 
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual one, in taps.
+        n, distance of the early and late tap from the punctual one, in taps, 1 or more.
+
+    Raises
+    ------
+    ValueError
+        If the spacing is less than 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vestige as vs
+    >>> true_and_later_stronger_signal = np.array([[1.0, 8.0, 1.0, 12.0, 1.0]])  # one epoch, five taps
+    >>> vs.MaximumDetector().detect(true_and_later_stronger_signal, threshold=5.7).tolist()
+    [3]
     """
 
     def detect(
@@ -104,12 +119,27 @@ class MaximumDetector(_Spaced):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlyDetector(_Spaced):
-    """The earliest peak above the threshold [WFO, Sec. III-B].
+    """Choose the earliest peak above the threshold [WFO, Sec. III-B].
+
+    It stays on the true signal, which nothing can overtake.
 
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual one, in taps.
+        n, distance of the early and late tap from the punctual one, in taps, 1 or more.
+
+    Raises
+    ------
+    ValueError
+        If the spacing is less than 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vestige as vs
+    >>> true_and_later_stronger_signal = np.array([[1.0, 8.0, 1.0, 12.0, 1.0]])  # one epoch, five taps
+    >>> vs.EarlyDetector().detect(true_and_later_stronger_signal, threshold=5.7).tolist()
+    [1]
     """
 
     def detect(

@@ -178,8 +178,8 @@ class _DecryptedHandovers:
     def at(self, epoch: int, satellite: int) -> Handover | None:
         """Return the hand-over of one satellite at one epoch.
 
-        None if the window that it asks for does not end provably before the disclosure of the key, whatever the source
-        says of the time at which it received the samples.
+        The hand-over is None if its window of samples does not end provably before the disclosure of the key. The time
+        at which the source claims to have received the samples does not matter.
         """
         segment, key = self.lookup.segment(epoch, satellite)
         time = self.snapshots.time.at(epoch)

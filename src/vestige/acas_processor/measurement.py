@@ -15,7 +15,7 @@ from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 
 
 class Availability(IntEnum):
-    """How far the measurement of E6 came."""
+    """Stage that the measurement of E6 reached."""
 
     CORRELATED = 0
     NOT_SEEN = 1

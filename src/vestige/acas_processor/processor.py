@@ -108,6 +108,23 @@ class AcasProcessor:
         Settings of the checks that levels 2 and 3 add.
     own_checks
         Checks that a user wrote, of all levels.
+
+    Raises
+    ------
+    ValueError
+        If there is no such level, or the bank is too short for the detector or too long for the correlator.
+    VestigeError
+        If `monitoring.alarms_per_day` asks for fewer false alarms than the checks of the level allow.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> processor = vs.AcasProcessor(level=1, detector=vs.EarlyDetector(spacing=1), p_fa=1e-7)
+    >>> round(processor.detection_threshold, 3), round(processor.range_limit_m, 1)
+    (5.678, 26.6)
+    >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=2", "receiver.cn0_dbhz=45"]))
+    >>> [verdict.status.name for verdict in processor.run(source)]
+    ['AUTHENTIC', 'AUTHENTIC']
     """
 
     level: int = 1
@@ -211,7 +228,18 @@ class AcasProcessor:
         return float(threshold(self.p_fa))
 
     def run(self, source: Source) -> Iterator[Verdict]:
-        """Yield the verdicts of every snapshot of a source."""
+        """Yield the verdicts of every snapshot of a source, in the order of time.
+
+        Parameters
+        ----------
+        source
+            Recording (`RecordingSource`) or simulation (`simulate`), with its assistance.
+
+        Yields
+        ------
+        Verdict
+            Verdict of one satellite and one snapshot.
+        """
         for step in self.steps(source, assistance=source.assistance):
             yield from step.verdicts
 

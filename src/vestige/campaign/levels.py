@@ -75,7 +75,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def own_counts(self) -> Mapping[str, tuple[int, int]]:
-        """Of each check of the user's that the level has: how often it was made, and how often it failed."""
+        """Number of tests, and of failed tests, for each own check of the user that the level has."""
         return {
             one.name: (int(np.count_nonzero(self.tests[one.name])), int(np.count_nonzero(self.failed[one.name])))
             for one in self.processor.own_of_level

@@ -1,4 +1,4 @@
-"""What came of an attack in one run at one mitigation level: detected, mitigated, missed, denied.
+"""The outcome of an attack in one run at one mitigation level: detected, mitigated, missed, denied.
 
 Theory of operation
 -------------------
@@ -124,7 +124,7 @@ class JudgedRun(Protocol):
 
     @property
     def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
-        """Where each check was made."""
+        """Epochs and satellites at which each check was made."""
 
     @property
     def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:

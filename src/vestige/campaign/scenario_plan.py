@@ -176,7 +176,7 @@ class ScenarioPlan:
 
     @cached_property
     def _judged(self) -> Judged:
-        """Whose columns these are."""
+        """Settings of the campaign that decide which columns there are."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
 

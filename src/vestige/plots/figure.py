@@ -101,7 +101,7 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
     """Write the figure of `ax` to a file, its format by the suffix (`FORMATS`).
 
-    The figure is first brought to `width_cm`, its proportions kept and its letters as they are.
+    The figure is first scaled to `width_cm`. Its proportions and the size of its letters stay the same.
 
     Raises
     ------

@@ -114,7 +114,7 @@ class Simulation:
 
     @property
     def _labels(self) -> tuple[int, ...]:
-        """Whose random numbers are used: the receiver's own on a single line of sight."""
+        """Labels of the random numbers; on a single line of sight those of the receiver."""
         return () if self.elevation is None else (self.svid,)
 
     @property
@@ -127,7 +127,7 @@ class Simulation:
         return int(self.n_epochs * self.interval_s / SUBFRAME_S) + 3
 
     def e1_multipath_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the range error that the rays make on E1, in m."""
+        """Return the range error that multipath causes on E1, in m."""
         if not self.models.e1_multipath:
             return np.zeros(truth.time_s.size)
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)

@@ -176,12 +176,19 @@ def unread_observations(description: RecordingDescription) -> tuple[InputFileErr
 def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Recording:
     """Return the recording at `path`, ready to be processed.
 
+    Samples are not read yet, so a recording may be larger than memory.
+
     Parameters
     ----------
     path
-        A folder or file, as the module says.
+        Folder of the recording, or its description: `recording.toml`, SigMF or ION metadata.
     start
-        Receiver-clock time of the earliest sample of the recording; overrides its time tags.
+        Receiver-clock time of the earliest sample, used in place of the time tags of the recording.
+
+    Returns
+    -------
+    Recording
+        Readers of E1 and E6, E1 observations if there are any, and the description.
 
     Raises
     ------
@@ -189,6 +196,15 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
         If there is no recording, its description or samples are not usable, or neither it nor `start` tells the time.
     UnsupportedError
         If it is valid, but of a kind that vestige does not read.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> recording = vs.open_recording("night/")
+    >>> sorted(band.value for band in recording.description.bands)
+    ['E1', 'E6']
+    >>> recording.e6.file.sample_rate_hz
+    6200000.0
     """
     description = describe_recording(Path(path))
     if start is not None:

@@ -64,6 +64,19 @@ class RecordingSource:
         Second OSNMA channel and accelerations, if there are any.
     progress
         Called during long steps with what is done, how much of it is done, and how much there is.
+
+    Raises
+    ------
+    ValueError
+        If the time uncertainty is negative or not finite.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> assistance = vs.read_assistance("night/assistance").assistance
+    >>> source = vs.RecordingSource(recording=vs.open_recording("night/"), assistance=assistance)
+    >>> [(f"E{verdict.svid:02d}", verdict.status.name) for verdict in vs.AcasProcessor().run(source)]
+    [('E11', 'AUTHENTIC')]
     """
 
     recording: Recording

@@ -6,7 +6,6 @@ and `Assistance` are the only things that the processor sees; it cannot tell a s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -16,6 +15,10 @@ import numpy as np
 from jaxtyping import Complex64, Complex128, Float, Int8
 
 from vestige.errors import VestigeError
+from vestige.records.verdict import CheckResult as CheckResult
+from vestige.records.verdict import Outcome as Outcome
+from vestige.records.verdict import Status as Status
+from vestige.records.verdict import Verdict as Verdict
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
 from vestige.validated_key import ValidatedKey
@@ -326,61 +329,3 @@ class Assistance:
         from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
 
         return find_recs(snapshots, self)
-
-
-class Outcome(Enum):
-    """Result of one check."""
-
-    PASS = "pass"  # noqa: S105  (not a password)
-    FAIL = "fail"
-    NOT_RUN = "not run"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckResult:
-    """One check: its statistic against its threshold; `reason` says why it failed or was not run."""
-
-    name: str
-    outcome: Outcome
-    statistic: float = float("nan")
-    threshold: float = float("nan")
-    unit: str = ""
-    reason: str = ""
-
-
-class Status(Enum):
-    """What the receiver may conclude of a satellite."""
-
-    AUTHENTIC = "authentic"
-    SUSPECT = "suspect"
-    SPOOFED = "spoofed"
-    NOT_DETECTED = "not detected"
-    NOT_AVAILABLE = "not available"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """The answer for one satellite and one snapshot, with every check behind it.
-
-    Attributes
-    ----------
-    available_at
-        Earliest time at which a receiver can know it: the key has been received. None if no key was involved.
-    range_offset_m
-        Measured minus predicted E6 range in m; NaN if nothing was detected.
-    reason
-        One line for a person.
-    true_offset_m
-        Where a search found more than one signal: the range of the earliest minus that of E1, in m. NaN otherwise.
-    """
-
-    index: int
-    time: GalileoTime
-    available_at: GalileoTime | None
-    svid: int
-    level: int
-    status: Status
-    checks: tuple[CheckResult, ...]
-    range_offset_m: float
-    reason: str
-    true_offset_m: float = math.nan

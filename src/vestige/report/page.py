@@ -1,6 +1,6 @@
 """A page as one file: template, style, script and data in it, and nothing that a browser would have to fetch.
 
-The page says so itself: its content security policy allows its own script, by the hash of it, and no address at all.
+The content security policy of the page allows its own script, by its hash, and no address at all.
 """
 
 from __future__ import annotations

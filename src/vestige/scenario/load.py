@@ -24,14 +24,26 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
     settings
-        Values that replace those of the file, `table.key=value` each.
+        Values that replace those of the file, `table.key=value` each, as `vestige run --set` takes them.
+
+    Returns
+    -------
+    CampaignScenario | RecordingScenario
+        Scenario of the kind that the file names.
 
     Raises
     ------
     InputFileError
-        If the file is not TOML, has an unknown key, or a value outside its range; with the place.
+        If the file is not TOML, has an unknown key, or a value outside its range. The message says where.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> scenario = vs.load_scenario("scenarios/quick.toml", ["receiver.cn0_dbhz=37"])
+    >>> scenario.epochs, scenario.receiver.cn0_dbhz
+    (20000, 37.0)
     """
     path = Path(path)
     scenario: Scenario = validated(_ADAPTER, with_new_names(overridden(read_toml(path), settings)), path)

@@ -53,7 +53,28 @@ class Overhead(NamedTuple):
 
 
 def processor_of(scenario: CampaignScenario) -> AcasProcessor:
-    """Return the processor of a campaign's receiver."""
+    """Return the processor of a campaign's receiver.
+
+    The processor knows what such a receiver knows: its antenna, front ends, oscillator and orbits. It knows nothing of
+    the truth.
+
+    Parameters
+    ----------
+    scenario
+        Campaign, for example from `load_scenario`.
+
+    Returns
+    -------
+    AcasProcessor
+        Processor with the level, the detector and the checks of the table `[processor]`.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> scenario = vs.load_scenario("scenarios/quick.toml", ["processor.level=2"])
+    >>> vs.processor_of(scenario).level
+    2
+    """
     return receiver_processor(scenario, overhead_of(scenario), navigation_text(scenario))
 
 

@@ -39,7 +39,7 @@ def _add_ray(window, fraction, delay, cos, sin, a_re, a_im, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
-    """Add a ray where some samples meet no chip."""
+    """Add a multipath component of which some samples lie outside the chips."""
     for i in range(s_re.size):
         j = np.int64(np.floor(u0 + i * step - delay))
         if 0 <= j < chips.size:

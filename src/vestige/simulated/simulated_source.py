@@ -45,14 +45,21 @@ class SimulatedSource:
 
 
 def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLOCK_EPOCHS) -> SimulatedSource:
-    """Return the snapshots of a campaign, at its fidelity, of one line of sight or of a sky.
+    """Return the snapshots of a campaign, at its fidelity, for one line of sight or for a sky.
+
+    Use it to look into single snapshots and verdicts. `run` keeps the results of all epochs in a folder.
 
     Parameters
     ----------
     scenario
-        A campaign, or its file.
+        Campaign, or the path of its file.
     block_epochs
-        Epochs in a block, one or more.
+        Number of epochs in a block, 1 or more. It changes no bit of the verdicts.
+
+    Returns
+    -------
+    SimulatedSource
+        Source of blocks of n epochs × m satellites, which `AcasProcessor.run` takes. Each iteration begins anew.
 
     Raises
     ------
@@ -60,6 +67,18 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
         If the file describes no scenario.
     VestigeError
         If it describes something else than a campaign.
+    ValueError
+        If a block has less than one epoch.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> scenario = vs.load_scenario("scenarios/quick.toml", ["epochs=3", "receiver.cn0_dbhz=45"])
+    >>> for verdict in vs.processor_of(scenario).run(vs.simulate(scenario)):
+    ...     print(verdict.index, verdict.status.name)
+    0 AUTHENTIC
+    1 AUTHENTIC
+    2 AUTHENTIC
     """
     if block_epochs < 1:
         raise ValueError(f"a block has one epoch at least, found {block_epochs}")

@@ -52,8 +52,9 @@ class Scer(CheckedAttack):
         Whether E1-B carries the true symbols from their beginning on, or those that the attacker estimates meanwhile
         (in recordings; campaigns do not generate E1-B).
     victim_cn0_dbhz
-        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz: with G it says how good the estimates are. One
-        number holds for all satellites. `received` is that of E6-C which the victim has of each satellite.
+        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. Together with G it sets the quality of the
+        attacker's estimates. One number holds for all satellites. `received` is that of E6-C which the victim has of
+        each satellite.
     latency_s
         Time from the attacker's antenna to the transmission, in s. The estimate of a symbol that is transmitted with
         a delay of τ rests on what came before it by τ and the latency less.

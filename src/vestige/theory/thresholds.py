@@ -59,6 +59,22 @@ def threshold(pfa: Reals, n_noncoherent: int = 1) -> Reals:
         P_fa of a single test.
     n_noncoherent
         K, number of squared magnitudes added; the threshold is on the root of their sum.
+
+    Returns
+    -------
+    float or float array
+        Threshold, of the shape of `pfa`.
+
+    Raises
+    ------
+    ValueError
+        If P_fa is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> round(float(vs.threshold(1e-7)), 4)
+    5.6777
     """
     _check(pfa)
     return np.sqrt(-2.0 * np.log(pfa)) if n_noncoherent == 1 else np.sqrt(chdtri(2 * n_noncoherent, pfa))
@@ -86,6 +102,22 @@ def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, 
         P_fa of a single test.
     n_noncoherent
         K, number of squared magnitudes added.
+
+    Returns
+    -------
+    float or float array
+        P_d, of the shape of `cn0_dbhz`.
+
+    Raises
+    ------
+    ValueError
+        If P_fa is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> round(float(vs.probability_of_detection(35.0, integration_s=16e-3, pfa=1e-7)), 8)
+    0.99999565
     """
     strength = correlator_amplitude(cn0_dbhz, integration_s, n_noncoherent)
     return marcum_q(strength, threshold(pfa, n_noncoherent), n_noncoherent)
@@ -126,10 +158,21 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     n_noncoherent
         K, number of squared magnitudes added.
 
+    Returns
+    -------
+    float or float array
+        C/N0 in dBHz, of the shape of `pd`.
+
     Raises
     ------
     ValueError
         If P_d does not exceed P_fa: then no signal is needed at all.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> round(float(vs.required_cn0_dbhz(0.9, integration_s=4e-3, pfa=1.334e-7)), 3)
+    37.654
     """
     _check(pd)
     if np.any(np.less_equal(pd, pfa)):

@@ -1,1 +1,32 @@
-"""The threat table: scenes of attacks, what came of each at every level, beside what was expected."""
+"""The threat table: scenes of attacks, what came of each at every level, beside what was expected.
+
+`read_threats` gives the attacks, `cases` their scenes, or `case_of` a scenario of your own. `measure_threats` measures
+them, and `threat_dataset` makes the table that `plots.threat_map` draws. `vestige threats` does all of it.
+
+Examples
+--------
+>>> from concurrent.futures import ThreadPoolExecutor
+>>> import vestige as vs
+>>> scenario = vs.load_scenario("scenarios/liftoff.toml", ["epochs=60", 'fidelity="correlators"'])
+>>> with ThreadPoolExecutor() as pool:
+...     cells = list(vs.threats.measure_threats([vs.threats.case_of("lift-off", scenario)], range(2), pool))
+>>> [cell.level for cell in cells]
+[1, 2, 3]
+"""
+
+from __future__ import annotations
+
+from vestige.threats.matrix import Case, SceneCell, case_of, cases, measure_threats
+from vestige.threats.scenes import read_threats
+from vestige.threats.table import threat_dataset, write_table
+
+__all__ = [
+    "Case",
+    "SceneCell",
+    "case_of",
+    "cases",
+    "measure_threats",
+    "read_threats",
+    "threat_dataset",
+    "write_table",
+]

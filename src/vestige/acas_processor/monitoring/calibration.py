@@ -19,10 +19,25 @@ def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | 
     satellites survives a minority of spoofed ones. So calibrate where the signals are known to be good, and keep the
     value.
 
+    Parameters
+    ----------
+    measured
+        Measured blocks of the processor, for example `step.block.measured` of each of its steps.
+
     Returns
     -------
     float | None
-        None if fewer than `MIN_SATELLITES` satellites were detected.
+        Correction in s; None if fewer than `MIN_SATELLITES` satellites were detected.
+
+    Examples
+    --------
+    A single satellite is too few:
+
+    >>> import vestige as vs
+    >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=2", "receiver.cn0_dbhz=45"]))
+    >>> steps = vs.AcasProcessor().steps(source, assistance=source.assistance)
+    >>> vs.hardware_bias_correction_s(step.block.measured for step in steps) is None
+    True
     """
     offsets: dict[int, list[float]] = {}
     for block in measured:

@@ -33,6 +33,13 @@ class ErrorBudget:
         σ_MP, code multipath.
     noise_e1_m, noise_e6_m
         σ_n, thermal noise of the E1 pseudorange and of the E6 snapshot.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> budget = vs.ErrorBudget.uncorrected()
+    >>> round(budget.sigma_m, 2), round(budget.limit_m(kappa=3.0), 1)
+    (8.85, 26.6)
     """
 
     hardware_m: float

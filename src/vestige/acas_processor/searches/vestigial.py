@@ -110,7 +110,7 @@ def arrival_window(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateInterval:
-    """A line of places and the first and last start at which it counts."""
+    """A line of candidate epochs, with the first and last start at which the line is valid."""
 
     line: CandidateEpochs
     first_start: GalileoTime

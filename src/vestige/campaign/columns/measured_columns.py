@@ -140,7 +140,7 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """Whose columns are to be judged."""
+    """A campaign whose columns are judged."""
 
     scenario: CampaignScenario | StoredScenario  # of the campaign, or as its results hold it
     processor: AcasProcessor

@@ -74,12 +74,12 @@ class CheckColumns(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """The results of a campaign.
+    """The results of a campaign of n epochs and m satellites; `open_results` and `run` return them.
 
     Attributes
     ----------
     path
-        The store.
+        Folder of the results.
     dataset
         All columns with their labels, units and attributes; values are read from disk when they are used. If epochs are
         missing, the coordinate `epoch` says which ones are here.
@@ -87,6 +87,16 @@ class Results:
         How many epochs the campaign has when it has ended.
     damaged
         Epochs whose values do not agree with their hash; they are not in `dataset`.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> results = vs.run("scenarios/quick.toml", "quick.zarr", settings=["epochs=100", "receiver.cn0_dbhz=45"])
+    >>> list(vs.Status)[results.status[0, 0]].name
+    'AUTHENTIC'
+    >>> offsets = results.check("E1-E6 range").statistic  # in m
+    >>> offsets.shape, bool(abs(offsets).max() < 15)
+    ((100, 1), True)
     """
 
     path: Path
@@ -158,10 +168,12 @@ def open_results(
 ) -> Results:
     """Return the results of a campaign.
 
+    `run` and `vestige run` write such results.
+
     Parameters
     ----------
     path
-        The store, a folder.
+        Folder of the results.
     partial
         Whether a campaign that has not ended is accepted.
     damaged
@@ -170,10 +182,23 @@ def open_results(
     verify
         Whether all values are read once and compared with their hashes; a million epochs take some seconds.
 
+    Returns
+    -------
+    Results
+        Columns of n epochs × m satellites, which are read when they are used, and the scenario.
+
     Raises
     ------
     InputFileError
         If there is no such store, it is damaged, or the campaign has not ended and `partial` is not set.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> _ = vs.run("scenarios/quick.toml", "quick.zarr", settings=["epochs=100", "receiver.cn0_dbhz=45"])
+    >>> results = vs.open_results("quick.zarr")
+    >>> results.n_epochs, results.attributes.p_fa
+    (100, 1e-07)
     """
     path = Path(path)
     store = open_existing(path, mode="r")

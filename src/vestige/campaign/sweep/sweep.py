@@ -7,8 +7,8 @@ has an attack, a level above 1 or checks of the user, a row also says what came 
 of its runs (`run_outcome.py`).
 
 A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
-enough. That is decided after each chunk in the order of the chunks, so the epochs that count depend neither on the
-number of workers nor on interruptions.
+enough. This rule is evaluated after each chunk in the order of the chunks, so the epochs that count depend neither on
+the number of workers nor on interruptions.
 
 All values share the scenario's seed, so neighbouring points share their noise and err to the same side; a sweep of
 `seed` shows how far.

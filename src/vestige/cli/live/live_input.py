@@ -61,7 +61,7 @@ def opened_live(
 def live_tracking(
     description: RecordingDescription, options: dict[str, Any], warn: Callable[[object], None]
 ) -> LiveTracking | None:
-    """Return the tracking of E1, None where it is not wished or not needed.
+    """Return the tracking of E1, or None if the options or the recording make tracking unnecessary.
 
     Raises `VestigeError` if it is wished, and there is no E1.
     """

@@ -36,7 +36,7 @@ def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
 
 
 def label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
-    """Return by how much the time tag is late, from the RECS in the samples; says what it found."""
+    """Search the samples for RECS, print the result, and return the delay of the time tag in s."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.observations.time_tag_search import search_label
 

@@ -63,7 +63,7 @@ class Tally:
 
     @property
     def nothing(self) -> str:
-        """Why there is no verdict at all; "" if there is one."""
+        """Reason why there is no verdict at all; empty if there is one."""
         if self.counts:
             return ""
         why = "no satellite of the RECS is seen on E1" if self.missed else "no RECS is of this recording's time"

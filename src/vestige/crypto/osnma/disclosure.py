@@ -2,7 +2,8 @@
 
 From the first bit of a key on, anybody can make the chips that its RECS decrypt to. So a correlation proves something
 only if the end of the window of samples that is correlated lies before the disclosure by more than the receiver's clock
-may be wrong. `provably_before_disclosure` is the one place that decides it, for one snapshot and for arrays.
+may be wrong. `provably_before_disclosure` alone decides whether it does, for one snapshot and
+for arrays.
 """
 
 from __future__ import annotations

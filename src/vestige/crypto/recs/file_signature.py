@@ -132,9 +132,9 @@ def verify_file(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = (
 def verify_data(
     data: bytes, path: Path, signatures: Sequence[Path], public_keys: Sequence[ec.EllipticCurvePublicKey]
 ) -> SignatureStatus:
-    """Return what is known of the origin of `data`.
+    """Return whether the signatures of a file prove the origin of its `data`.
 
-    One signature that verifies with one of the keys that the user trusts is enough; `path` is for messages.
+    One signature that verifies with one of the keys that the user trusts is enough. Messages name `path`.
 
     Raises `AuthenticationError` if there are signatures of a curve for which a key is given, and none of them verifies.
     Raises `InputFileError` if a signature cannot be read.

@@ -150,7 +150,7 @@ class SimulatedE6Samples:
         return SkySamples(of=self.of, band=Band.E6)
 
     def _expected_s(self, row: int, column: int) -> float:
-        """Return when the RECS number `row` of a satellite of a sky arrives that E1 leads to, in s after the start."""
+        """Return the time of arrival that E1 predicts for RECS number `row` of a satellite, in s after the start."""
         truth, arrived = self.of.of_recs[column], self.of.arrived[column]
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 

@@ -36,7 +36,7 @@ class ReceiverTruth:
 
     @property
     def seed(self) -> int:
-        """Of all random numbers."""
+        """Seed of all random numbers."""
         return self.simulations[0].seed
 
     @property

@@ -137,7 +137,7 @@ def read_assistance(
     Parameters
     ----------
     folder
-        The folder; its direct subfolders are read too.
+        Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are read too.
     public_key, merkle_tree
         Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If one is given, those in the folder are not
         used.
@@ -164,6 +164,18 @@ def read_assistance(
         If the public key that the caller names does not lead to his Merkle tree.
     VestigeError
         If `strict`, for the first file that is not usable.
+
+    Returns
+    -------
+    AssistanceFolder
+        Assistance for the processor, and what is wrong or missing in the folder.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> folder = vs.read_assistance("night/assistance")
+    >>> len(folder.assistance.segments), folder.problems
+    (1, ())
     """
     problems = _Problems(strict=strict)
     by_kind = _sorted_files(Path(folder), problems)

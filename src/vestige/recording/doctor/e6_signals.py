@@ -41,7 +41,7 @@ _BLIND_STRETCHES = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6Satellite:
-    """What E6 shows of one satellite."""
+    """The signals of one satellite in the E6 samples."""
 
     svid: int
     cn0_dbhz: float  # of E6-B, rough: low by up to 4 dB

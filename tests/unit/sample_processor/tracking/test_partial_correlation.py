@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from builders import received_batch, satellite
+from code_blocks import blocks_of
 from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import encode_page
 from vestige.records import Band, SampleBatch
@@ -29,8 +31,8 @@ from vestige.theory.code_estimation import replayed_covariance, replayed_mean
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
 
-def tracked(attack: Scer | None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatch, TrackedPeriods]:
-    """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and its periods."""
+def tracking(attack: Scer | None = None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatch, Channel]:
+    """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and the channel."""
     one = satellite(SVID, 2.41e7, -350.0, cn0_dbhz, 45.0, seed=2)[Band.E1]
     if attack is not None:
         one = replace(one, components=tuple(attack.replayed(true, SVID, 5) for true in one.components))
@@ -39,7 +41,13 @@ def tracked(attack: Scer | None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatc
     (found,) = acquire(window, (SVID,))
     measured = measure_e1(window, found)
     assert measured is not None
-    return batch, Channel(measured, window).run(batch.samples, batch.first_sample)
+    return batch, Channel(measured, window)
+
+
+def tracked(attack: Scer | None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatch, TrackedPeriods]:
+    """Return samples as `tracking` does, and the periods that the channel has tracked."""
+    batch, channel = tracking(attack, cn0_dbhz)
+    return batch, channel.run(batch.samples, batch.first_sample)
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +111,16 @@ def test_estimated_symbols_in_samples_grow_as_the_theory_says(attack: Scer, cn0_
         variance += E1B.chip_rate_hz / (2 * 10**6.5 * first_chips)
         assert abs(found - expected) < 3.5 * np.sqrt(variance / symbols.size)
         assert found < 1 - 3.5 * np.sqrt(variance / symbols.size)
+
+
+def test_the_code_of_the_page_runs() -> None:
+    """An authentic signal passes the test as docs/scer.md writes it."""
+    (block,) = [block for block in blocks_of("python") if block.page == "docs/scer.md"]
+    batch, channel = tracking()
+    names: dict[str, Any] = {"batch": batch, "channel": channel, "svid": SVID, "chosen": slice(None), "symbols": None}
+    exec(compile(block.text, block.place, "exec"), names)  # noqa: S102
+    assert not names["test"].failed
+    assert names["test"].n_symbols > 200
 
 
 def test_the_sign_of_all_symbols_does_not_matter() -> None:

@@ -125,9 +125,9 @@ def draw_chain(
 ) -> OperatorChain:
     """Return a chain whose DSM-KROOTs have no zero byte where that can be avoided.
 
-    Some receivers take a page for lost whose HKROOT byte is zero. So the random pattern alpha of `parameters` is
-    replaced by others from the seed until root key, signature and padding have no zero byte in the first four hours;
-    after 32 of them by the one with the fewest.
+    Some receivers take a page for lost whose HKROOT byte is zero. So other random patterns alpha are
+    drawn from the seed in place of that of `parameters`, until root key, signature and padding have no zero byte in the
+    first four hours. After 32 patterns, the one with the fewest zero bytes is taken.
 
     Parameters
     ----------

@@ -1,0 +1,127 @@
+"""The answer of the processor: outcome of each check, status of a satellite, and the verdict that holds both."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from vestige.time import GalileoTime
+
+
+class Outcome(Enum):
+    """Result of one check.
+
+    Attributes
+    ----------
+    PASS
+        The statistic does not exceed the threshold.
+    FAIL
+        The statistic exceeds the threshold, after confirmation if the check has any.
+    NOT_RUN
+        The check lacks an input; the reason of its `CheckResult` says which.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> vs.Outcome("not run") is vs.Outcome.NOT_RUN
+    True
+    """
+
+    PASS = "pass"  # noqa: S105  (not a password)
+    FAIL = "fail"
+    NOT_RUN = "not run"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckResult:
+    """One check: its statistic against its threshold; `reason` says why it failed or was not run."""
+
+    name: str
+    outcome: Outcome
+    statistic: float = float("nan")
+    threshold: float = float("nan")
+    unit: str = ""
+    reason: str = ""
+
+
+class Status(Enum):
+    """The conclusion of the receiver about a satellite.
+
+    Columns of stored results hold the position of a status in this order.
+
+    Attributes
+    ----------
+    AUTHENTIC
+        E6 was found where E1 says, and no check failed.
+    SUSPECT
+        A check failed that has other causes than an attack, too.
+    SPOOFED
+        E6 shows that the E1 range is wrong.
+    NOT_DETECTED
+        E6 was not found, although it is strong enough by the C/N0 of E1.
+    NOT_AVAILABLE
+        Nothing can be said: RECS, key, samples or E1 are missing, or the signal is too weak.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> [status.name for status in vs.Status]
+    ['AUTHENTIC', 'SUSPECT', 'SPOOFED', 'NOT_DETECTED', 'NOT_AVAILABLE']
+    """
+
+    AUTHENTIC = "authentic"
+    SUSPECT = "suspect"
+    SPOOFED = "spoofed"
+    NOT_DETECTED = "not detected"
+    NOT_AVAILABLE = "not available"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The answer for one satellite and one snapshot, with every check behind it.
+
+    Attributes
+    ----------
+    index
+        Number of the snapshot, from 0.
+    time
+        Receiver-clock time of the snapshot.
+    available_at
+        Earliest time at which a receiver can know the verdict: it has received the key. None if no key was involved.
+    svid
+        Satellite, 1 to 36.
+    level
+        Mitigation level, 1 to 3.
+    status
+        Conclusion of the receiver.
+    checks
+        Every check of the level, with statistic, threshold and outcome.
+    range_offset_m
+        Measured minus predicted E6 range in m; NaN if nothing was detected.
+    reason
+        Reason for the status, one line for a person; empty if the signal is authentic.
+    true_offset_m
+        If a search found more than one signal, range of the earliest minus that of E1 in m. NaN otherwise.
+
+    Examples
+    --------
+    >>> import vestige as vs
+    >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=1", "receiver.cn0_dbhz=45"]))
+    >>> verdict = next(vs.AcasProcessor().run(source))
+    >>> verdict.svid, verdict.status.name, abs(verdict.range_offset_m) < 15
+    (11, 'AUTHENTIC', True)
+    >>> [check.name for check in verdict.checks if check.outcome is vs.Outcome.FAIL]
+    []
+    """
+
+    index: int
+    time: GalileoTime
+    available_at: GalileoTime | None
+    svid: int
+    level: int
+    status: Status
+    checks: tuple[CheckResult, ...]
+    range_offset_m: float
+    reason: str
+    true_offset_m: float = math.nan
