@@ -29,7 +29,7 @@ from vestige.signals.chip_window_kernel import (
     interior,
     window_delay,
 )
-from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 REACH_CHIPS = 8.0  # farthest tap from the middle of the bank
 
@@ -53,7 +53,7 @@ def _wipe(x, cos, sin, slope, curve, y_re, y_im):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
         im = b * cos[i] - a * sin[i]
-        k = np.float32(i - MIDDLE)
+        k = from_middle(i)
         turn = k * (slope + curve * k)
         y_re[i] = re + im * turn
         y_im[i] = im - re * turn

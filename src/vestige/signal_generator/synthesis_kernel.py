@@ -24,7 +24,7 @@ from vestige.signals.chip_window_kernel import (
     interior,
     window_delay,
 )
-from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 
 @njit(cache=True, nogil=True)
@@ -51,7 +51,7 @@ def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
 def _add_turned(s_re, s_im, slope, curve, x):
     """Add the rays, turned by the small angle slope · k + curve · k², to the interleaved samples."""
     for i in range(s_re.size):
-        k = np.float32(i - MIDDLE)
+        k = from_middle(i)
         turn = k * (slope + curve * k)
         loss = np.float32(0.5) * turn * turn
         x[2 * i] += s_re[i] - s_im[i] * turn - s_re[i] * loss
