@@ -30,7 +30,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS, correlate_block, middle_chips
 from vestige.sample_processor.search.sample_source import BatchSource
-from vestige.signals.chip_window_kernel import chip_windows
+from vestige.signals.chip_window_kernel import packed_chips
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -96,7 +96,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     taps, chip_power = correlate_block(
         np.ascontiguousarray(batch.samples[low:high]).view(np.float32),
         chips.chips,
-        chip_windows(chips.chips),
+        packed_chips(chips.chips),
         offsets_chips,
         t0,
         1.0 / batch.sample_rate_hz,

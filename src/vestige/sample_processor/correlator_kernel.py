@@ -1,7 +1,7 @@
 """The compiled inner loops of the correlator.
 
-**Taps.** Chip windows and the fixed-point code phase (`vestige.signals.chip_window_kernel`) give one look-up a sample
-for the whole bank; a tap is then a shift, an XOR of the sign bit and an addition.
+**Taps.** Chip windows and the fixed-point code phase (`vestige.signals.chip_window_kernel`) serve the whole bank; a
+tap is then a shift, an XOR of the sign bit and an addition.
 
 **Carrier.** One rotator table for the whole bank, from float64; the phase at the middle of each block is applied to the
 block's sums in float64, and a Doppler rate enters there and as a first-order turn inside the block (1e-7 at 100 Hz/s).
@@ -23,7 +23,9 @@ from numba import njit
 
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
+    WINDOW_REACH_CHIPS,
     bits_of,
+    fill_chip_numbers,
     fill_windows,
     float_of,
     interior,
@@ -31,7 +33,7 @@ from vestige.signals.chip_window_kernel import (
 )
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
-REACH_CHIPS = 8.0  # farthest tap from the middle of the bank
+REACH_CHIPS = WINDOW_REACH_CHIPS  # farthest tap from the middle of the bank
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -101,15 +103,15 @@ def middle_chips(offsets):
 
 
 @njit(cache=True, nogil=True)
-def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
 
     Parameters
     ----------
     x
         float32[2 · n_samples], real and imaginary parts in turn.
-    chips, windows
-        int8[n_chips] of ±1 and their `chip_windows`.
+    chips, packed
+        int8[n_chips] of ±1 and their `packed_chips`.
     offsets
         float64[n_taps] in chips, later is positive, within REACH_CHIPS of `middle_chips`.
     t0, dt
@@ -151,7 +153,8 @@ def correlate_block(x, chips, windows, offsets, t0, dt, code_rate, code_rate_rat
         i0, i1 = interior(u0, step, reach, chips.size, n)
         if i1 > i0:
             w, f = window[: i1 - i0], fraction[: i1 - i0]
-            fill_windows(windows, u0 + i0 * step, step, w, f, c[i0:i1])
+            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
+            fill_chip_numbers(u0 + i0 * step, step, c[i0:i1])
             for k in range(n_taps):
                 re, im = _tap_sums(w, f, yr[i0:i1], yi[i0:i1], window_delay(around[k]))
                 out[k] += (re + 1j * im) * turn

@@ -9,7 +9,7 @@ from builders import START, batch_of, handover_at, metres_to_seconds, random_chi
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate
-from vestige.signals.chip_window_kernel import LEAD, chip_windows
+from vestige.signals.chip_window_kernel import PAD, chip_windows
 
 RATE = 5.115e6
 
@@ -136,8 +136,8 @@ def test_chip_windows_hold_the_neighbours(n: int, seed: int) -> None:
     chips = random_chips(np.random.default_rng(seed), n).chips
     windows = chip_windows(chips)
     for j in range(n):
-        bits = [(int(windows[j + 32]) >> (31 - k)) & 1 for k in range(32)]
-        expected = [int(0 <= j - LEAD + k < n and chips[j - LEAD + k] < 0) for k in range(32)]
+        bits = [(int(windows[j + PAD]) >> (31 - k)) & 1 for k in range(32)]
+        expected = [int(j + k < n and chips[j + k] < 0) for k in range(32)]
         assert bits == expected
 
 
