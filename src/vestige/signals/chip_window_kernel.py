@@ -133,5 +133,5 @@ def fill_windows(packed, u0, step, n, window, fraction):
 def fill_chip_numbers(u0, step, chip):
     """Fill int32[n] with the chip that each of consecutive samples meets at no delay."""
     p0, dp, base = _fixed(u0, step)
-    for i in range(chip.size):
-        chip[i] = np.int32(np.int32((p0 + i * dp) >> _PHASE_BITS) + np.int32(base))
+    for i in range(chip.size):  # AVX2 shifts signed 64-bit numbers only one by one
+        chip[i] = np.int32(np.int32(np.uint64(p0 + i * dp) >> np.uint64(_PHASE_BITS)) + np.int32(base))
