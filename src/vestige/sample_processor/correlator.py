@@ -68,8 +68,8 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
     positive is later.
 
-    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6), or
-    if the sampling rate is too low.
+    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6),
+    or if the sampling rate is too low.
 
     Returns
     -------
