@@ -30,7 +30,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
 from vestige.sample_processor.correlator_kernel import REACH_CHIPS, correlate_block, middle_chips
 from vestige.sample_processor.search.sample_source import BatchSource
-from vestige.signals.chip_window_kernel import chip_windows
+from vestige.signals.chip_window_kernel import packed_chips
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -68,7 +68,8 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
     positive is later.
 
-    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
+    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6),
+    or if the sampling rate is too low.
 
     Returns
     -------
@@ -77,6 +78,8 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
+    if chips.chip_rate_hz > 2 * batch.sample_rate_hz:
+        raise ValueError(f"{batch.sample_rate_hz} Hz is less than half the chip rate of {chips.chip_rate_hz} Hz")
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
     if np.max(np.abs(offsets_chips - middle_chips(offsets_chips)), initial=0.0) > REACH_CHIPS:
         raise ValueError(f"taps reach farther than {REACH_CHIPS} chips from the middle of the bank")
@@ -96,7 +99,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     taps, chip_power = correlate_block(
         np.ascontiguousarray(batch.samples[low:high]).view(np.float32),
         chips.chips,
-        chip_windows(chips.chips),
+        packed_chips(chips.chips),
         offsets_chips,
         t0,
         1.0 / batch.sample_rate_hz,

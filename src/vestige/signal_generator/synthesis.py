@@ -31,7 +31,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import ChipSequence
 from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signal_generator.synthesis_kernel import add_rays
-from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS, chip_windows
+from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS, packed_chips
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
@@ -89,6 +89,8 @@ def synthesize(
         Carrier of all signals.
     center_frequency_hz
         Radio frequency that stands at 0 Hz in the samples.
+
+    Raises `ValueError` if the sampling rate is below half the chip rate.
     """
     skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on the cut
     first = first_sample - skip
@@ -120,18 +122,22 @@ def _add(
 ) -> None:
     """Add a signal to samples, group by group of rays that lie within one chip window."""
     rate = signal.chips.chip_rate_hz
+    if rate > 2 * sample_rate_hz:
+        raise ValueError(
+            f"{sample_rate_hz} Hz is less than half the chip rate of {rate} Hz; sample at {rate / 2} Hz or more"
+        )
     code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
     code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
     delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips
     order = np.argsort(delay_chips, kind="stable")
-    windows = chip_windows(signal.chips.chips)
+    packed = packed_chips(signal.chips.chips)
     while order.size:
         near = delay_chips[order] - delay_chips[order[0]] <= 2 * WINDOW_REACH_CHIPS
         group, order = order[near], order[~near]
         add_rays(
             x,
             signal.chips.chips,
-            windows,
+            packed,
             delay_chips[group],
             signal.amplitude[group],
             signal.ray_doppler_hz[group],

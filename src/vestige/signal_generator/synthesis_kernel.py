@@ -1,6 +1,6 @@
 """The compiled inner loops of sample synthesis: the rays of one signal, added to stored samples.
 
-All rays of a group share one look-up of chip windows a sample (`vestige.signals.chip_window_kernel`); a ray is then a
+All rays of a group share the chip windows (`vestige.signals.chip_window_kernel`); a ray is then a
 rotator, the XOR of its chip into the sign bits, and an addition. Each ray has a rotator table of its own; its phase at
 the middle of every block comes from float64. The Doppler rate turns the sum of all rays inside the block, to second
 order of an angle that stays below 1e-3 rad at 100 Hz/s.
@@ -24,7 +24,7 @@ from vestige.signals.chip_window_kernel import (
     interior,
     window_delay,
 )
-from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 
 @njit(cache=True, nogil=True)
@@ -51,7 +51,7 @@ def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
 def _add_turned(s_re, s_im, slope, curve, x):
     """Add the rays, turned by the small angle slope · k + curve · k², to the interleaved samples."""
     for i in range(s_re.size):
-        k = np.float32(i - MIDDLE)
+        k = from_middle(i)
         turn = k * (slope + curve * k)
         loss = np.float32(0.5) * turn * turn
         x[2 * i] += s_re[i] - s_im[i] * turn - s_re[i] * loss
@@ -59,17 +59,17 @@ def _add_turned(s_re, s_im, slope, curve, x):
 
 
 @njit(cache=True, nogil=True)
-def add_rays(x, chips, windows, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Add a group of rays of one signal to samples.
 
     Parameters
     ----------
     x
         float32[2 · n_samples], real and imaginary parts in turn.
-    chips, windows
-        int8[n_chips] of ±1 and their `chip_windows`; there is no signal before and after.
+    chips, packed
+        int8[n_chips] of ±1 and their `packed_chips`; there is no signal before and after.
     delays
-        float64[n_rays] in chips, later is positive, within 2 · REACH_CHIPS of each other.
+        float64[n_rays] in chips, later is positive, within 2 · WINDOW_REACH_CHIPS of each other.
     amplitudes, ray_hz
         complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each ray over that of the group.
     t0, dt
@@ -85,7 +85,6 @@ def add_rays(x, chips, windows, delays, amplitudes, ray_hz, t0, dt, code_rate, c
     for r in range(n_rays):
         rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
-    chip = np.empty(BLOCK, np.int32)
     s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
 
     for b0 in range(0, n_samples, BLOCK):
@@ -99,7 +98,7 @@ def add_rays(x, chips, windows, delays, amplitudes, ray_hz, t0, dt, code_rate, c
         i0, i1 = interior(u0, step, reach, chips.size, n)
         w, f = window[: i1 - i0], fraction[: i1 - i0]
         if i1 > i0:
-            fill_windows(windows, u0 + i0 * step, step, w, f, chip[: i1 - i0])
+            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
         s_re[:] = 0
         s_im[:] = 0
         for r in range(n_rays):

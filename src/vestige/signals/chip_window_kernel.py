@@ -2,15 +2,19 @@
 
 Theory of operation
 -------------------
-**Chip windows.** `chip_windows` packs a code into one uint32 a chip: 32 consecutive chips, bit 31 being the chip that
-lies `LEAD` chips earlier, a set bit meaning −1. Shifting the window left by s brings chip (j − LEAD + s) into the sign
-bit; that bit, XORed into a float32, multiplies it by the chip. So one look-up a sample serves every ray or correlator
-within `REACH_CHIPS` of a common middle.
+**Packed chips.** A code is packed into one bit a chip, 32 to a word; a set bit means −1. A window is 32 consecutive
+chips. Shifting it left by s brings its chip s into the sign bit; that bit, XORed into a float32, multiplies it by the
+chip.
+
+**One window for eight samples.** Eight samples at half the chip rate or more meet at most 15 chips, so that one window
+holds the chips of all eight at every delay within `WINDOW_REACH_CHIPS` of a common middle. A window stays in the order
+of its words: chip c stands at place c mod 32, and the shift is the code phase modulo 32 chips. So nothing is looked up
+sample by sample.
 
 **Fixed-point code phase.** A block of samples starts from float64; inside it the phase is an integer with 40 fraction
-bits, so that 1000 steps add up to an error below 1e-9 chip. The part after the chip, cut to 27 bits, is added to the
-delay's (`window_delay`), and its five upper bits are the shift. A chip edge is met within 2^-27 chip (0.4 µm): a plain
-double loop in float64 finds the same chip at every sample.
+bits, so that 1000 steps add up to an error below 1e-9 chip. Modulo 32 chips and cut to 27 fraction bits, it is added to
+the delay's (`window_delay`), and its five upper bits are the shift. A chip edge is met within 2^-27 chip (0.4 µm): a
+plain double loop in float64 finds the same chip at every sample.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -21,11 +25,12 @@ import numpy as np
 from jaxtyping import Int8, UInt32
 from numba import njit
 
-LEAD = 16  # chips before the current one in a window
-WINDOW_REACH_CHIPS = 15.0  # farthest delay from the middle: LEAD ± REACH and the fraction lie within 0 … 32
+GROUP = 8  # samples that share a window
+PAD = 32  # places before the first chip in packed chips; there are as many behind the last
+WINDOW_REACH_CHIPS = 8.0  # farthest delay from the middle: with 15 chips of a group, 31 of a window's 32
 FRACTION_BITS = 27  # of a delay; five bits are left for 32 chips
+_LEAD = 8  # chips in a window before that of a group's first sample
 _PHASE_BITS = 40  # fraction bits of the code phase
-_PAD = 32  # windows before the first and behind the last chip
 
 
 @njit(inline="always")
@@ -40,13 +45,17 @@ def float_of(bits):
     return np.int32(bits).view(np.float32)
 
 
-def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:
-    """Return n + 64 windows at least: window i + 32 holds chips i − LEAD … i − LEAD + 31, +1 where there is no chip."""
-    lead = (_PAD + LEAD) // 8
+def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"]:
+    """Return chips as bits: chip i is bit 31 − i mod 32 of word 1 + ⌊i / 32⌋, +1 where there is no chip."""
     packed = np.packbits(chips < 0)
-    words = np.zeros((chips.size + 2 * _PAD) // 32 + 3, ">u4")
-    words.view(np.uint8)[lead : lead + packed.size] = packed
-    return _windows(words.astype(np.uint32))
+    words = np.zeros((chips.size + 2 * PAD) // 32 + 3, ">u4")
+    words.view(np.uint8)[PAD // 8 : PAD // 8 + packed.size] = packed
+    return words.astype(np.uint32)
+
+
+def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:
+    """Return n + 64 windows at least: window i + PAD holds chips i … i + 31, the first in its sign bit."""
+    return _windows(packed_chips(chips))
 
 
 @njit(cache=True, nogil=True)
@@ -62,8 +71,8 @@ def _windows(words):
 
 @njit(cache=True, nogil=True)
 def window_delay(delay):
-    """Return LEAD − delay (chips from the middle, within REACH_CHIPS) as fixed point."""
-    return np.uint32(np.int64(np.round((LEAD - delay) * 2.0**FRACTION_BITS)))
+    """Return −delay (chips from the middle, within WINDOW_REACH_CHIPS) as fixed point, modulo 32 chips."""
+    return np.uint32(np.int64(np.round(-delay * 2.0**FRACTION_BITS)))
 
 
 @njit(cache=True, nogil=True)
@@ -80,31 +89,49 @@ def interior(u0, step, reach, n_chips, n):
 
 
 @njit(cache=True, nogil=True)
-def fill_windows(windows, u0, step, window, fraction, chip):
-    """Fill window, fraction and chip number of consecutive samples.
+def _fixed(u0, step):
+    """Return code phase and step as fixed point, and the whole chips before that phase."""
+    base = np.floor(u0)
+    return (
+        np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS)),
+        np.int64(np.round(step * 2.0**_PHASE_BITS)),
+        np.int64(base),
+    )
+
+
+@njit(cache=True, nogil=True)
+def fill_windows(packed, u0, step, n, window, fraction):
+    """Fill window and fraction of n consecutive samples.
 
     Parameters
     ----------
-    windows
-        `chip_windows` of the code.
+    packed
+        `packed_chips` of the code.
     u0, step
-        Code phase of the first sample and its step, in chips; all phases lie in the code.
+        Code phase of the first sample and its step, in chips; all phases lie in the code, and the step is at most 2.
     window, fraction
-        uint32[n]: `window[i] << ((fraction[i] + window_delay(d)) >> FRACTION_BITS)` has in its sign bit the chip of
-        sample i at a delay of d chips.
-    chip
-        int32[n], the chip at no delay.
+        uint32[m], m a multiple of GROUP that is not less than n:
+        `window[i] << ((fraction[i] + window_delay(d)) >> FRACTION_BITS)` has in its sign bit the chip of sample i at a
+        delay of d chips.
     """
-    base = np.floor(u0)
-    near = windows[np.int64(base) + _PAD :]
-    first = np.int32(base)
-    p0 = np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS))
-    dp = np.int64(np.round(step * 2.0**_PHASE_BITS))
-    for i in range(chip.size):
-        p = p0 + i * dp
-        chip[i] = np.int32(p >> _PHASE_BITS)
-        fraction[i] = np.uint32((p >> (_PHASE_BITS - FRACTION_BITS)) & ((1 << FRACTION_BITS) - 1))
-    for i in range(chip.size):
-        window[i] = near[np.uint32(chip[i])]
-    for i in range(chip.size):
-        chip[i] += first
+    p0, dp, base = _fixed(u0, step)
+    p0 += (base + PAD) << _PHASE_BITS
+    for i in range(n):
+        fraction[i] = np.uint32((p0 + i * dp) >> (_PHASE_BITS - FRACTION_BITS))
+    for first in range(0, n, GROUP):
+        lead = ((p0 + first * dp) >> _PHASE_BITS) - _LEAD
+        word, place = lead >> 5, lead & 31
+        early, late = packed[word], packed[word + 1]
+        ring = np.uint32(
+            late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place)))
+        )
+        for i in range(GROUP):
+            window[first + i] = ring
+
+
+@njit(cache=True, nogil=True)
+def fill_chip_numbers(u0, step, chip):
+    """Fill int32[n] with the chip that each of consecutive samples meets at no delay."""
+    p0, dp, base = _fixed(u0, step)
+    for i in range(chip.size):  # AVX2 shifts signed 64-bit numbers only one by one
+        chip[i] = np.int32(np.int32(np.uint64(p0 + i * dp) >> np.uint64(_PHASE_BITS)) + np.int32(base))

@@ -32,8 +32,18 @@ def rotator_table(cycles_per_sample, cos, sin):
             cos[a + b], sin[a + b] = z.real, z.imag
 
 
+@njit(inline="always")
+def from_middle(i):
+    """Return how many samples lie between sample i of a block and its middle, as float32.
+
+    The 32-bit integer matters: AVX2 has no vector instruction that makes a float of a 64-bit one.
+    """
+    return np.float32(np.int32(i - MIDDLE))
+
+
 @njit(cache=True, nogil=True)
 def turn_at(frequency_hz, rate_hz_per_s, t):
     """Return exp(j2π(f t + ½ ḟ t²)); whole cycles are taken off first."""
-    phase = 2 * np.pi * ((frequency_hz * t) % 1.0 + (0.5 * rate_hz_per_s * t * t) % 1.0)
+    cycles, more = frequency_hz * t, 0.5 * rate_hz_per_s * t * t
+    phase = 2 * np.pi * ((cycles - np.floor(cycles)) + (more - np.floor(more)))
     return complex(np.cos(phase), np.sin(phase))

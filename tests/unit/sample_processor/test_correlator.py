@@ -9,7 +9,7 @@ from builders import START, batch_of, handover_at, metres_to_seconds, random_chi
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate
-from vestige.signals.chip_window_kernel import LEAD, chip_windows
+from vestige.signals.chip_window_kernel import PAD, chip_windows
 
 RATE = 5.115e6
 
@@ -136,8 +136,8 @@ def test_chip_windows_hold_the_neighbours(n: int, seed: int) -> None:
     chips = random_chips(np.random.default_rng(seed), n).chips
     windows = chip_windows(chips)
     for j in range(n):
-        bits = [(int(windows[j + 32]) >> (31 - k)) & 1 for k in range(32)]
-        expected = [int(0 <= j - LEAD + k < n and chips[j - LEAD + k] < 0) for k in range(32)]
+        bits = [(int(windows[j + PAD]) >> (31 - k)) & 1 for k in range(32)]
+        expected = [int(j + k < n and chips[j + k] < 0) for k in range(32)]
         assert bits == expected
 
 
@@ -152,6 +152,12 @@ def test_taps_out_of_reach() -> None:
     chips = random_chips(np.random.default_rng(1), 1023)
     with pytest.raises(ValueError, match="reach"):
         correlate(batch_of(np.ones(50_000), 12.5e6), handover_at(chips, 1e-3), np.array([-600.0, 600.0]))
+
+
+def test_a_rate_below_half_the_chip_rate_is_refused() -> None:
+    chips = random_chips(np.random.default_rng(1), 1023)
+    with pytest.raises(ValueError, match="less than half the chip rate"):
+        correlate(batch_of(np.ones(5000), 2.5e6), handover_at(chips, 1e-3), np.zeros(1))
 
 
 def test_same_bits_wherever_the_batch_was_cut() -> None:

@@ -8,36 +8,43 @@ from hypothesis import strategies as st
 from builders import random_chips
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
+    GROUP,
     WINDOW_REACH_CHIPS,
-    chip_windows,
+    fill_chip_numbers,
     fill_windows,
     interior,
+    packed_chips,
     window_delay,
 )
 
 
 def chips_met(chips: np.ndarray, u0: float, step: float, delays: list[float], n: int) -> np.ndarray:
     """The chip of every sample at every delay, through windows and shifts."""
-    window, fraction, chip = np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.int32)
-    fill_windows(chip_windows(chips), u0, step, window, fraction, chip)
+    room = -(-n // GROUP) * GROUP
+    window, fraction, chip = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty(n, np.int32)
+    fill_windows(packed_chips(chips), u0, step, n, window, fraction)
+    fill_chip_numbers(u0, step, chip)
     assert np.array_equal(chip, np.floor(u0 + step * np.arange(n)).astype(int))
-    shifts = [(fraction.astype(np.uint64) + int(window_delay(d))) >> np.uint64(FRACTION_BITS) for d in delays]
-    assert np.max(shifts) < 32
-    return np.array([1 - 2 * ((window << s.astype(np.uint32)) >> np.uint32(31)).astype(int) for s in shifts])
+    shifts = [(fraction[:n] + np.uint32(window_delay(d))) >> np.uint32(FRACTION_BITS) for d in delays]
+    return np.array([1 - 2 * ((window[:n] << shift) >> np.uint32(31)).astype(int) for shift in shifts])
 
 
 @given(
     seed=st.integers(0, 99),
     n_chips=st.integers(100, 3000),
     u0=st.floats(20.3, 40.7),
+    step=st.sampled_from([0.10371, 0.4092, 0.99173, 1.70313, 2.0001]),
     delays=st.lists(st.floats(-WINDOW_REACH_CHIPS, WINDOW_REACH_CHIPS), min_size=1, max_size=4),
 )
-def test_windows_give_the_chip_at_every_delay(seed: int, n_chips: int, u0: float, delays: list[float]) -> None:
+def test_windows_give_the_chip_at_every_delay(
+    seed: int, n_chips: int, u0: float, step: float, delays: list[float]
+) -> None:
     chips = random_chips(np.random.default_rng(seed), n_chips).chips
-    u = u0 + 0.4092 * np.arange(100)  # up to 81.3 chips
+    n = int(45 / step)  # up to 86 chips
+    u = u0 + step * np.arange(n)
     expected = [chips[np.floor(u - d).astype(int)] for d in delays]
     off_edge = [np.abs(u - d - np.round(u - d)) > 2.0**-26 for d in delays]
-    met = chips_met(chips, u0, 0.4092, delays, 100)
+    met = chips_met(chips, u0, step, delays, n)
     assert np.array_equal(met[off_edge], np.array(expected)[off_edge])
 
 

@@ -22,6 +22,7 @@ from math import erfc, inf
 
 import numpy as np
 from jaxtyping import Complex64, Float32
+from numba import njit
 from scipy import fft
 
 from vestige.receiver.samples.quantiser import QUANTISERS
@@ -122,8 +123,7 @@ class FrontEnd:
         """
         if self.bandwidth_hz is not None:
             samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])
-        parts = samples.view(np.float32)
-        power = 2 * float(np.einsum("i,i->", parts, parts)) / parts.size  # of both dimensions; no array of squares
+        power = _sum_of_squares(samples.view(np.float32)) / samples.size
         power_db = float(10 * np.log10(power)) if power > 0 else -inf
         if self.bits is None:
             return samples, FrontEndStatus(agc_gain_db=0.0, total_power_db=power_db, saturated=False)
@@ -134,6 +134,19 @@ class FrontEnd:
         saturated = clipped > _CLIPPING[0] * erfc(quantiser.full_scale_sigma / np.sqrt(2)) + _CLIPPING[1]
         status = FrontEndStatus(agc_gain_db=gain_db, total_power_db=power_db, saturated=bool(saturated))
         return quantiser.quantise(steps).view(np.complex64), status
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sum_of_squares(x):  # type: ignore[no-untyped-def]
+    """Return Σ x², in float32 within 1024 numbers and in float64 over them."""
+    total = 0.0
+    for first in range(0, x.size, 1024):
+        part = x[first : first + 1024]
+        some = np.float32(0.0)
+        for i in range(part.size):
+            some += part[i] * part[i]
+        total += float(some)
+    return total
 
 
 def _convolve(

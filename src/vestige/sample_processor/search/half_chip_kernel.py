@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
+from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _PHASE_BITS = 40
 _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
@@ -28,7 +28,7 @@ def _wipe(x, cos, sin, turn_re, turn_im, slope, curve, y_re, y_im):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
         im = b * cos[i] - a * sin[i]
-        k = np.float32(i - MIDDLE)
+        k = from_middle(i)
         angle = k * (slope + curve * k)
         re, im = re + im * angle, im - re * angle
         y_re[i] = re * turn_re - im * turn_im

@@ -23,12 +23,12 @@ import numpy as np
 from jaxtyping import Int8, UInt32
 from numba import njit
 
-from vestige.signals.chip_window_kernel import FRACTION_BITS, LEAD, chip_windows, float_of
+from vestige.signals.chip_window_kernel import FRACTION_BITS, PAD, chip_windows, float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table
 
 HALF_CHIPS = 8184  # in a code period of E1-B and E1-C
 _MARGIN = 64  # half chips before and behind the period for which there are windows
-_AHEAD = _MARGIN + LEAD + 32  # place of the window that starts at half chip 0
+_AHEAD = _MARGIN + PAD  # place of the window that starts at half chip 0
 _ONE = 0x3F800000  # bits of 1.0 as float32
 _SIGN = 0x80000000
 _WHOLE = float(1 << FRACTION_BITS)
