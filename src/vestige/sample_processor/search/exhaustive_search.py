@@ -59,7 +59,7 @@ class SearchState:
         Time of the first code offset of the block that was done last.
     block_magnitude
         Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
-        per dimension.
+        per dimension; 0 if the engine left out all of them.
     blocks
         How many have been done, from the first on.
     """
@@ -83,8 +83,8 @@ class ExhaustiveSearch:
     doppler_span_hz
         Searched from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. What is
-        found does not depend on it: exact cells decide.
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. Exact
+        cells decide, whatever the engine; `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
     workers
         Threads; None for all cores. What is found does not depend on it.
     """

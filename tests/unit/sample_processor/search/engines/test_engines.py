@@ -45,7 +45,7 @@ def _middle(n: int) -> slice:
 
 
 def _screen_phases(n: int, chip_step: int = 1) -> np.ndarray:
-    """Return the carrier as the screen takes it off: bins twice as far apart as those of the grid, segment by segment."""
+    """Return the carrier as the screen takes it off, segment by segment, at bins twice as far apart."""
     grid = GRIDS[n]
     segment_chips = grid.segment_chips * grid.split
     spacing_hz = grid.stride * CHIP_RATE_HZ / (128 * segment_chips)

@@ -1,5 +1,7 @@
 """The fast engine of a processor; the package says how it works and why."""
 
+# mypy: disable-error-code="call-arg"
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -97,7 +99,7 @@ class SegmentEngine:
         return best
 
     def screened(self, chips: Int16[np.ndarray, "2 n"], n_offsets: int) -> Float32[np.ndarray, "codes n_offsets"]:
-        """Return the largest power of the middle half of the chips over the screen's bins, for every code and offset."""
+        """Return the largest power of the middle half of the chips over the screen's bins."""
         best = np.empty((len(self._plans), n_offsets), np.float32)
         tables = np.empty((2, PATTERNS, self._table_length), np.uint8)
         begin, end = self._screened.start, self._screened.stop

@@ -337,7 +337,7 @@ def _second(context, builder, signature, arguments, low, high):
 
 @intrinsic
 def second_dft_maximum(typing_context, points, index, low, high, out, out_index):
-    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where they are larger; int16 in units of 2¹⁴."""
+    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where larger; int16 in units of 2¹⁴."""
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
