@@ -46,7 +46,7 @@ class _Plan:
 
 
 class SegmentEngine:
-    """Powers of codes of equal length by a screen over half of the chips, and at what passes it by all; see the package.
+    """Powers of codes of equal length: a screen over half of the chips, and all chips where it passes; see the package.
 
     Parameters
     ----------
