@@ -11,7 +11,7 @@ from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS, chip_variance
 from vestige.sample_processor.search.engines.segment.segment_kernel import (
-    BLOCK,
+    SCREEN_BLOCK,
     CHIPS_IN_GROUP,
     PATTERNS,
     SEGMENTS,
@@ -25,7 +25,7 @@ from vestige.sample_processor.search.engines.segment.segment_kernel import (
 from vestige.sample_processor.search.engines.segment.vector_ir import (
     DFT_POINTS,
     LANES,
-    ROW_BYTES,
+    VECTOR_BYTES,
     ROW_TOP,
     ROWS_AT_ONCE,
 )
@@ -106,7 +106,7 @@ class SegmentEngine:
         stride, reach = self._grid.stride, self._grid.reach // 2 if self._grid.split == 1 else self._grid.reach
         for first in range(0, n_offsets, _TABLE_OFFSETS):
             count = min(_TABLE_OFFSETS, n_offsets - first)
-            rounded = -(-count // BLOCK) * BLOCK
+            rounded = -(-count // SCREEN_BLOCK) * SCREEN_BLOCK
             width = rounded + end - begin
             for part in (0, 1):
                 stretch = np.zeros(width + CHIPS_IN_GROUP, np.int16)
@@ -117,7 +117,7 @@ class SegmentEngine:
                 powers = np.zeros(rounded, np.int16)
                 flat = (table.reshape(-1) for table in tables)
                 screen(*flat, plan.entries, plan.bounds, stride, reach, self._short_turns, powers)
-                powers = powers.reshape(-1, 2, ROW_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even and odd in turn
+                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even and odd in turn
                 out[first : first + count] = powers[:count]
         return (best + np.float32(_CUT)) * np.float32(UNIT_OF_SCREEN)
 

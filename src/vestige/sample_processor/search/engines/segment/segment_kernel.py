@@ -23,7 +23,7 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 CHIPS_IN_GROUP = 5
 PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
 ROW_STEP = 8  # chips' units of one step of a row
-BLOCK = 512  # offsets of the screen whose sums are kept at once
+SCREEN_BLOCK = 512  # offsets of the screen whose sums are kept at once
 SEGMENTS = 128  # in a group; 64 and 32 for 2 ms and 1 ms
 _SHIFT_BITS = 4  # of the screen's sums: σ of a bin is then some 600 to 2400
 UNIT_OF_SCREEN = (
@@ -32,7 +32,7 @@ UNIT_OF_SCREEN = (
 TOP_OF_SCREEN = 16_000.0  # what a bin reaches when its int16 numbers end, and more than noise does
 SHORT_TURN = 32_768  # 1 in the int16 turns: a half, in units of 2⁻¹⁶
 _BINS_STORED = 2 * 27 + 1  # of each of two groups
-_ROW = BLOCK + SHORT_LANES  # of the screen's sums: padded, so that rows do not fall on the same cache lines
+_ROW = SCREEN_BLOCK + SHORT_LANES  # of the screen's sums: padded, so that rows do not fall on the same cache lines
 _FIRST_POINTS = 8  # of the screen's first DFT
 _STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
 _STEP_BITS = 3
@@ -73,7 +73,7 @@ def fill_sign_table(x, table):
 def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
     """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
-    They are in units of UNIT_OF_SCREEN. A multiple of BLOCK of them; of 32 offsets the 16 even ones come first, as
+    They are in units of UNIT_OF_SCREEN. A multiple of SCREEN_BLOCK of them; of 32 offsets the 16 even ones come first, as
     `row_sum` leaves them.
 
     Parameters
@@ -89,10 +89,10 @@ def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
     """
     sums_re, sums_im = np.empty(bounds.shape[0] * _ROW, np.int16), np.empty(bounds.shape[0] * _ROW, np.int16)
     points = np.empty(DFT_POINTS * _FIRST_POINTS * 2 * SHORT_LANES, np.int16)
-    for base in range(0, out.size, BLOCK):
+    for base in range(0, out.size, SCREEN_BLOCK):
         _row_sums(table_re, entries, bounds, base, sums_re)
         _row_sums(table_im, entries, bounds, base, sums_im)
-        for lane in range(0, BLOCK, SHORT_LANES):
+        for lane in range(0, SCREEN_BLOCK, SHORT_LANES):
             _screen_bins(sums_re, sums_im, lane, bounds.shape[0], stride, reach, turns, points, out, base + lane)
 
 
@@ -100,7 +100,7 @@ def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
 def _row_sums(table, entries, bounds, base, sums):
     for k in range(bounds.shape[0]):
         low, plus_end, minus_start, high, first_minus, zero = bounds[k]
-        for i in range(0, BLOCK, SUM_WIDTH):
+        for i in range(0, SCREEN_BLOCK, SUM_WIDTH):
             start, place = base + i, k * _ROW + i
             row_sum(table, entries, low, plus_end, minus_start, high, first_minus, zero, start, sums, place)
 

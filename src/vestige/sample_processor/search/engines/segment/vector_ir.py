@@ -21,14 +21,14 @@ from numba.extending import intrinsic
 
 LANES = 8  # float32 numbers of a vector of 256 bit
 SHORT_LANES = 16  # int16 numbers of it
-ROW_BYTES = 32  # bytes of it
+VECTOR_BYTES = 32  # bytes of it
 ROWS_AT_ONCE = 8  # rows of five bits whose sum fits a byte
 ROW_TOP = 31  # the largest byte of a row
 SUM_WIDTH = 128  # offsets that `row_sum` adds at once: four vectors of bytes, eight of int16
 DFT_POINTS = 16  # of the second DFT, and of the first one or half of it
 
 _BYTE = ir.IntType(8)
-_BYTES = ir.VectorType(_BYTE, ROW_BYTES)
+_BYTES = ir.VectorType(_BYTE, VECTOR_BYTES)
 _SHORT = ir.VectorType(ir.IntType(16), SHORT_LANES)
 _WIDE = ir.VectorType(ir.IntType(32), SHORT_LANES)
 _FLOAT = ir.VectorType(ir.FloatType(), LANES)
@@ -213,10 +213,10 @@ def _unit(array, builder):
 def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, first_minus, zero, base, out, out_index):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
-    Entries low … plus_end are added, minus_start … high subtracted, always eight at a time, byte by byte. Of the
-    eight between, if there are any, those from `first_minus` on count as ROW_TOP less the row, which is an exclusive
-    or. The rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are
-    summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. Of ROW_BYTES sums the even ones are stored first.
+    Entries low … plus_end are added and minus_start … high subtracted, eight at a time, byte by byte. There may be
+    eight entries between. Those from `first_minus` on count as ROW_TOP less the row, which is an exclusive or. The
+    rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are
+    summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. The even ones of VECTOR_BYTES sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -228,7 +228,7 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
         less = builder.neg(builder.trunc(zero, ir.IntType(16)))
         odd_less = _splat(builder, less, _SHORT)
         word_less = _splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _SHORT)
-        words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // ROW_BYTES)]
+        words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // VECTOR_BYTES)]
         odds = [cgutils.alloca_once_value(builder, odd_less) for _ in words]
         for begin, end, combine in ((lo, plus, builder.add), (plus, minus, builder.add), (minus, hi, builder.sub)):
             with cgutils.for_range_slice(builder, begin, end, ir.Constant(begin.type, ROWS_AT_ONCE)) as (i, _):
@@ -241,7 +241,7 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
                     mask = builder.select(flipped, ir.Constant(_BYTE, ROW_TOP), ir.Constant(_BYTE, 0))
                     masks.append(_splat(builder, mask, _BYTES))
                 for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-                    shift = ir.Constant(start.type, v * ROW_BYTES)
+                    shift = ir.Constant(start.type, v * VECTOR_BYTES)
                     rows = [source.load(builder.add(place, shift), _BYTES, 1) for place in places]
                     if begin is plus:
                         rows = [builder.xor(row, mask) for row, mask in zip(rows, masks, strict=True)]
@@ -249,7 +249,7 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
                     builder.store(combine(builder.load(word), pair), word)
                     builder.store(combine(builder.load(odd), builder.lshr(pair, eight)), odd)
         for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-            place = builder.add(where, ir.Constant(where.type, v * ROW_BYTES))
+            place = builder.add(where, ir.Constant(where.type, v * VECTOR_BYTES))
             odd_sum = builder.load(odd)
             target.store(builder.sub(builder.load(word), builder.shl(odd_sum, eight)), place, 2)
             target.store(odd_sum, builder.add(place, ir.Constant(place.type, SHORT_LANES)), 2)
