@@ -11,9 +11,9 @@ from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS, chip_variance
 from vestige.sample_processor.search.engines.segment.segment_kernel import (
-    SCREEN_BLOCK,
     CHIPS_IN_GROUP,
     PATTERNS,
+    SCREEN_BLOCK,
     SEGMENTS,
     SHORT_TURN,
     TOP_OF_SCREEN,
@@ -25,9 +25,9 @@ from vestige.sample_processor.search.engines.segment.segment_kernel import (
 from vestige.sample_processor.search.engines.segment.vector_ir import (
     DFT_POINTS,
     LANES,
-    VECTOR_BYTES,
     ROW_TOP,
     ROWS_AT_ONCE,
+    VECTOR_BYTES,
 )
 from vestige.theory.screen_loss import pass_threshold
 
