@@ -73,8 +73,8 @@ def fill_sign_table(x, table):
 def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
     """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
-    They are in units of UNIT_OF_SCREEN. A multiple of SCREEN_BLOCK of them; of 32 offsets the 16 even ones come first, as
-    `row_sum` leaves them.
+    Powers are in units of UNIT_OF_SCREEN, and `out` has a multiple of SCREEN_BLOCK of them. The 16 even ones of 32
+    offsets come first, as `row_sum` leaves them.
 
     Parameters
     ----------
