@@ -11,10 +11,11 @@ cores.
 
 With --engine cuda the GPU is measured, too. Its times are wall times, transfers between processor and GPU included. The
 full search is made twice: the first one imports CuPy and compiles, the bar is on the second one. --satellites searches
-for so many RECS at once; one of them is in the samples.
+for so many RECS at once; one of them is in the samples. --seconds searches the last of the 30 s only, at the threshold
+of all, and scales the times up.
 
     python benchmarks/search.py [--json FILE] [--rounds 7] [--engine cuda]
-                                [--full FOLDER [--integration-ms 4] [--satellites 1]]
+                                [--full FOLDER [--integration-ms 4] [--satellites 1] [--seconds 30]]
 
 Exit status 1 if a bar is missed.
 """
@@ -61,6 +62,7 @@ RATE_HZ = 10e6
 CHIP_RATE = 5.115e6
 SEARCHED_S, KEPT_S = 30.0, 2.0  # of E6 for the hand-over
 PLACES = 7500
+THRESHOLD = 7.85  # of 30 s, 4 ms: what an engine may leave out depends on it
 NEVER = 1e3  # a threshold: the signal would come again and again
 BARS = {
     "fft": 2.0,
@@ -68,8 +70,8 @@ BARS = {
     "cuda": 100.0,
     "handover_s": 0.6,
     "e1_s": 0.06,
-    "full_4_s": 60.0,
-    "full_16_s": 300.0,
+    "full_4_s": 15.0,  # for each satellite: 120 s for eight
+    "full_16_s": 150.0,
     "full_cuda_s": 5.0,
 }
 FULL_SIGNALS = ((19.3087654321, 42.0, -3312.5), (23.456789, 48.0, -3310.0))  # start in s, C/N0, Doppler
@@ -168,7 +170,7 @@ def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
     jobs: dict[str, Callable[[], float]] = {
         "straightforward": lambda: 80 * 40_961 / seconds(lambda: straightforward_block(text_samples, text_code)),
         "fft": lambda: bins * plain.block / seconds(lambda: plain.powers(noise[:1], plain.block)),
-        "segment": lambda: 2 * bins * fast.block / seconds(lambda: fast.powers(noise, fast.block)),
+        "segment": lambda: 2 * bins * fast.block / seconds(lambda: fast.powers(noise, fast.block, THRESHOLD)),
         "straightforward place": lambda: (
             seconds(lambda: [straightforward_place(e6, chips.chips, k * 40_000, 800.0) for k in range(20)])
             / 20
@@ -222,7 +224,9 @@ def make_recording(folder: Path, chips: ChipSequence) -> None:
     )
 
 
-def full_search(folder: Path, integration_ms: float, engine: EngineName, satellites: int) -> dict[str, float]:
+def full_search(
+    folder: Path, integration_ms: float, engine: EngineName, satellites: int, searched_s: float
+) -> dict[str, float]:
     """Search 30 s end to end; print what is found; return times and memory."""
     chips = [encrypted_chips(encryption_key(1), 11 + k, START, 81_840) for k in range(satellites)]
     if not (folder / "e6.bin").exists():
@@ -230,13 +234,16 @@ def full_search(folder: Path, integration_ms: float, engine: EngineName, satelli
     reader = open_recording(folder).e6
     assert reader is not None
     search = ExhaustiveSearch(integration_s=integration_ms * 1e-3, engine=engine)
-    hypotheses = search.hypotheses(30.0, satellites)
-    budget = search_budget(hypotheses, search.integration_s)
+    hypotheses = search.hypotheses(searched_s, satellites)
+    budget = search_budget(search.hypotheses(SEARCHED_S, satellites), search.integration_s)
+    begin = reader.start + (SEARCHED_S - searched_s)
+    for _ in search.run(reader, chips, begin, begin + 1e-3, budget.threshold):  # compiles
+        pass
     wall, cpu = time.perf_counter(), time.process_time()
-    *_, state = search.run(reader, chips, reader.start, reader.start + 30.0, budget.threshold)
+    *_, state = search.run(reader, chips, begin, begin + searched_s, budget.threshold)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     assert [round((one.start_time - START) * CHIP_RATE) for one in state.peaks] == [
-        round(start_s * CHIP_RATE) for start_s, _, _ in FULL_SIGNALS
+        round(start_s * CHIP_RATE) for start_s, _, _ in FULL_SIGNALS if start_s > SEARCHED_S - searched_s
     ]
     for one in state.peaks:
         print(f"found at {one.start_time - START:.9f} s, {one.doppler_hz:.1f} Hz, {one.magnitude:.2f} σ")
@@ -245,12 +252,13 @@ def full_search(folder: Path, integration_ms: float, engine: EngineName, satelli
         f"{choose_engine(engine)}: {hypotheses:.4g} hypotheses of {integration_ms:g} ms: {wall:.2f} s, "
         f"CPU {cpu:.1f} s, {memory:.2f} GB"
     )
-    return {"wall_s": wall, "cpu_s": cpu, "cpu_per_core_s": cpu / (os.cpu_count() or 1), "memory_gb": memory}
+    whole = SEARCHED_S / searched_s
+    return {"wall_s": whole * wall, "cpu_per_core_s": whole * cpu / (os.cpu_count() or 1), "memory_gb": memory}
 
 
 def report_full(arguments: argparse.Namespace) -> bool:
     """Make the full search; print its bar and return whether it is held."""
-    of = (arguments.full, arguments.integration_ms, arguments.engine, arguments.satellites)
+    of = (arguments.full, arguments.integration_ms, arguments.engine, arguments.satellites, arguments.seconds)
     if arguments.engine == "cuda":
         full_search(*of)
         found, bar = full_search(*of)["wall_s"], BARS["full_cuda_s"] * arguments.satellites
@@ -258,9 +266,10 @@ def report_full(arguments: argparse.Namespace) -> bool:
         print(f"wall time {found:.2f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
         return held
     result = full_search(*of)
-    found, bar = result["cpu_per_core_s"], BARS["full_16_s" if arguments.integration_ms > 4 else "full_4_s"]
+    bar = BARS["full_16_s" if arguments.integration_ms > 4 else "full_4_s"] * arguments.satellites
+    found = result["cpu_per_core_s"]
     held = found <= bar and result["memory_gb"] <= 1.5
-    print(f"CPU time a core {found:.1f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
+    print(f"CPU time a core for {SEARCHED_S:g} s {found:.1f} s, bar {bar:.0f} s: {'held' if held else 'MISSED'}")
     return held
 
 
@@ -273,6 +282,12 @@ def main() -> int:
     parser.add_argument("--integration-ms", type=float, default=4.0)
     parser.add_argument("--engine", choices=("segment", "fft", "cuda"), default="segment")
     parser.add_argument("--satellites", type=int, default=1)
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=SEARCHED_S,
+        help="with --full: search the last of the 30 s; times are scaled up",
+    )
     arguments = parser.parse_args()
     try:
         choose_engine(arguments.engine)

@@ -13,15 +13,19 @@ from scipy.special import bdtr, pdtr
 
 from builders import START, random_chips
 from search_builder import arrival, e6_source
+from vestige.sample_processor.search.engines.engine import CHIP_SIGMA, GRIDS
+from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 from vestige.sample_processor.search.handover_search import CandidateEpochs, search_handover
 from vestige.sample_processor.search.peak import shortened
 from vestige.theory.hypotheses import effective_taps
+from vestige.theory.screen_loss import pass_threshold, screen_loss
 from vestige.theory.search_budget import grid_probability_of_detection
 from vestige.theory.thresholds import probability_of_detection, single_event_pfa, threshold
 
 CHIP_S = 1 / 5.115e6
 TRIALS = 200
+TRIALS_OF_SCREEN = {4: 4000, 16: 1000}
 ERROR = 1e-4
 
 
@@ -45,6 +49,32 @@ def _expected(cn0_dbhz: float, integration_s: float, pfa: float, bins: bool) -> 
     white = rng.standard_normal((draws, 5, bin_cycles.size, 2)) @ [1, 1j]
     noise = np.einsum("ij,njk,lk->nil", code_noise, white, bin_noise)
     return float(np.mean(np.max(np.abs(mean + noise), axis=(1, 2)) > threshold(pfa)))
+
+
+def _expected_screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_chips: int) -> float:
+    """Return the share of detections that a screen over the middle half loses, of 5 code offsets and all bins around.
+
+    The carrier is left in within a segment, which weakens the screen, but not the exact cell.
+    """
+    rng = np.random.default_rng(321)
+    draws, parts = 20_000, 16
+    limit = float(threshold(pfa))
+    strength = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * integration_s / parts)
+    code = np.arange(-2, 3) / 2
+    mean = strength * np.maximum(1 - np.abs(rng.uniform(-0.25, 0.25, (draws, 1)) - code), 0)
+    cycles, time = rng.uniform(-0.5, 0.5, draws), (np.arange(parts) + 0.5) / parts
+    code_noise = np.linalg.cholesky(np.maximum(1 - np.abs(code[:, None] - code), 0) + 1e-12 * np.eye(5))
+    noise = np.einsum("ij,njk->nik", code_noise, rng.standard_normal((draws, 5, parts, 2)) @ [1, 1j])
+    signal = mean[:, :, None] * np.exp(2j * np.pi * cycles[:, None] * time)[:, None, :]
+    left = np.sinc(rng.uniform(0, 5000.0, draws) * segment_chips / 5.115e6)[:, None, None]
+
+    def strongest(z: np.ndarray, at: np.ndarray, bins: np.ndarray) -> np.ndarray:
+        return np.asarray(np.max(np.abs(z @ np.exp(-2j * np.pi * np.outer(at, bins))), axis=2) / np.sqrt(at.size))
+
+    detected = strongest(signal + noise, time, np.arange(-4, 5) / 2) > limit
+    half = slice(parts // 4, 3 * parts // 4)
+    passed = strongest((left * signal + noise)[:, :, half], time[half], np.arange(-2, 3)) > pass_threshold(limit)
+    return 1 - float(np.mean((detected & passed).any(axis=1)) / np.mean(detected.any(axis=1)))
 
 
 def _within(found: int, trials: int, expected: float) -> bool:
@@ -93,6 +123,43 @@ def test_handover_search_finds_as_often_as_theory_says() -> None:
         found += len(search_handover(source, line, START, START + 1, float(threshold(pfa))))
     assert float(probability_of_detection(37.65, 4e-3, pfa)) == pytest.approx(0.90, abs=2e-3)
     assert _within(found, trials, _expected(37.65, 4e-3, pfa, bins=False)), found
+
+
+@pytest.mark.judged(by="theory", what="screen of the exhaustive search", figure="detections lost, two-sided at 1e-4")
+@pytest.mark.parametrize(("ms", "cn0_dbhz", "segment_chips"), [(4, 40.12, 160), (16, 34.27, 213)])
+def test_the_screen_loses_as_many_detections_as_theory_says(ms: int, cn0_dbhz: float, segment_chips: int) -> None:
+    """Codes with a signal of P_d ½ in chips: where a sum over all is above the threshold, was it screened out?
+
+    16 ms: a third of 640 chips, because a pass is a third of the span.
+    """
+    n = 5115 * ms
+    pfa = float(single_event_pfa(1e-3, 2.4e10 * ms / 4))
+    limit = float(threshold(pfa))
+    rng = np.random.default_rng(60 + ms)
+    code = (1 - 2 * rng.integers(0, 2, (1, n))).astype(np.int8)
+    engine = SegmentEngine(code)
+    strength = CHIP_SIGMA * np.sqrt(2 * 10 ** (cn0_dbhz / 10) / 5.115e6)
+    width = GRIDS[n].half_width_hz
+    detected = lost = 0
+    for _ in range(TRIALS_OF_SCREEN[ms]):
+        off, f = rng.uniform(-0.25, 0.25), rng.uniform(-width, width)
+        x = CHIP_SIGMA * rng.standard_normal((2, n + 4), np.float32)
+        carrier = strength * np.exp(2j * np.pi * (f * np.arange(n + 1) / 5.115e6 + rng.uniform()))
+        ends = np.pad(code[0].astype(float), 1)
+        late = np.abs(off)
+        mixed = (1 - late) * ends[1:-1] + late * (ends[2:] if off < 0 else ends[:-2])
+        signal = mixed * carrier[:n]
+        x[0, 2 : n + 2] += signal.real
+        x[1, 2 : n + 2] += signal.imag
+        chips = np.rint(x).astype(np.int16)[None]
+        screened = engine.powers(chips, 4, limit)[0, 0, 2]
+        full = engine.powers(chips[:, :, 2:], 1)[0, 0, 0]
+        if full > limit**2 * CHIP_SIGMA**2 * n:
+            detected += 1
+            lost += screened == 0
+    expected = _expected_screen_loss(cn0_dbhz, ms * 1e-3, pfa, segment_chips)
+    assert expected < 1.3 * screen_loss(cn0_dbhz, ms * 1e-3, pfa)
+    assert _within(lost, detected, expected), (lost, detected, expected)
 
 
 def test_the_strongest_cell_alone_is_a_lower_bound_close_to_the_search() -> None:

@@ -31,7 +31,7 @@ from jaxtyping import Float32, Float64, Int16
 
 from vestige.records import ChipSequence, SampleSource
 from vestige.sample_processor.search.engines.choice import EngineName, make_engine
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS, Engine
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS, Engine, chip_variance
 from vestige.sample_processor.search.exact_cell import Cell, exact_peak
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 from vestige.sample_processor.search.peak import Peak, separated, shortened
@@ -59,7 +59,7 @@ class SearchState:
         Time of the first code offset of the block that was done last.
     block_magnitude
         Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
-        per dimension.
+        per dimension; 0 if the engine left out all of them.
     blocks
         How many have been done, from the first on.
     """
@@ -83,8 +83,8 @@ class ExhaustiveSearch:
     doppler_span_hz
         Searched from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. What is
-        found does not depend on it: exact cells decide.
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. Exact
+        cells decide, whatever the engine; `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
     workers
         Threads; None for all cores. What is found does not depend on it.
     """
@@ -245,13 +245,13 @@ class _Block:
     ) -> tuple[list[Peak], float]:
         """Return the peaks of the block, and the magnitude of its strongest cell."""
         chips = self._chips(source)
-        noise = float(np.mean(np.square(chips, dtype=np.float32))) * self.search.n_chips  # variance per dimension
+        noise = chip_variance(chips) * self.search.n_chips  # variance per dimension
         if noise == 0:
             return [], 0.0
         screen = threshold**2 * noise * 10 ** (-(engine.loss_db + SCREEN_MARGIN_DB) / 10)
         found: list[Peak] = []
         strongest = 0.0
-        for code, powers in zip(codes, engine.powers(chips, self.count), strict=True):
+        for code, powers in zip(codes, engine.powers(chips, self.count, threshold), strict=True):
             strongest = max(strongest, float(np.max(powers)))
             for cluster in _clusters(powers, screen):
                 found.extend(self._decide(source, code, cluster, threshold))

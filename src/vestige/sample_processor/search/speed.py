@@ -9,6 +9,7 @@ import numpy as np
 
 from vestige.sample_processor.search.engines.choice import make_engine
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
+from vestige.theory.search_budget import search_budget
 
 
 def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
@@ -20,11 +21,12 @@ def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
     rng = np.random.default_rng(1)
     codes = (1 - 2 * rng.integers(0, 2, (1, search.n_chips))).astype(np.int8)
     engine = make_engine(search.engine, codes)
+    limit = search_budget(hypotheses, search.integration_s).threshold
     chips = rng.integers(-20, 21, (1, 2, search.n_chips + engine.block), dtype=np.int16)
-    engine.powers(chips[:, :, : search.n_chips + 1], 1)  # compiles
+    engine.powers(chips[:, :, : search.n_chips + 1], 1, limit)  # compiles
     clock = time.thread_time if engine.uses_cores else time.perf_counter
     begin = clock()
-    engine.powers(chips, engine.block)
+    engine.powers(chips, engine.block, limit)
     rate = engine.block * search.bins_hz.size / max(clock() - begin, 1e-6)
     cores = (search.workers or os.cpu_count() or 1) if engine.uses_cores else 1
     return hypotheses / rate / cores

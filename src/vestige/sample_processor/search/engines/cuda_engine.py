@@ -127,7 +127,10 @@ class CudaEngine:
             raise EngineUnavailableError("cuda", found, "close what else uses the GPU") from error
 
     def powers(
-        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+        self,
+        chips: Int16[np.ndarray, "grids 2 n"],
+        n_offsets: int,
+        threshold: float = 0.0,  # noqa: ARG002  (these powers are of all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset."""
         lane = self._lanes.get()

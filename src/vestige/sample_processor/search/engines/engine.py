@@ -94,7 +94,7 @@ class Engine(Protocol):
     uses_cores: bool
 
     def powers(
-        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, threshold: float = 0.0
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest |Σ chip · sample · e^{−j2πft}|² over the bins, for every code, grid and code offset.
 
@@ -102,8 +102,16 @@ class Engine(Protocol):
         ----------
         chips
             Chips of the samples, real and imaginary parts: `n_offsets` and the length of the codes.
+        threshold
+            On the magnitude, in standard deviations of the noise per dimension. An engine may return zero for an
+            offset without a cell above it; how many detections that costs at the most, the engine states.
         """
         ...
+
+
+def chip_variance(chips: Int16[np.ndarray, "grids 2 n"]) -> float:
+    """Return the variance of the chips of samples, per dimension."""
+    return float(np.mean(np.square(chips, dtype=np.float32)))
 
 
 class EngineUnavailableError(UnsupportedError):

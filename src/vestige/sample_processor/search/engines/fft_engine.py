@@ -35,7 +35,10 @@ class FftEngine:
         self._spectra = np.tile(blocks.spectra(codes), 3)
 
     def powers(
-        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+        self,
+        chips: Int16[np.ndarray, "grids 2 n"],
+        n_offsets: int,
+        threshold: float = 0.0,  # noqa: ARG002  (these powers are of all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset."""
         best = np.zeros((self._spectra.shape[0], chips.shape[0], n_offsets), np.float32)

@@ -1,4 +1,4 @@
-"""`fft` and `segment` against sums written out in complex128: the direct sum, and the segmented one."""
+"""`fft` and `segment` against sums written out in complex128: the direct sum, the segmented one, and the screen's."""
 
 from __future__ import annotations
 
@@ -9,21 +9,8 @@ from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engin
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS
 from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
-
-
-def _rounded(codes: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return sums over five chips as the sign tables hold them, at the checked offsets: halves up to 64, doubled."""
-    n = codes.shape[1]
-    sums = np.array([[[part[:, o : o + n] * code for o in CHECKED] for part in x] for code in codes])
-    first = codes[:, None, None, None, ::5].astype(np.int64)
-    rows = first * sums.reshape(*sums.shape[:-1], -1, 5).sum(axis=-1)
-    return 2 * first * np.clip((rows + 1) // 2, -64, 63)
-
-
-def _rounding_up(code: np.ndarray, segment_chips: int) -> np.ndarray:
-    """Return what each segment has too much: a quarter of a row, of which a whole number is taken off."""
-    first = code[::5].astype(int)
-    return 2 * np.rint(np.bincount(5 * np.arange(first.size) // segment_chips, 0.25 * first))
+from vestige.sample_processor.search.engines.segment.segment_kernel import TOP_OF_SCREEN, UNIT_OF_SCREEN
+from vestige.theory.screen_loss import pass_threshold
 
 
 def _segmented_phases(n: int) -> np.ndarray:
@@ -39,32 +26,106 @@ def _segmented_phases(n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
-def test_segment_engine_is_the_segmented_sum_of_rounded_rows(ms: int) -> None:
+def test_segment_engine_is_the_segmented_sum(ms: int) -> None:
     codes, x = engine_vector(ms)
-    n = codes.shape[1]
-    segment_chips = GRIDS[n].segment_chips
     powers = SegmentEngine(codes).powers(x, N_OFFSETS)
-    table = np.exp(-2j * np.pi * _segmented_phases(n)[:, ::5])
-    steps = np.arange(0, n, segment_chips)
-    for k, code in enumerate(codes):
-        rows = _rounded(codes, x)[k]
-        partial = np.add.reduceat(rows, steps // 5, axis=-1) - _rounding_up(code, segment_chips)
-        z = partial[:, :, 0] + 1j * partial[:, :, 1]
-        expected = np.max(np.abs(z @ table[:, steps // 5].T) ** 2, axis=-1)
-        assert np.max(np.abs(powers[k][:, CHECKED] - expected)) < 1e-5 * powers.max()
+    expected = direct_powers(codes, x, _segmented_phases(codes.shape[1]))
+    assert np.max(np.abs(powers[:, :, CHECKED] - expected)) < 1e-5 * expected.max()
     assert np.unravel_index(np.argmax(powers), powers.shape) == (1, 1, 333)
 
 
+_TOP = np.sqrt(TOP_OF_SCREEN * UNIT_OF_SCREEN)  # of a magnitude, 6.7 σ at 16 ms
+
+
+def _middle(n: int) -> slice:
+    """Return the chips that the screen sums up: whole segments, half of them, in the middle."""
+    segments = {5115: 32, 10_230: 64}.get(n, n // GRIDS[n].segment_chips + 1)
+    quarter = segments // 4 * GRIDS[n].segment_chips
+    return slice(quarter, 3 * quarter)
+
+
+def _screen_phases(n: int, chip_step: int = 1) -> np.ndarray:
+    """Return the carrier as the screen takes it off, segment by segment, at bins twice as far apart."""
+    grid = GRIDS[n]
+    segment_chips = grid.segment_chips * grid.split
+    spacing_hz = grid.stride * CHIP_RATE_HZ / (128 * segment_chips)
+    reach = round((27 if grid.split == 2 else 20) / grid.stride)
+    middle = _middle(n)
+    segment = np.arange(middle.stop - middle.start)[::chip_step] // segment_chips
+    return np.outer(np.arange(-reach, reach + 1) * spacing_hz, segment * segment_chips / CHIP_RATE_HZ)
+
+
 @pytest.mark.parametrize("ms", MILLISECONDS)
-def test_rounding_rows_moves_a_magnitude_by_a_thirtieth_of_the_noise(ms: int) -> None:
-    """σ of a row is 13.4 steps: 1/√12 of one is 0.022 σ in each dimension."""
+def test_the_screen_is_the_segmented_sum_of_rounded_rows_over_the_middle_half(ms: int) -> None:
+    """Sums of five chips in steps of eight, up to 15½ of them; int16 moves a magnitude by less than 0.03 σ."""
     codes, x = engine_vector(ms)
     n = codes.shape[1]
-    exact = np.sqrt(direct_powers(codes, x, _segmented_phases(n)))
-    moved = np.sqrt(SegmentEngine(codes).powers(x, N_OFFSETS)[:, :, CHECKED]) - exact
-    noise = CHIP_SIGMA * np.sqrt(n)
-    assert np.max(np.abs(moved)) < 0.1 * noise
-    assert 0.01 * noise < np.sqrt(np.mean(moved**2)) < 0.033 * noise
+    middle = _middle(n)
+    noise = CHIP_SIGMA * np.sqrt(middle.stop - middle.start)
+    engine = SegmentEngine(codes)
+    table = np.exp(-2j * np.pi * _screen_phases(n, 5))
+    for grid in x:
+        screened = np.sqrt(engine.screened(grid, N_OFFSETS)[:, list(CHECKED)])
+        for code, found in zip(codes, screened, strict=True):
+            first = code[middle][::5].astype(float)
+            sums = np.array([grid[:, o + middle.start : o + middle.stop] * code[middle] for o in CHECKED])
+            rows = first * np.clip(
+                np.floor(first * sums.reshape(*sums.shape[:-1], -1, 5).sum(-1) / 8) + 0.5, -15.5, 15.5
+            )
+            z = 8 * (rows[:, 0] + 1j * rows[:, 1])
+            expected = np.max(np.abs(z @ table.T), axis=1)
+            np.testing.assert_allclose(np.minimum(found, _TOP), np.minimum(expected, _TOP), rtol=0, atol=0.03 * noise)
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_rounding_rows_moves_a_magnitude_of_the_screen_by_a_twelfth_of_the_noise(ms: int) -> None:
+    """σ of a row is 3.35 steps: 1/√12 of one is 0.086 σ in each dimension."""
+    codes, x = engine_vector(ms)
+    n = codes.shape[1]
+    middle = _middle(n)
+    exact = np.sqrt(direct_powers(codes[:, middle], x[:, :, middle.start :], _screen_phases(n)))
+    engine = SegmentEngine(codes)
+    moved = np.sqrt([engine.screened(grid, N_OFFSETS)[:, list(CHECKED)] for grid in x]).swapaxes(0, 1)
+    moved = np.minimum(moved, _TOP) - np.minimum(exact, _TOP)
+    noise = CHIP_SIGMA * np.sqrt(middle.stop - middle.start)
+    assert np.max(np.abs(moved)) < 0.4 * noise
+    assert 0.04 * noise < np.sqrt(np.mean(moved**2)) < 0.12 * noise
+
+
+@pytest.mark.parametrize("ms", [1, 4, 16])
+def test_what_passes_the_screen_is_the_sum_over_all_chips_and_the_rest_is_nothing(ms: int) -> None:
+    codes, x = engine_vector(ms)
+    engine = SegmentEngine(codes)
+    threshold = 6.3
+    powers = engine.powers(x, N_OFFSETS, threshold)
+    middle = _middle(codes.shape[1])
+    least = pass_threshold(threshold) ** 2 * np.mean(x.astype(float) ** 2) * (middle.stop - middle.start)
+    passed = np.array([engine.screened(grid, N_OFFSETS) > least for grid in x]).swapaxes(0, 1)
+    np.testing.assert_array_equal(powers, np.where(passed, engine.powers(x, N_OFFSETS), 0))
+    assert passed[1, 1, 333]
+    assert 0 < np.mean(passed) < 0.3
+
+
+def test_a_low_threshold_is_not_screened() -> None:
+    """At 4 σ noise alone would pass nearly everywhere: all offsets are computed in full."""
+    codes, x = engine_vector(2)
+    engine = SegmentEngine(codes)
+    np.testing.assert_array_equal(engine.powers(x, N_OFFSETS, 4.0), engine.powers(x, N_OFFSETS))
+
+
+@pytest.mark.parametrize("ms", MILLISECONDS)
+def test_no_signal_is_too_strong_for_the_screen(ms: int) -> None:
+    """Its int16 numbers stop at the ends of their range: no wrap, whatever the Doppler."""
+    n = 5115 * ms
+    code = (1 - 2 * np.random.default_rng(ms).integers(0, 2, (1, n))).astype(np.int8)
+    engine = SegmentEngine(code)
+    bins = GRIDS[n].bins_hz
+    for amplitude, f in ((16, bins[0]), (16, bins[-2]), (CLIP, bins[bins.size // 2]), (CLIP, bins[7] + 30 / ms)):
+        signal = amplitude * code[0] * np.exp(2j * np.pi * (f * np.arange(n) / CHIP_RATE_HZ + 0.07))
+        x = np.zeros((1, 2, n + 16), np.int16)
+        x[0, 0, 7 : 7 + n], x[0, 1, 7 : 7 + n] = np.rint(signal.real), np.rint(signal.imag)
+        power = engine.powers(x, 16, 7.85)[0, 0, 7]
+        assert 0 < power == engine.powers(x, 16)[0, 0, 7]
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
@@ -104,10 +165,10 @@ def test_the_stated_loss_holds_without_noise(ms: int) -> None:
 
 
 def test_the_largest_numbers_do_not_wrap() -> None:
-    """All chips at the limit and in phase with the code, 320 in a segment: a row of 5 · 102 is cut to 2 · 63."""
+    """All chips at the limit and in phase with the code, 320 in a segment."""
     for n in GRIDS:
         code = (1 - 2 * np.random.default_rng(n).integers(0, 2, (1, n))).astype(np.int8)
         x = np.zeros((1, 2, n + 1), np.int16)
         x[0, :, :n] = CLIP * code
-        share = SegmentEngine(code).powers(x, 1)[0, 0, 0] / (2.0 * (126 / 5 * n) ** 2)
+        share = SegmentEngine(code).powers(x, 1)[0, 0, 0] / (2.0 * (CLIP * n) ** 2)
         assert 0.8 < share < 1.04  # 16 ms have no bin at 0 Hz: a quarter of a cycle off

@@ -1,5 +1,7 @@
 """The fast engine of a processor; the package says how it works and why."""
 
+# mypy: disable-error-code="call-arg"
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,37 +9,44 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS, chip_variance
 from vestige.sample_processor.search.engines.segment.segment_kernel import (
     CHIPS_IN_GROUP,
     PATTERNS,
+    SCREEN_BLOCK,
     SEGMENTS,
-    TABLE_ROWS,
-    ZERO,
+    SHORT_TURN,
+    TOP_OF_SCREEN,
+    UNIT_OF_SCREEN,
+    complete,
     fill_sign_table,
-    scan,
+    screen,
 )
-from vestige.sample_processor.search.engines.segment.vector_ir import DFT_POINTS, SUM_WIDTH
+from vestige.sample_processor.search.engines.segment.vector_ir import (
+    DFT_POINTS,
+    LANES,
+    ROW_TOP,
+    ROWS_AT_ONCE,
+    VECTOR_BYTES,
+)
+from vestige.theory.screen_loss import pass_threshold
 
-_TABLE_OFFSETS = 16_384  # that share one set of tables
-
-_HALF_ROUNDED_UP = 0.25  # of a row, in the mean: every second sum is odd
+_TABLE_OFFSETS = 131_072  # that share one set of tables
+_PAGE = 4096  # bytes after which a cache uses the same places again: the rows of a table share them evenly
+_CUT = 1.0  # step of the screen: two squares are rounded down
+_MOST_SCREENED = 0.3  # offsets that noise alone passes; with more, a screen costs more than it saves
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables: entries of segment k are bounds[k, 0] … bounds[k, 2], minus from [k, 1] on.
-
-    Both signs have an even number of them, if need be with a row of nothing. bounds[k, 3] is what they sum to where the
-    samples are zero.
-    """
+    """A code as rows of the sign tables, segment by segment, those that are added first: `row_sum` has the bounds."""
 
     entries: Int32[np.ndarray, " groups"]
-    bounds: Int64[np.ndarray, "segments 4"]
+    bounds: Int64[np.ndarray, "segments 6"]
 
 
 class SegmentEngine:
-    """Powers of codes of equal length by sign tables and a Doppler transform; see the package.
+    """Powers of codes of equal length: a screen over half of the chips, and all chips where it passes; see the package.
 
     Parameters
     ----------
@@ -45,69 +54,106 @@ class SegmentEngine:
         ±1; 1, 2, 4, 8 or 16 ms of chips each.
     """
 
-    block = 8 * _TABLE_OFFSETS
+    block = _TABLE_OFFSETS
     uses_cores = True
 
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
         grid = GRIDS[codes.shape[1]]
-        self._stride = grid.stride
-        self._segments = SEGMENTS // grid.stride
-        self._table_length = -(-(_TABLE_OFFSETS + codes.shape[1]) // 32) * 32
-        self._plans = [_plan(code, grid.segment_chips, self._segments, self._table_length) for code in codes]
-        k = np.arange(DFT_POINTS)
-        turns = 2 * np.exp(-2j * np.pi * np.outer(k, k) / DFT_POINTS**2).astype(np.complex64)
-        self._turns = turns.reshape(-1).view(np.float32)
+        self._grid = grid
+        self._segments = SEGMENTS // grid.stride  # in a group
+        whole = self._segments * grid.split
+        self._missing = whole * grid.segment_chips - codes.shape[1]  # chips that the last segment lacks
+        self._codes = np.pad(codes, ((0, 0), (0, self._missing))).astype(np.int16)
+        self._screened = slice(whole // 4 * grid.segment_chips, 3 * whole // 4 * grid.segment_chips)
+        self._table_length = -(-(_TABLE_OFFSETS + whole // 2 * grid.segment_chips) // _PAGE) * _PAGE + _PAGE // PATTERNS
+        self._plans = [
+            _plan(code[self._screened], grid.segment_chips * grid.split, self._table_length) for code in codes
+        ]
+        self._turns = _turns(DFT_POINTS)
+        self._short_turns = np.rint(np.minimum(SHORT_TURN * _turns(DFT_POINTS // 2), SHORT_TURN - 1)).astype(np.int16)
         segment_s = grid.segment_chips / CHIP_RATE_HZ
         outermost_hz = grid.reach * grid.spacing_hz + grid.sub_bin_hz
         edge = np.sinc(outermost_hz * segment_s) * np.sinc(grid.sub_bin_hz * SEGMENTS * segment_s)
         self.loss_db = float(-20 * np.log10(edge))
 
     def powers(
-        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int
+        self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, threshold: float = 0.0
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the largest power over the bins, for every code, grid and offset; chips within ±127."""
+        """Return the largest power over the bins, for every code, grid and offset; chips within ±127.
+
+        It is zero where the screen says that no cell above the threshold is to be expected.
+        """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
-        tables = np.empty((2, TABLE_ROWS, self._table_length), np.uint8)
-        stretch = np.zeros(self._table_length + CHIPS_IN_GROUP, np.int16)
+        limit = pass_threshold(threshold)
+        if self._grid.bins_hz.size / 2 * np.exp(-(limit**2) / 2) > _MOST_SCREENED:
+            for grid in range(chips.shape[0]):
+                for code, out in zip(self._codes, best, strict=True):
+                    out[grid] = self._completed(chips[grid], code, np.arange(n_offsets))
+            return best
+        noise = chip_variance(chips) * (self._screened.stop - self._screened.start)
+        least = min(limit**2 * noise, TOP_OF_SCREEN * UNIT_OF_SCREEN)
         for grid in range(chips.shape[0]):
-            for first in range(0, n_offsets, _TABLE_OFFSETS):
-                count = min(_TABLE_OFFSETS, n_offsets - first)
-                for part in (0, 1):
-                    have = chips[grid, part, first : first + stretch.size]
-                    stretch[: have.size] = have
-                    stretch[have.size :] = 0
-                    fill_sign_table(stretch, tables[part])
-                for plan, out in zip(self._plans, best, strict=True):
-                    powers = np.zeros(-(-count // SUM_WIDTH) * SUM_WIDTH, np.float32)
-                    scan(
-                        tables[0].reshape(-1),
-                        tables[1].reshape(-1),
-                        plan.entries,
-                        plan.bounds,
-                        self._segments,
-                        self._stride,
-                        self._turns,
-                        powers,
-                    )
-                    powers = powers.reshape(-1, 2, 32).swapaxes(1, 2).reshape(-1)  # even and odd offsets in turn
-                    out[grid, first : first + count] = powers[:count]
+            for passed, code, out in zip(self.screened(chips[grid], n_offsets), self._codes, best, strict=True):
+                offsets = np.flatnonzero(passed > least)
+                out[grid, offsets] = self._completed(chips[grid], code, offsets)
         return best
 
+    def screened(self, chips: Int16[np.ndarray, "2 n"], n_offsets: int) -> Float32[np.ndarray, "codes n_offsets"]:
+        """Return the largest power of the middle half of the chips over the screen's bins."""
+        best = np.empty((len(self._plans), n_offsets), np.float32)
+        tables = np.empty((2, PATTERNS, self._table_length), np.uint8)
+        begin, end = self._screened.start, self._screened.stop
+        stride, reach = self._grid.stride, self._grid.reach // 2 if self._grid.split == 1 else self._grid.reach
+        for first in range(0, n_offsets, _TABLE_OFFSETS):
+            count = min(_TABLE_OFFSETS, n_offsets - first)
+            rounded = -(-count // SCREEN_BLOCK) * SCREEN_BLOCK
+            width = rounded + end - begin
+            for part in (0, 1):
+                stretch = np.zeros(width + CHIPS_IN_GROUP, np.int16)
+                have = chips[part, first + begin : first + begin + stretch.size]
+                stretch[: have.size] = have
+                fill_sign_table(stretch, tables[part, :, :width])
+            for plan, out in zip(self._plans, best, strict=True):
+                powers = np.zeros(rounded, np.int16)
+                flat = (table.reshape(-1) for table in tables)
+                screen(*flat, plan.entries, plan.bounds, stride, reach, self._short_turns, powers)
+                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even and odd in turn
+                out[first : first + count] = powers[:count]
+        return (best + np.float32(_CUT)) * np.float32(UNIT_OF_SCREEN)
 
-def _plan(code: Int8[np.ndarray, " chips"], segment_chips: int, n_segments: int, table_length: int) -> _Plan:
-    """Return the plan of a code; its segments fill whole groups of `n_segments`, the last ones may be empty."""
-    signs = code.reshape(-1, CHIPS_IN_GROUP).astype(np.int64)  # 1 ms is 5115 chips
+    def _completed(
+        self, chips: Int16[np.ndarray, "2 n"], code: Int16[np.ndarray, " chips"], offsets: Int64[np.ndarray, " some"]
+    ) -> Float32[np.ndarray, " some"]:
+        """Return the largest power of all chips over the bins, at some offsets."""
+        filled = np.zeros(-(-offsets.size // LANES) * LANES, np.int64)
+        filled[: offsets.size] = offsets
+        powers = np.empty(filled.size, np.float32)
+        grid = self._grid
+        filled_chips = np.pad(chips, ((0, 0), (0, self._missing)))
+        complete(*filled_chips, code, grid.segment_chips, self._segments, filled, grid.stride, self._turns, powers)
+        return powers[: offsets.size]
+
+
+def _turns(points: int) -> Float32[np.ndarray, " numbers"]:
+    """Return exp(−j2π b r / (16 · points)), b in 16 and r in `points`, real and imaginary parts in turn."""
+    angles = np.outer(np.arange(DFT_POINTS), np.arange(points)) / (DFT_POINTS * points)
+    return np.exp(-2j * np.pi * angles).astype(np.complex64).reshape(-1).view(np.float32)
+
+
+def _plan(code: Int8[np.ndarray, " chips"], segment_chips: int, table_length: int) -> _Plan:
+    """Return the plan of a code, which fills its segments."""
+    signs = code.reshape(-1, CHIPS_IN_GROUP).astype(np.int64)
     first = signs[:, 0]
     pattern = ((signs[:, 1:] * first[:, None] > 0) << np.arange(CHIPS_IN_GROUP - 1)).sum(axis=1)
-    chip = CHIPS_IN_GROUP * np.arange(first.size)
-    segment = chip // segment_chips
-    total = -(-code.size // (segment_chips * n_segments)) * n_segments
-    count = np.stack([np.bincount(segment[first == sign], minlength=total) for sign in (1, -1)], axis=1)
-    odd_segment, odd_minus = np.nonzero(count % 2)  # these get a row of nothing
-    group_of = 2 * np.concatenate([segment, odd_segment]) + np.concatenate([first < 0, odd_minus])
-    entry = np.concatenate([pattern * table_length + chip, np.full(odd_segment.size, PATTERNS * table_length)])
-    plus, minus = (count + count % 2).T
-    ends = np.cumsum(plus + minus)
-    zero = np.rint(ZERO * (plus - minus) + _HALF_ROUNDED_UP * (count[:, 0] - count[:, 1]))
-    bounds = np.stack([ends - minus - plus, ends - minus, ends, zero], axis=1)
-    return _Plan(entry[np.argsort(group_of, kind="stable")].astype(np.int32), bounds.astype(np.int64))
+    entries = pattern * table_length + CHIPS_IN_GROUP * np.arange(first.size)
+    rows = segment_chips // CHIPS_IN_GROUP
+    plus = np.count_nonzero(first.reshape(-1, rows) > 0, axis=1)
+    low = rows * np.arange(plus.size)
+    added, mixed = plus // ROWS_AT_ONCE, (plus % ROWS_AT_ONCE > 0).astype(int)
+    subtracted = rows // ROWS_AT_ONCE - added - mixed
+    plus_end = low + ROWS_AT_ONCE * added
+    minus_start = plus_end + ROWS_AT_ONCE * mixed
+    zero = ROWS_AT_ONCE * ROW_TOP // 2 * (added + mixed - subtracted)
+    bounds = np.stack([low, plus_end, minus_start, low + rows, low + plus, zero], axis=1)
+    order = np.lexsort((first < 0, np.arange(first.size) // rows))
+    return _Plan(entries[order].astype(np.int32), bounds.astype(np.int64))

@@ -10,30 +10,45 @@ from numba import njit
 from vestige.sample_processor.search.engines.segment.vector_ir import (
     DFT_POINTS,
     LANES,
+    ROW_TOP,
+    SHORT_LANES,
     SUM_WIDTH,
+    dot,
     first_dft,
+    row_sum,
     second_dft_maximum,
     second_dft_store,
-    signed_row_sum,
 )
 
 CHIPS_IN_GROUP = 5
-BINS_STORED = 2 * 27 + 1  # of each of two groups
 PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
-TABLE_ROWS = PATTERNS + 1  # the last is that of an empty group
-ZERO = 64  # the byte that stands for nothing; two rows stay below 256
+ROW_STEP = 8  # chips' units of one step of a row
+SCREEN_BLOCK = 512  # offsets of the screen whose sums are kept at once
 SEGMENTS = 128  # in a group; 64 and 32 for 2 ms and 1 ms
-ROW = SUM_WIDTH + LANES  # of partial sums: padded, so that rows do not fall on the same cache lines
+_SHIFT_BITS = 4  # of the screen's sums: σ of a bin is then some 600 to 2400
+UNIT_OF_SCREEN = (
+    16_384.0 * (2 * ROW_STEP / (1 << _SHIFT_BITS)) ** 2
+)  # of what `screen` returns, in squared units of the chips
+TOP_OF_SCREEN = 16_000.0  # what a bin reaches when its int16 numbers end, and more than noise does
+SHORT_TURN = 32_768  # 1 in the int16 turns: a half, in units of 2⁻¹⁶
+_BINS_STORED = 2 * 27 + 1  # of each of two groups
+_ROW = SCREEN_BLOCK + SHORT_LANES  # of the screen's sums: padded, so that rows do not fall on the same cache lines
+_FIRST_POINTS = 8  # of the screen's first DFT
 _STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
+_STEP_BITS = 3
+_FIRST_POINTS = 8  # of the screen's first DFT
+_STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
+_STEP_BITS = 3
+_TILE = 512  # offsets, and
+_SEGMENTS_OF_TILE = 16  # segments whose part of a sign table stays in the cache nearest to a core
 
 
 @njit(cache=True, nogil=True)
 def fill_sign_table(x, table):
-    """Fill uint8 `table`[17, n] with half of x[n] ± x[n+1] ± … ± x[n+4], and `ZERO`.
+    """Fill uint8 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4] in 32 steps of ROW_STEP around zero.
 
-    Bit j − 1 of the row is set for +x[n+j]. Halves are rounded up, and what is beyond ±64 is cut.
+    Bit j − 1 of the row is set for +x[n+j]. A row r stands for r − 15½ steps; what is beyond is cut.
     """
-    table[PATTERNS, :] = ZERO
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
         n = min(_STRETCH, table.shape[1] - first)
@@ -50,93 +65,146 @@ def fill_sign_table(x, table):
         for p in range(PATTERNS):
             row, out = wide[p], table[p, first : first + n]
             for i in range(n):
-                half = np.int16((row[i] + 1 + 2 * ZERO) >> 1)
-                out[i] = np.uint8(min(max(half, np.int16(0)), np.int16(2 * ZERO - 1)))
+                step = np.int16((row[i] >> _STEP_BITS) + (ROW_TOP + 1) // 2)
+                out[i] = np.uint8(min(max(step, np.int16(0)), np.int16(ROW_TOP)))
 
 
 @njit(cache=True, nogil=True)
-def _partial_sums(table, entries, bounds, first_segment, n_segments, base, sums):
-    for k in range(n_segments):
-        low, middle, high, zero = bounds[first_segment + k]
-        signed_row_sum(table, entries, low, middle, high, zero, base, sums, k * ROW)
+def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
+    """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
-
-@njit(nogil=True)
-def _first_stage(sums_re, sums_im, lane, n_segments, turns, points):
-    for b in range(DFT_POINTS):
-        index, step, turn, out = b * ROW + lane, DFT_POINTS * ROW, 2 * DFT_POINTS * b, 2 * LANES * b
-        if n_segments == SEGMENTS:
-            first_dft(sums_re, sums_im, index, step, 8, turns, turn, points, out)
-        elif n_segments == SEGMENTS // 2:
-            first_dft(sums_re, sums_im, index, step, 4, turns, turn, points, out)
-        else:
-            first_dft(sums_re, sums_im, index, step, 2, turns, turn, points, out)
-
-
-@njit(cache=True, nogil=True)
-def scan(table_re, table_im, entries, bounds, n_segments, stride, turns, out):
-    """Raise `out` to the largest power over the Doppler bins at the offsets 0, 1, …; a multiple of SUM_WIDTH of them.
-
-    Of 64 offsets the 32 even ones come first, as `signed_row_sum` leaves them.
+    Powers are in units of UNIT_OF_SCREEN, and `out` has a multiple of SCREEN_BLOCK of them. The 16 even ones of 32
+    offsets come first, as `row_sum` leaves them.
 
     Parameters
     ----------
     table_re, table_im
         Flat sign tables.
     entries, bounds
-        Plan of the code: `segment_engine._plan`.
-    n_segments
-        128, or 64 or 32 for 2 ms and 1 ms.
+        Plan of the code: `segment_engine._plan`; 16, 32 or 64 segments.
+    stride, reach
+        Only every `stride`-th bin is wanted; up to ±20, or ±27 if `reach` is larger than 20.
+    turns
+        int16[16 · 8 · 2], exp(−j2π b r / 128) in units of SHORT_TURN.
+    """
+    sums_re, sums_im = np.empty(bounds.shape[0] * _ROW, np.int16), np.empty(bounds.shape[0] * _ROW, np.int16)
+    points = np.empty(DFT_POINTS * _FIRST_POINTS * 2 * SHORT_LANES, np.int16)
+    for base in range(0, out.size, SCREEN_BLOCK):
+        _row_sums(table_re, entries, bounds, base, sums_re)
+        _row_sums(table_im, entries, bounds, base, sums_im)
+        for lane in range(0, SCREEN_BLOCK, SHORT_LANES):
+            _screen_bins(sums_re, sums_im, lane, bounds.shape[0], stride, reach, turns, points, out, base + lane)
+
+
+@njit(nogil=True)
+def _row_sums(table, entries, bounds, base, sums):
+    for k in range(bounds.shape[0]):
+        low, plus_end, minus_start, high, first_minus, zero = bounds[k]
+        for i in range(0, SCREEN_BLOCK, SUM_WIDTH):
+            start, place = base + i, k * _ROW + i
+            row_sum(table, entries, low, plus_end, minus_start, high, first_minus, zero, start, sums, place)
+
+
+@njit(nogil=True)
+def _screen_bins(sums_re, sums_im, lane, n_segments, stride, reach, turns, points, out, where):
+    """Bins r + 8 g within ±20 or ±27."""
+    step = DFT_POINTS * _ROW
+    for b in range(DFT_POINTS):
+        index, turn, to = b * _ROW + lane, 2 * _FIRST_POINTS * b, 2 * SHORT_LANES * b
+        if n_segments == 64:
+            first_dft(sums_re, sums_im, index, step, 4, 8, 4, turns, turn, points, to)
+        elif n_segments == 32:
+            first_dft(sums_re, sums_im, index, step, 2, 8, 4, turns, turn, points, to)
+        else:
+            first_dft(sums_re, sums_im, index, step, 1, 8, 4, turns, turn, points, to)
+    for r in range(0, _FIRST_POINTS, stride):
+        index = r * DFT_POINTS * 2 * SHORT_LANES
+        if reach > 20:
+            if r < 4:
+                second_dft_maximum(points, index, -3, 3, out, where)
+            elif r == 4:
+                second_dft_maximum(points, index, -3, 2, out, where)
+            else:
+                second_dft_maximum(points, index, -4, 2, out, where)
+        elif r < 4:
+            second_dft_maximum(points, index, -2, 2, out, where)
+        elif r == 4:
+            second_dft_maximum(points, index, -3, 2, out, where)
+        else:
+            second_dft_maximum(points, index, -3, 1, out, where)
+
+
+@njit(cache=True, nogil=True)
+def complete(re, im, code, segment_chips, n_segments, offsets, stride, turns, out):
+    """Fill float32 `out` with the largest power over the Doppler bins at single code offsets.
+
+    Parameters
+    ----------
+    re, im, code
+        int16 chips of the samples and of the code, which fills its segments.
+    segment_chips, n_segments
+        Chips of a segment; segments in a group: 128, or 64 and 32 for 2 ms and 1 ms.
+    offsets, out
+        A multiple of LANES of them.
     stride
         Only every `stride`-th bin is wanted.
     turns
-        float32[16 · 16 · 2], 2 exp(−j2π b r / 256): the tables hold halves.
+        float32[16 · 16 · 2], exp(−j2π b r / 256).
     """
-    groups = bounds.shape[0] // n_segments
-    sums_re, sums_im = np.zeros(SEGMENTS * ROW, np.int16), np.zeros(SEGMENTS * ROW, np.int16)
-    points = np.zeros(DFT_POINTS * DFT_POINTS * 2 * LANES, np.float32)
-    spectrum = np.zeros(groups * BINS_STORED * 2 * SUM_WIDTH if groups > 1 else 1, np.float32)
-    for base in range(0, out.size, SUM_WIDTH):
-        work = (sums_re, sums_im, points, spectrum)
-        part = out[base : base + SUM_WIDTH]
-        _scan_block(table_re, table_im, entries, bounds, base, n_segments, stride, turns, work, part)
-
-
-@njit(nogil=True)
-def _scan_block(table_re, table_im, entries, bounds, base, n_segments, stride, turns, work, out):
-    sums_re, sums_im, points, spectrum = work
-    groups = bounds.shape[0] // n_segments
-    for group in range(groups):
-        _partial_sums(table_re, entries, bounds, group * n_segments, n_segments, base, sums_re)
-        _partial_sums(table_im, entries, bounds, group * n_segments, n_segments, base, sums_im)
-        for lane in range(0, SUM_WIDTH, LANES):
-            _first_stage(sums_re, sums_im, lane, n_segments, turns, points)
+    groups = code.size // (segment_chips * n_segments)
+    sums_re, sums_im = np.zeros((2, groups * n_segments * LANES), np.int16)
+    points = np.empty(DFT_POINTS * DFT_POINTS * 2 * LANES, np.float32)
+    spectrum = np.empty(groups * _BINS_STORED * 2 * LANES, np.float32)
+    out[:] = 0
+    for first in range(0, offsets.size, LANES):
+        part = out[first : first + LANES]
+        for lane in range(LANES):
+            offset = offsets[first + lane]
+            for k in range(groups * n_segments):
+                chip = k * segment_chips
+                sums_re[k * LANES + lane] = dot(re, offset + chip, code, chip, segment_chips)
+                sums_im[k * LANES + lane] = dot(im, offset + chip, code, chip, segment_chips)
+        for group in range(groups):
+            _first_stage(sums_re, sums_im, group * n_segments * LANES, n_segments, turns, points)
             for r in range(0, DFT_POINTS, stride):
-                index = r * DFT_POINTS * 2 * LANES
                 if groups == 1:
-                    _maximum(points, index, r, out, lane)
+                    _maximum(points, r, part)
                 else:
-                    _store(points, index, r, spectrum, group * BINS_STORED * 2 * SUM_WIDTH + lane)
-    if groups == 2:
-        _combine(spectrum, out)
+                    _store(points, r, spectrum, group * _BINS_STORED * 2 * LANES)
+        if groups == 2:
+            _combine(spectrum, part)
 
 
 @njit(nogil=True)
-def _maximum(points, index, r, out, lane):
+def _first_stage(sums_re, sums_im, start, n_segments, turns, points):
+    step = DFT_POINTS * LANES
+    for b in range(DFT_POINTS):
+        index, turn, to = start + b * LANES, 2 * DFT_POINTS * b, 2 * LANES * b
+        if n_segments == SEGMENTS:
+            first_dft(sums_re, sums_im, index, step, 8, 16, 0, turns, turn, points, to)
+        elif n_segments == SEGMENTS // 2:
+            first_dft(sums_re, sums_im, index, step, 4, 16, 0, turns, turn, points, to)
+        else:
+            first_dft(sums_re, sums_im, index, step, 2, 16, 0, turns, turn, points, to)
+
+
+@njit(nogil=True)
+def _maximum(points, r, out):
     """Bins r + 16 g within ±40."""
+    index = r * DFT_POINTS * 2 * LANES
     if r < 8:
-        second_dft_maximum(points, index, -2, 2, out, lane)
+        second_dft_maximum(points, index, -2, 2, out, 0)
     elif r == 8:
-        second_dft_maximum(points, index, -3, 2, out, lane)
+        second_dft_maximum(points, index, -3, 2, out, 0)
     else:
-        second_dft_maximum(points, index, -3, 1, out, lane)
+        second_dft_maximum(points, index, -3, 1, out, 0)
 
 
 @njit(nogil=True)
-def _store(points, index, r, spectrum, first):
+def _store(points, r, spectrum, first):
     """Bins r + 16 g within ±27, in order."""
-    step, part = 16 * 2 * SUM_WIDTH, SUM_WIDTH
-    where = first + (r + 27) * 2 * SUM_WIDTH
+    index, step, part = r * DFT_POINTS * 2 * LANES, 16 * 2 * LANES, LANES
+    where = first + (r + 27) * 2 * LANES
     if r < 5:
         second_dft_store(points, index, -1, 1, spectrum, where - step, step, part)
     elif r < 12:
@@ -145,16 +213,16 @@ def _store(points, index, r, spectrum, first):
         second_dft_store(points, index, -2, 0, spectrum, where - 2 * step, step, part)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@njit(nogil=True, fastmath={"contract"})
 def _combine(spectrum, out):
     """Join two groups of 8 ms at f ± δ, δ a quarter of a bin."""
     c = np.float32(np.cos(np.pi / 8))
     s = np.float32(np.sin(np.pi / 8))
-    for b in range(BINS_STORED):
+    for b in range(_BINS_STORED):
         odd = np.float32(1.0 if b % 2 else -1.0)  # b = 27 is bin 0
-        x, y = spectrum[b * 2 * SUM_WIDTH :], spectrum[(BINS_STORED + b) * 2 * SUM_WIDTH :]
-        for i in range(out.size):
-            x_re, x_im, y_re, y_im = x[i], x[i + SUM_WIDTH], odd * y[i], odd * y[i + SUM_WIDTH]
+        x, y = spectrum[b * 2 * LANES :], spectrum[(_BINS_STORED + b) * 2 * LANES :]
+        for i in range(LANES):
+            x_re, x_im, y_re, y_im = x[i], x[i + LANES], odd * y[i], odd * y[i + LANES]
             out[i] = _pair(c * (x_re + y_re), c * (x_im + y_im), s * (y_re - x_re), s * (y_im - x_im), out[i])
 
 

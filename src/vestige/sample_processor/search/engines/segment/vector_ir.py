@@ -1,9 +1,9 @@
-"""Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs of float32 lanes.
+"""Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
-numba vectorises simple loops, but it cannot keep eight vectors in registers over a loop, nor unroll a DFT whose lanes
-are search offsets. So three short pieces are emitted here as intrinsics; LLVM legalises the vectors for AVX-512, AVX2
-or NEON. In a DFT one lane is one offset, `LANES` at a time; a `None` stands for a number that is known to be zero, and
-outputs that nobody asks for vanish as dead code.
+numba vectorises simple loops, but it cannot keep several vectors in registers over a loop, nor unroll a DFT whose lanes
+are search offsets. So four short pieces are emitted here as intrinsics; LLVM legalises the vectors for AVX-512, AVX2
+or NEON. In a DFT one lane is one offset; a `None` stands for a number that is known to be zero, and outputs that
+nobody asks for vanish as dead code. The same DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -11,19 +11,26 @@ outputs that nobody asks for vanish as dead code.
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-LANES = 16  # float32 numbers of a vector of 512 bit
-SUM_WIDTH = 512  # offsets that `signed_row_sum` adds at once: eight vectors of bytes, sixteen of int16
-DFT_POINTS = 16  # of one DFT
+LANES = 8  # float32 numbers of a vector of 256 bit
+SHORT_LANES = 16  # int16 numbers of it
+VECTOR_BYTES = 32  # bytes of it
+ROWS_AT_ONCE = 8  # rows of five bits whose sum fits a byte
+ROW_TOP = 31  # the largest byte of a row
+SUM_WIDTH = 128  # offsets that `row_sum` adds at once: four vectors of bytes, eight of int16
+DFT_POINTS = 16  # of the second DFT, and of the first one or half of it
 
-_BYTES = ir.VectorType(ir.IntType(8), 64)
-_INT16 = ir.VectorType(ir.IntType(16), 32)
-_SHORT = ir.VectorType(ir.IntType(16), LANES)
+_BYTE = ir.IntType(8)
+_BYTES = ir.VectorType(_BYTE, VECTOR_BYTES)
+_SHORT = ir.VectorType(ir.IntType(16), SHORT_LANES)
+_WIDE = ir.VectorType(ir.IntType(32), SHORT_LANES)
 _FLOAT = ir.VectorType(ir.FloatType(), LANES)
 _FLAGS = ("contract",)  # a product and a sum may become one instruction
 
@@ -45,27 +52,111 @@ class _Lanes:
         self.builder.store(value, self.at(index, value.type), align=align)
 
 
+class _Float:
+    """Arithmetic on float32 lanes."""
+
+    vector, lanes, align = _FLOAT, LANES, 4
+
+    def __init__(self, builder):
+        self.builder = builder
+
+    def plus(self, a, b):
+        return self.builder.fadd(a, b, flags=_FLAGS)
+
+    def minus(self, a, b):
+        return self.builder.fsub(a, b, flags=_FLAGS)
+
+    def negative(self, a):
+        return self.builder.fneg(a)
+
+    def times(self, a, b):
+        return self.builder.fmul(a, b, flags=_FLAGS)
+
+    def scaled(self, a, factor):
+        return self.times(a, ir.Constant(_FLOAT, [float(np.float32(factor))] * LANES))
+
+    def square(self, a):
+        return self.times(a, a)
+
+    def larger(self, a, b):
+        return self.builder.select(self.builder.fcmp_ordered(">", a, b), a, b)
+
+    def of_sum(self, lanes, place, shift):
+        sums = lanes.load(place, ir.VectorType(ir.IntType(16), LANES), 2)
+        return self.scaled(self.builder.sitofp(sums, _FLOAT), 2.0**shift)
+
+
+class _Fixed:
+    """Arithmetic on int16 lanes that stop at the ends of their range; a factor is in units of 2⁻¹⁶."""
+
+    vector, lanes, align = _SHORT, SHORT_LANES, 2
+
+    def __init__(self, builder):
+        self.builder = builder
+
+    def _saturating(self, name, a, b):
+        kind = ir.FunctionType(_SHORT, [_SHORT, _SHORT])
+        name = f"llvm.{name}.sat.v{SHORT_LANES}i16"
+        return self.builder.call(cgutils.get_or_insert_function(self.builder.module, kind, name), [a, b])
+
+    def plus(self, a, b):
+        return self._saturating("sadd", a, b)
+
+    def minus(self, a, b):
+        return self._saturating("ssub", a, b)
+
+    def negative(self, a):
+        return self.minus(ir.Constant(_SHORT, [0] * SHORT_LANES), a)
+
+    def times(self, a, b):
+        product = self.builder.mul(self.builder.sext(a, _WIDE), self.builder.sext(b, _WIDE))
+        return self.builder.trunc(self.builder.lshr(product, ir.Constant(_WIDE, [16] * SHORT_LANES)), _SHORT)
+
+    def scaled(self, a, factor):
+        whole = round(factor) if abs(factor) >= 0.5 else 0  # a factor of int16 lies within ±½
+        rest = ir.Constant(_SHORT, [round((factor - whole) * 65536)] * SHORT_LANES)
+        product = self.times(a, rest)
+        return product if whole == 0 else (self.plus if whole > 0 else self.minus)(product, a)
+
+    def square(self, a):
+        twice = self.plus(a, a)  # for two more bits
+        return self.times(twice, twice)
+
+    def larger(self, a, b):
+        return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
+
+    def of_sum(self, lanes, place, shift):
+        return self.builder.shl(lanes.load(place, _SHORT, 2), ir.Constant(_SHORT, [shift] * SHORT_LANES))
+
+
 class _Complex:
     """A complex number in lanes; `None` for a part means zero."""
 
-    def __init__(self, builder, re, im):
-        self.builder, self.re, self.im = builder, re, im
+    def __init__(self, unit, re, im):
+        self.unit, self.re, self.im = unit, re, im
 
     def _part(self, a, b, sign):
         if b is None:
             return a
         if a is None:
-            return b if sign > 0 else self.builder.fneg(b)
-        return (self.builder.fadd if sign > 0 else self.builder.fsub)(a, b, flags=_FLAGS)
+            return b if sign > 0 else self.unit.negative(b)
+        return (self.unit.plus if sign > 0 else self.unit.minus)(a, b)
 
     def __add__(self, other):
-        return _Complex(self.builder, self._part(self.re, other.re, 1), self._part(self.im, other.im, 1))
+        return _Complex(self.unit, self._part(self.re, other.re, 1), self._part(self.im, other.im, 1))
 
     def __sub__(self, other):
-        return _Complex(self.builder, self._part(self.re, other.re, -1), self._part(self.im, other.im, -1))
+        return _Complex(self.unit, self._part(self.re, other.re, -1), self._part(self.im, other.im, -1))
 
-    def _times(self, a, factor):
-        return None if a is None else self.builder.fmul(a, factor, flags=_FLAGS)
+    def _product(self, re, im, times):
+        def of(part, factor):
+            return None if part is None else times(part, factor)
+
+        return _Complex(
+            self.unit,
+            self._part(of(self.re, re), of(self.im, im), -1),
+            self._part(of(self.re, im), of(self.im, re), 1),
+        )
 
     def turned(self, k, n):
         """Return the number times exp(−j2πk/n)."""
@@ -73,19 +164,21 @@ class _Complex:
         if k == 0:
             return self
         if 4 * k == n:  # −j
-            return _Complex(self.builder, self.im, self._part(None, self.re, -1))
+            return _Complex(self.unit, self.im, self._part(None, self.re, -1))
+        if 8 * k % n == 0:  # (1 − j)/√2 behind a turn by quarters
+            z = self.turned(k - n // 8, n)
+            parts = z._part(z.re, z.im, 1), z._part(z.im, z.re, -1)
+            return _Complex(self.unit, *(part and self.unit.scaled(part, np.sqrt(0.5)) for part in parts))
         w = np.exp(-2j * np.pi * k / n)
-        return self.times(_constant(w.real), _constant(w.imag))
+        return self._product(w.real, w.imag, self.unit.scaled)
 
     def times(self, w_re, w_im):
         """Return the number times a complex number in lanes."""
-        re = self._part(self._times(self.re, w_re), self._times(self.im, w_im), -1)
-        im = self._part(self._times(self.re, w_im), self._times(self.im, w_re), 1)
-        return _Complex(self.builder, re, im)
+        return self._product(w_re, w_im, self.unit.times)
 
-
-def _constant(value):
-    return ir.Constant(_FLOAT, [float(np.float32(value))] * LANES)
+    def power(self):
+        """Return |z|²."""
+        return self.unit.plus(self.unit.square(self.re), self.unit.square(self.im))
 
 
 def _dft(x):
@@ -111,115 +204,149 @@ def _literal(value):
     return value.literal_value
 
 
-@intrinsic
-def signed_row_sum(typing_context, table, entries, first, middle, last, zero, base, out, out_index):
-    """Store SUM_WIDTH sums of table[entry + base + i] at `out[out_index:]`: entries first … middle less the rest.
+def _unit(array, builder):
+    """Return the arithmetic of an array's numbers."""
+    return (_Fixed if array.dtype == types.int16 else _Float)(builder)
 
-    `zero` is taken off each sum. The rows are bytes up to 127, and entries come in pairs, so a pair of rows is added
-    byte by byte; then all odd bytes and all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶.
-    Of 64 sums in a row the 32 of even i are stored first, then those of odd i.
+
+@intrinsic
+def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, first_minus, zero, base, out, out_index):
+    """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
+
+    Entries low … plus_end are added and minus_start … high subtracted, eight at a time, byte by byte. There may be
+    eight entries between. Those from `first_minus` on count as ROW_TOP less the row, which is an exclusive or. The
+    rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are
+    summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. The even ones of VECTOR_BYTES sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
-        n_table, n_entries, low, mid, high, zero, start, n_out, where = arguments
+        n_table, n_entries, lo, plus, minus, hi, flip, zero, start, n_out, where = arguments
         source = _Lanes(context, builder, signature.args[0], n_table)
         entry = _Lanes(context, builder, signature.args[1], n_entries)
-        target = _Lanes(context, builder, signature.args[7], n_out)
-        width = _BYTES.count
-        eight = ir.Constant(_INT16, [8] * _INT16.count)
+        target = _Lanes(context, builder, signature.args[9], n_out)
+        eight = ir.Constant(_SHORT, [8] * SHORT_LANES)
         less = builder.neg(builder.trunc(zero, ir.IntType(16)))
-        odd_less = _splat(builder, less, _INT16)
-        word_less = _splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _INT16)
-        words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // width)]
+        odd_less = _splat(builder, less, _SHORT)
+        word_less = _splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _SHORT)
+        words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // VECTOR_BYTES)]
         odds = [cgutils.alloca_once_value(builder, odd_less) for _ in words]
-        for begin, end, combine in ((low, mid, builder.add), (mid, high, builder.sub)):
-            with cgutils.for_range_slice(builder, begin, end, ir.Constant(begin.type, 2)) as (i, _):
-                places = []
-                for k in (0, 1):
+        for begin, end, combine in ((lo, plus, builder.add), (plus, minus, builder.add), (minus, hi, builder.sub)):
+            with cgutils.for_range_slice(builder, begin, end, ir.Constant(begin.type, ROWS_AT_ONCE)) as (i, _):
+                places, masks = [], []
+                for k in range(ROWS_AT_ONCE):
                     index = builder.add(i, ir.Constant(i.type, k))
                     offset = builder.sext(builder.load(builder.gep(entry.data, [index])), ir.IntType(64))
                     places.append(builder.add(offset, start))
+                    flipped = builder.icmp_signed(">=", index, flip)
+                    mask = builder.select(flipped, ir.Constant(_BYTE, ROW_TOP), ir.Constant(_BYTE, 0))
+                    masks.append(_splat(builder, mask, _BYTES))
                 for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-                    shift = ir.Constant(start.type, v * width)
+                    shift = ir.Constant(start.type, v * VECTOR_BYTES)
                     rows = [source.load(builder.add(place, shift), _BYTES, 1) for place in places]
-                    pair = builder.bitcast(builder.add(*rows), _INT16)
+                    if begin is plus:
+                        rows = [builder.xor(row, mask) for row, mask in zip(rows, masks, strict=True)]
+                    pair = builder.bitcast(reduce(builder.add, rows), _SHORT)
                     builder.store(combine(builder.load(word), pair), word)
                     builder.store(combine(builder.load(odd), builder.lshr(pair, eight)), odd)
         for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-            place = builder.add(where, ir.Constant(where.type, v * width))
+            place = builder.add(where, ir.Constant(where.type, v * VECTOR_BYTES))
             odd_sum = builder.load(odd)
             target.store(builder.sub(builder.load(word), builder.shl(odd_sum, eight)), place, 2)
-            target.store(odd_sum, builder.add(place, ir.Constant(place.type, _INT16.count)), 2)
+            target.store(odd_sum, builder.add(place, ir.Constant(place.type, SHORT_LANES)), 2)
         return context.get_dummy_value()
 
     i64 = types.int64
-    return types.void(table, entries, i64, i64, i64, i64, i64, out, i64), codegen
+    return types.void(table, entries, i64, i64, i64, i64, i64, i64, i64, out, i64), codegen
 
 
 @intrinsic
-def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, turns, turn_index, out, out_index):
-    """Store the turned DFT over 16 points, of which the first `n_inputs` are not zero.
-
-    Input j is int16 lanes at `index + j · step`; output r, times turns[turn_index + 2r] + j turns[turn_index + 2r + 1],
-    goes to `out[out_index + r · POINTS · 2 · LANES]`, imaginary part LANES later.
-    """
-    count = _literal(n_inputs)
+def dot(typing_context, x, x_index, y, y_index, count):
+    """Return Σ x[x_index + i] · y[y_index + i], i below `count`, a multiple of 32, modulo 2¹⁶; int16."""
 
     def codegen(context, builder, signature, arguments):
-        re, im, first, stride, _, factors, turn, target, where = arguments
+        first, x_start, second, y_start, n = arguments
+        sources = [_Lanes(context, builder, signature.args[k], one) for k, one in ((0, first), (2, second))]
+        nothing = ir.Constant(_SHORT, [0] * SHORT_LANES)
+        totals = [cgutils.alloca_once_value(builder, nothing) for _ in range(2)]
+        with cgutils.for_range_slice(builder, n.type(0), n, ir.Constant(n.type, 2 * SHORT_LANES)) as (i, _):
+            for k, total in enumerate(totals):
+                at = builder.add(i, ir.Constant(i.type, k * SHORT_LANES))
+                starts = (builder.add(x_start, at), builder.add(y_start, at))
+                a, b = (one.load(start, _SHORT, 2) for one, start in zip(sources, starts, strict=True))
+                builder.store(builder.add(builder.load(total), builder.mul(a, b)), total)
+        sums = builder.add(*(builder.load(total) for total in totals))
+        return reduce(builder.add, [builder.extract_element(sums, ir.IntType(32)(k)) for k in range(SHORT_LANES)])
+
+    return types.int16(x, types.int64, y, types.int64, types.int64), codegen
+
+
+@intrinsic
+def first_dft(
+    typing_context, sums_re, sums_im, index, step, n_inputs, n_points, shift, turns, turn_index, out, out_index
+):
+    """Store the turned DFT over `n_points`, of which the first `n_inputs` are not zero.
+
+    Input j is int16 lanes at `index + j · step`, times 2^shift; output r, times turns[turn_index + 2r]
+    + j turns[turn_index + 2r + 1], goes to `out[out_index + r · DFT_POINTS · 2 · lanes]`, imaginary part one vector
+    later. Turns and output are float32, or int16 and units of 2⁻¹⁶.
+    """
+    count, points, bits = _literal(n_inputs), _literal(n_points), _literal(shift)
+
+    def codegen(context, builder, signature, arguments):
+        re, im, first, stride, _, _, _, factors, turn, target, where = arguments
+        unit = _unit(signature.args[9], builder)
         parts = [_Lanes(context, builder, signature.args[k], part) for k, part in enumerate((re, im))]
-        factor = _Lanes(context, builder, signature.args[5], factors)
-        out_lanes = _Lanes(context, builder, signature.args[7], target)
-        zero = _Complex(builder, None, None)
-        x = [zero] * DFT_POINTS
+        factor = _Lanes(context, builder, signature.args[7], factors)
+        out_lanes = _Lanes(context, builder, signature.args[9], target)
+        x = [_Complex(unit, None, None)] * points
         for j in range(count):
             place = builder.add(first, builder.mul(stride, ir.Constant(stride.type, j)))
-            x[j] = _Complex(builder, *(builder.sitofp(part.load(place, _SHORT, 2), _FLOAT) for part in parts))
+            x[j] = _Complex(unit, *(unit.of_sum(part, place, bits) for part in parts))
         for r, y in enumerate(_dft(x)):
             w = [
                 _splat(
                     builder,
                     builder.load(builder.gep(factor.data, [builder.add(turn, ir.Constant(turn.type, k))])),
-                    _FLOAT,
+                    unit.vector,
                 )
                 for k in (2 * r, 2 * r + 1)
             ]
             z = y.times(*w)
-            place = builder.add(where, ir.Constant(where.type, r * DFT_POINTS * 2 * LANES))
-            out_lanes.store(z.re, place, 4)
-            out_lanes.store(z.im, builder.add(place, ir.Constant(place.type, LANES)), 4)
+            place = builder.add(where, ir.Constant(where.type, r * DFT_POINTS * 2 * unit.lanes))
+            out_lanes.store(z.re, place, unit.align)
+            out_lanes.store(z.im, builder.add(place, ir.Constant(place.type, unit.lanes)), unit.align)
         return context.get_dummy_value()
 
     i64 = types.int64
-    signature = types.void(sums_re, sums_im, i64, i64, n_inputs, turns, i64, out, i64)
+    signature = types.void(sums_re, sums_im, i64, i64, n_inputs, n_points, shift, turns, i64, out, i64)
     return signature, codegen
 
 
 def _second(context, builder, signature, arguments, low, high):
     """Return the DFT outputs low … high (negative ones count from the end) of 16 points at `index`."""
+    unit = _unit(signature.args[0], builder)
     lanes = _Lanes(context, builder, signature.args[0], arguments[0])
     x = []
     for b in range(DFT_POINTS):
-        place = builder.add(arguments[1], ir.Constant(arguments[1].type, b * 2 * LANES))
-        im = builder.add(place, ir.Constant(place.type, LANES))
-        x.append(_Complex(builder, lanes.load(place, _FLOAT, 4), lanes.load(im, _FLOAT, 4)))
+        re = builder.add(arguments[1], ir.Constant(arguments[1].type, b * 2 * unit.lanes))
+        im = builder.add(re, ir.Constant(re.type, unit.lanes))
+        x.append(_Complex(unit, *(lanes.load(place, unit.vector, unit.align) for place in (re, im))))
     z = _dft(x)
     return [z[g % DFT_POINTS] for g in range(low, high + 1)]
 
 
 @intrinsic
 def second_dft_maximum(typing_context, points, index, low, high, out, out_index):
-    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where they are larger."""
+    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where larger; int16 in units of 2¹⁴."""
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
+        unit = _unit(signature.args[4], builder)
         target = _Lanes(context, builder, signature.args[4], arguments[4])
-        best = target.load(arguments[5], _FLOAT, 4)
+        best = target.load(arguments[5], unit.vector, unit.align)
         for z in _second(context, builder, signature, arguments, first, last):
-            square = builder.fmul(z.re, z.re, flags=_FLAGS)
-            power = builder.fadd(square, builder.fmul(z.im, z.im, flags=_FLAGS), flags=_FLAGS)
-            best = builder.select(builder.fcmp_ordered(">", power, best), power, best)
-        target.store(best, arguments[5], 4)
+            best = unit.larger(z.power(), best)
+        target.store(best, arguments[5], unit.align)
         return context.get_dummy_value()
 
     return types.void(points, types.int64, low, high, out, types.int64), codegen
@@ -234,8 +361,8 @@ def second_dft_store(typing_context, points, index, low, high, out, out_index, b
         target = _Lanes(context, builder, signature.args[4], arguments[4])
         place = arguments[5]
         for z in _second(context, builder, signature, arguments, first, last):
-            target.store(z.re, place, 4)
-            target.store(z.im, builder.add(place, arguments[7]), 4)
+            target.store(z.re, place, z.unit.align)
+            target.store(z.im, builder.add(place, arguments[7]), z.unit.align)
             place = builder.add(place, arguments[6])
         return context.get_dummy_value()
 
