@@ -1,4 +1,4 @@
-"""What `--json` prints: its objects, and their JSON schemas, which are generated from them.
+"""The objects that `--json` prints, and their JSON schemas, which are generated from them.
 
 Times are text as in the table of verdicts, and a number that was not measured is null.
 """
