@@ -1,4 +1,4 @@
-"""Which correlator is the signal: the maximum detector and the early detector [WFO, Sec. III-A and III-B].
+"""Maximum detector and early detector: the choice of the punctual correlator [WFO, Sec. III-A and III-B].
 
 Theory of operation
 -------------------

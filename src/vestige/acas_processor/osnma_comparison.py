@@ -1,4 +1,4 @@
-"""What a receiver demodulated of OSNMA beside what a second channel has of it, as pieces of subframes [WFO, Sec. IV-C].
+"""Comparison of demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
 
 Validation drops what is forged, so validated keys alone would show a forgery as a loss. What is compared here was
 demodulated with a good checksum and no more: the key of each subframe, from whichever satellite, and where both

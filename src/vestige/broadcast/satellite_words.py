@@ -49,7 +49,7 @@ class EphemerisIssue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemData:
-    """What all satellites send alike.
+    """Data that all satellites send alike: UTC conversion, ionosphere model and almanac.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a detector had under attack, by the truth: the true signal, the spoofer, both in one, or nothing.
+"""Outcome of a detector under attack, by the truth: true signal, spoofer, both in one peak, or nothing.
 
 Theory of operation
 -------------------
@@ -41,7 +41,7 @@ SHARE = 0.97
 
 
 class DetectedSignal(IntEnum):
-    """Which signal a detection is of."""
+    """Signal to which a detection belongs."""
 
     NONE = 0
     TRUE = 1
@@ -112,7 +112,7 @@ def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satell
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
-    """What came of an attack on one satellite."""
+    """Report on the attack on one satellite: share of each outcome, times to detect and mitigate, worst error."""
 
     detector: str  # whose outcomes these are; the status is that of the detector which the scenario chose
     # time of the attack's first epoch, and the number of those in which a verdict was due

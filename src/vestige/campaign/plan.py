@@ -1,4 +1,4 @@
-"""What a campaign runs: a plan of epochs, and the two halves of its work.
+"""Plan of a campaign: its epochs, and the two halves of its work.
 
 Epoch i of a plan is one snapshot of a simulated receiver. Some of what belongs to it has memory (the clock walks, rays
 live on, the ionosphere drifts) and is cheap; the rest (signals, noise, correlators, detection) is a pure function of
@@ -111,7 +111,7 @@ class Plan(Protocol):
 
     @property
     def n_epochs(self) -> int:
-        """How many epochs there are; at least 1."""
+        """Number of epochs; at least 1."""
 
     @property
     def columns(self) -> Mapping[str, Column]:
@@ -123,7 +123,7 @@ class Plan(Protocol):
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """What identifies the work: text, whole and finite numbers, and lists of them."""
+        """Identity of the work: text, whole and finite numbers, and lists of them."""
 
     def prepare(self) -> Preparation:
         """Return the sequential half at its beginning."""

@@ -1,4 +1,4 @@
-"""What a receiver shows of its verdicts: one alarm for each change of state, and no flicker.
+"""State of each satellite that a receiver shows: one alarm for each change of state, and no flicker.
 
 Verdicts come one for each RECS and suspicion comes between them, so the state of a satellite is the gravest status of
 the last `HOLD_S`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a

@@ -1,4 +1,4 @@
-"""How many false alarms a level may raise in a day, and the share of each check.
+"""Budget of false alarms: the number that a level may raise in a day, and the share of each check.
 
 Theory of operation
 -------------------
@@ -57,7 +57,7 @@ _LARGEST_P_FA = 0.5  # of one test, however many alarms a day a user allows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """How often a receiver tests."""
+    """Numbers that set how often a receiver tests: satellites, and times between epochs, RECS and searches."""
 
     satellites: int
     # time between epochs of E1, between RECS, and between exhaustive searches, in s

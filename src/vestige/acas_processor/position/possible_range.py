@@ -1,4 +1,4 @@
-"""Which ranges are possible: for a satellite of the constellation, the receiver's clock, and where the receiver may be.
+"""Plausibility of ranges: limits from travel time, receiver clock, the other satellites and the known position.
 
 A search can take noise for a signal, anywhere in the time that it looks at. Its range is tested three times:
 
@@ -69,7 +69,7 @@ class ApproximatePosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownPositions:
-    """Where the receiver may be at each of n epochs; NaN and infinity where nothing is known."""
+    """Positions near which the receiver must be at each of n epochs; NaN and infinity where nothing is known."""
 
     position_m: Float[np.ndarray, "n 3"]
     reach_m: Float[np.ndarray, " n"]

@@ -1,4 +1,4 @@
-"""Which range of each satellite may be used, and the position that a snapshot authenticates [WFO, Sec. III-D, IV].
+"""Choice of the range of each satellite that may be used, and the authenticated position [WFO, Sec. III-D, IV].
 
 What a RECS authenticates is the time since the RECS before. In epochs with RECS a range is in use
 

@@ -1,4 +1,4 @@
-"""What the results hold beside the ordinary columns under a sky: where satellites are, position fixes and their errors.
+"""Additional result columns under a sky: directions of the satellites, position fixes and their errors.
 
 The processor fixes its position at every epoch from all E1 pseudoranges (`all`), and at every epoch with RECS from the
 ranges that may be used, of satellites whose navigation data OSNMA authenticates (`authenticated`). The second is known
@@ -108,7 +108,7 @@ def true_place_m(
 
 
 class _Truth(NamedTuple):
-    """Where the receiver is, its clock and the rate of that."""
+    """True position of the receiver, error of its clock, and the rate of that error."""
 
     place_m: Float[np.ndarray, "n 3"]
     clock_m: Float[np.ndarray, " n"]

@@ -1,4 +1,4 @@
-"""How often E6 is missed in a row by chance: step 1 of a level whose false alarms a day are set [WFO, Sec. IV-A].
+"""Test for runs of missed E6 signals: step 1 of a level whose false alarms per day are set [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
 several times a day. A level that is to raise fewer alarms has to see more than one miss. How many follows from C/N0.
