@@ -34,7 +34,7 @@ _UNSEEN = 1e-9  # below this share of a measurement in the residuals its fault i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Redundancy:
-    """How n fixes depend on their m measurements.
+    """Redundancy of n fixes: how each depends on its m measurements.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exclusion:
-    """Which single satellite explains an alarm.
+    """Exclusion of the single satellite that explains an alarm.
 
     Attributes
     ----------

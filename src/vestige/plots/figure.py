@@ -1,4 +1,4 @@
-"""What all figures share: size, letters, colours, files.
+"""Common style of all figures: size, letters, colours, files.
 
 Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. They are drawn by
 the Agg canvas on a `Figure` of their own: no window, no state shared with somebody else's figures, no global setting

@@ -1,4 +1,4 @@
-"""Which TESLA chains may be used: the signed status of OSNMA, and nothing else, decides.
+"""Register of the TESLA chains that may be used: the signed status of OSNMA, and nothing else, decides.
 
 The NMA header of a subframe says whether OSNMA may be used, but anybody can forge it. The same header is signed
 together with each DSM-KROOT. So the status follows from verified root keys, in the order in which they were received:

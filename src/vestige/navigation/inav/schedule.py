@@ -1,4 +1,4 @@
-"""Which word a satellite sends in which page.
+"""Schedule of I/NAV: the word that a satellite sends in each page.
 
 The nominal sequence of E1-B takes 30 s, one subframe; some places alternate between the two halves of a minute
 [OS-ICD, I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose

@@ -1,4 +1,4 @@
-"""What E1 tracking follows while counterfeits are there: the loop that an attacker can capture.
+"""E1 tracking loop under attack: the signal that it follows, and its capture by a spoofing signal.
 
 Theory of operation
 -------------------
@@ -67,7 +67,10 @@ _NO_POWER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, tracked, nobody's."""
+    """Effect of spoofing signals and added noise on E1 tracking, over epochs.
+
+    Without an attack the errors are 0 and the gain is 1; the receiver tracks the true signal.
+    """
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
     worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before

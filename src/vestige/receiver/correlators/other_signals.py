@@ -1,4 +1,4 @@
-"""How much noise all other signals of a sky are behind an E6-C correlator, for banks that are drawn.
+"""Noise of all other signals of a sky behind an E6-C correlator, for banks that are drawn.
 
 Each satellite sends E6-B and E6-C, of C/N0 c_j each, both BPSK(5) with codes that the replica does not have. Behind the
 correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). The chips of

@@ -1,4 +1,4 @@
-"""What the vestigial searches would find of one satellite, drawn from the theory of their detection, without samples.
+"""Outcome of the vestigial searches for one satellite, drawn from detection theory without samples.
 
 Theory of operation
 -------------------
@@ -67,7 +67,7 @@ _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 di
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
-    """What the searches of one satellite find, over epochs."""
+    """Outcome of the searches for one satellite, over epochs."""
 
     e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
     # those of them that carry the encrypted chips in E6; 0 where the hand-over was not run
@@ -107,7 +107,7 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """What is random in the searches of a block of epochs, a column for each signal."""
+    """Random draws for the searches of a block of epochs, a column for each signal."""
 
     e1_cell: Float[np.ndarray, "n k 2"]  # place between the cells of code and Doppler, in steps, −½ … ½
     e6_cell: Float[np.ndarray, "n k 2"]

@@ -1,4 +1,4 @@
-"""What a receiver's ionosphere model leaves of the difference E6 − E1: a Gaussian core with exponential tails.
+"""Residual of a receiver's ionosphere model in E6 − E1: a Gaussian core with exponential tails.
 
 Theory of operation
 -------------------

@@ -1,4 +1,4 @@
-"""What E1 tracking says of all satellites, epoch by epoch.
+"""E1 measurements of all satellites, epoch by epoch.
 
 A pseudorange holds geometry and receiver clock, noise, multipath and what an attack made of the loop. Under a sky it
 holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
