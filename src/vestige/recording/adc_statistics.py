@@ -1,4 +1,4 @@
-"""What the first samples of a recording look like: enough to see a wrong format, a dead front end, a wrong frequency.
+"""Statistics of the first samples of a recording: they show a wrong format, a dead front end, a wrong frequency.
 
 The numbers are of the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit front
 end has 4 distinct values and a third of its samples at the outermost ones; an 8-bit one has many values and next to

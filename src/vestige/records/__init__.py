@@ -39,7 +39,7 @@ class Band(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Observation:
-    """What E1 tracking says of one satellite at the time of its snapshot.
+    """E1 measurements of one satellite at the time of its snapshot.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class SampleBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndStatus:
-    """What one front end says of itself over one snapshot; powers in dB relative to its own reference."""
+    """Status of one front end over one snapshot; powers in dB relative to the front end's own reference."""
 
     agc_gain_db: float
     total_power_db: float
@@ -128,7 +128,7 @@ class ChipSequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handover:
-    """Where and how E6 is expected from what E1 says [WFO, Sec. II-B].
+    """Prediction of the E6 signal from E1: start time, Doppler and Doppler rate [WFO, Sec. II-B].
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class Correlatable(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """What a receiver hands to the processor for one RECS epoch.
+    """Data that a receiver hands to the processor for one RECS epoch.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How many epochs become a drawing of some kilobytes, and what is left out of it.
+"""Reduction of many epochs to a drawing of some kilobytes, and what is left out of it.
 
 Two ways, and the page says which it went. *Stretches* are runs of epochs with one value each: every epoch is in it (a
 mean, a largest value, or which statuses occurred), but not by itself. *Chosen rows* are single epochs: every k-th, and

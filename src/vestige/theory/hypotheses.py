@@ -1,4 +1,4 @@
-"""How many hypotheses a search tests: the N between the false alarm of one test and of the whole search.
+"""Number of hypotheses of a search: the N between the false alarm of one test and of the whole search.
 
 Theory of operation
 -------------------

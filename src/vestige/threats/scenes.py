@@ -45,7 +45,7 @@ class Draw(Section):
 
 
 class ShortRecording(Section):
-    """How a scene becomes a recording of some seconds: `threats/recorded_scenes.py`.
+    """Settings that make a recording of some seconds from a scene: `threats/recorded_scenes.py`.
 
     Attributes
     ----------

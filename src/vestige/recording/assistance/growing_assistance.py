@@ -41,7 +41,7 @@ class LiveMessage(Protocol):
 
 
 class GrowingAssistance:
-    """What a folder holds by now.
+    """Assistance folder that still receives files.
 
     `message` is what the receiver decodes itself, `warn` is told what is wrong with a file, once; all else is as for
     `read_assistance`.

@@ -1,4 +1,4 @@
-"""What the samples of a recording say of the front end that took them: their power, and whether they clip.
+"""Status of a front end, from the samples that it took: their power, and whether they clip.
 
 The power is that of the stored numbers. Behind a gain control that is not recorded it tells nothing of the sky; the
 gain is not known (NaN).

@@ -1,4 +1,4 @@
-"""How samples lie in a file: the formats that vestige reads and writes, and their conversion to complex64.
+"""Sample formats of the files that vestige reads and writes, and their conversion to complex64.
 
 Reading is exact: an integer becomes the float32 of the same value, so nothing is scaled (correlation does not mind).
 That is why 32-bit integers and 64-bit floats are left out: float32 does not hold them.

@@ -1,4 +1,4 @@
-"""What tracking makes of a recording, as files that other programs read.
+"""Products of tracking a recording, as files that other programs read.
 
 | file | what |
 |---|---|

@@ -47,7 +47,7 @@ _AHEAD = 2  # blocks for each worker that are read before they are asked for
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchState:
-    """How far a search is.
+    """Progress of an exhaustive search, with the signals found so far.
 
     Attributes
     ----------
